@@ -1,0 +1,65 @@
+"""Files are read and written with typed errors, and never half."""
+
+import os
+
+import pytest
+
+from lcorpp.errors import FileError, ParseError
+from lcorpp.files import make_folder, read_text, write_atomically
+
+
+def test_what_is_written_is_read(tmp_path):
+    write_atomically(tmp_path / "a.txt", "ä\r\nb\n")
+    assert read_text(tmp_path / "a.txt") == "ä\r\nb\n"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_a_byte_order_mark_is_dropped(tmp_path):
+    (tmp_path / "a.txt").write_bytes(b"\xef\xbb\xbfabc")
+    assert read_text(tmp_path / "a.txt") == "abc"
+
+
+@pytest.mark.parametrize("content", [b"ok\n\xff\xfe", b"a\nb\xe4c"])
+def test_text_that_is_no_utf8_is_located(tmp_path, content):
+    (tmp_path / "a.txt").write_bytes(content)
+    with pytest.raises(FileError, match=r"a\.txt:2: not UTF-8 text"):
+        read_text(tmp_path / "a.txt")
+
+
+def test_missing_files_and_folders(tmp_path):
+    with pytest.raises(FileError, match=r"none\.txt: cannot be read: No such file"):
+        read_text(tmp_path / "none.txt")
+    with pytest.raises(FileError, match="cannot be read: Is a directory"):
+        read_text(tmp_path)
+    with pytest.raises(FileError, match="cannot be written: No such file"):
+        write_atomically(tmp_path / "none" / "a.txt", "")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="cannot be made a folder"):
+        make_folder(tmp_path / "file")
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "a.txt"
+    write_atomically(path, "old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(FileError, match="No space left"):
+        write_atomically(path, "new")
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_parse_errors_show_the_place():
+    error = ParseError("a.plog", 3, 9, "unknown value 'x'", "pr(a = x) = 1.\n")
+    assert str(error) == "a.plog:3:9: unknown value 'x'\n    pr(a = x) = 1.\n            ^"
+
+
+def test_a_long_line_is_shown_around_the_place():
+    error = ParseError("a.pomdp", 1, 5000, "not a number", "1 " * 2499 + " x" + " 1" * 3000)
+    first, shown, caret = str(error).splitlines()
+    assert first.endswith("not a number")
+    assert len(shown) < 130
+    assert shown[caret.index("^")] == "x"

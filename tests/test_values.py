@@ -1,0 +1,59 @@
+"""Values are checked when they are made and cannot be changed afterwards."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lcorpp.errors import DataError, ModelError
+from lcorpp.values import ConfusionMatrix, Dataset, Distribution
+
+
+def test_distribution():
+    d = Distribution(("a", "b"), np.array([0.25, 0.75]))
+    assert (d["a"], d.most_likely(), dict(d)) == (0.25, "b", {"a": 0.25, "b": 0.75})
+    with pytest.raises(ModelError, match="unknown value 'c'; expected one of a, b"):
+        d["c"]
+    with pytest.raises(ModelError, match="unknown value 'c'"):
+        Distribution.certain("c", ("a", "b"))
+
+
+@pytest.mark.parametrize("p", [[0.5, 0.4], [1.5, -0.5], [np.nan, 1], [1], []])
+def test_what_is_no_distribution(p):
+    with pytest.raises(ModelError, match=r"distribution|shape"):
+        Distribution(("a", "b"), np.array(p))
+
+
+@given(st.lists(st.lists(st.integers(0, 1000), min_size=3, max_size=3), min_size=3, max_size=3))
+def test_smoothed_rates_are_exact_distributions_without_0_and_1(counts):
+    rates = ConfusionMatrix(("a", "b", "c"), np.array(counts)).rates()
+    assert all(sum(row) == 1 for row in rates)
+    assert all(0 < rate < 1 for row in rates for rate in row)
+
+
+def test_jeffreys_and_laplace():
+    matrix = ConfusionMatrix(("a", "b"), np.array([[63, 0], [1, 2]]))
+    assert matrix.rates()[0] == (Fraction(127, 128), Fraction(1, 128))
+    assert matrix.rates(Fraction(1))[1] == (Fraction(2, 5), Fraction(3, 5))
+    with pytest.raises(DataError, match="a class without cases needs smoothing"):
+        ConfusionMatrix(("a", "b"), np.array([[0, 0], [1, 2]])).rates(Fraction(0))
+
+
+@pytest.mark.parametrize("counts", [[[1, 2]], [[1, -1], [1, 1]], [[1, np.inf], [1, 1]]])
+def test_what_is_no_confusion_matrix(counts):
+    with pytest.raises(DataError, match="confusion matrix"):
+        ConfusionMatrix(("a", "b"), np.array(counts, float))
+
+
+def test_dataset():
+    data = Dataset(np.arange(12.0).reshape(3, 2, 2), ("a", "b", "a"))
+    assert data.groups == ("0", "1", "2")
+    part = data.take([2, 0])
+    assert (part.labels, part.groups) == (("a", "a"), ("2", "0"))
+    np.testing.assert_array_equal(part.trajectories[0], data.trajectories[2])
+    with pytest.raises(ValueError, match="read-only"):
+        data.trajectories[0, 0, 0] = 1
+    with pytest.raises(DataError, match="3 labels and 3 groups need trajectories of shape"):
+        Dataset(np.zeros((2, 2, 2)), ("a", "b", "a"))
