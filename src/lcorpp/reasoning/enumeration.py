@@ -1,0 +1,269 @@
+"""The exact reasoner: all possible worlds, enumerated once, with fractions; the reference for any other."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import accumulate
+from math import lcm
+from types import MappingProxyType
+from typing import TypeVar
+
+import numpy as np
+
+from lcorpp.errors import ParseError, ProgramError, UndefinedError, expected
+from lcorpp.reasoning.arithmetic import ground
+from lcorpp.reasoning.offence import Offence
+from lcorpp.reasoning.parser import parse_term
+from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.syntax import Query, Term
+from lcorpp.reasoning.worlds import World, holds, measured_worlds
+from lcorpp.values import Distribution
+
+NOTHING: Mapping[str, str] = MappingProxyType({})
+"""No evidence, no interventions."""
+
+KEPT = 10_000
+"""How many answers a reasoner keeps before it forgets them and begins anew."""
+
+TABLES_KEPT = 100
+"""How many enumerations, one for each set of interventions, and how many conditioned tables to draw from."""
+
+_Key = TypeVar("_Key")
+_Kept = TypeVar("_Kept")
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """Worlds and their weights: the measures over one denominator, so that sums are sums of integers."""
+
+    values: tuple[Mapping[str, str], ...]
+    weights: tuple[int, ...]
+    total: int
+
+    def where(self, condition: Callable[[Mapping[str, str]], bool]) -> _Table:
+        kept = [i for i, values in enumerate(self.values) if condition(values)]
+        weights = tuple(self.weights[i] for i in kept)
+        return _Table(tuple(self.values[i] for i in kept), weights, sum(weights))
+
+
+class Enumeration:
+    """Answers queries of a program by enumerating its possible worlds; it has the methods of a `Reasoner`.
+
+    Worlds are enumerated when they are first needed, once for each set of interventions. Observations only
+    filter them. Answers are kept, so asking again is cheap.
+
+    Args:
+        program: the program.
+        limit: the most worlds that are enumerated.
+
+    Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, sections 3 and 4.
+    """
+
+    def __init__(self, program: Program, *, limit: int = 200_000) -> None:
+        self.program = program
+        self.limit = limit
+        self._tables: dict[frozenset[tuple[str, str]], _Table] = {}
+        self._answers: dict[object, Distribution] = {}
+        self._draws: dict[object, tuple[list[float], tuple[Mapping[str, str], ...]]] = {}
+
+    def __reduce__(self) -> tuple[Callable[[Program, int], Enumeration], tuple[Program, int]]:
+        return _again, (self.program, self.limit)  # worlds are enumerated anew where it arrives
+
+    def posterior(
+        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
+    ) -> Distribution:
+        """The marginal of `attribute` given evidence and interventions.
+
+        Args:
+            attribute: an attribute or a term of one, such as ``roll(d1)``.
+            evidence, do: term -> value.
+
+        Raises:
+            ProgramError: the program does not know a name, `attribute` may have no value under the evidence,
+                or a world breaks a condition of the language.
+            UndefinedError: no possible world has the evidence.
+        """
+        key = (attribute, frozenset(evidence.items()), frozenset(do.items()))
+        answer = self._answers.get(key)
+        if answer is None:
+            marginal = self.exact(attribute, evidence, do)
+            answer = Distribution(tuple(marginal), np.array([float(p) for p in marginal.values()]))
+            _keep(self._answers, key, answer, KEPT)
+        return answer
+
+    def exact(
+        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
+    ) -> dict[str, Fraction]:
+        """The same as `posterior`, as fractions by value in the order of the declaration."""
+        subject = self._term(attribute)
+        table = self._given(self._facts(evidence), self._set(do))
+        return self._marginal(subject, table)
+
+    def probability(self, query: Query) -> Fraction:
+        """The probability that all literals of a query hold, given its observations and interventions.
+
+        Raises:
+            ProgramError: the query is not about this program, or asks for a distribution.
+            UndefinedError: no possible world satisfies its observations.
+        """
+        if query.subject:
+            raise ProgramError(
+                f"{query.at}: the query asks for a distribution; expected {query.subject}=value"
+            )
+        table = self._conditioned(query)
+        asked = table.where(lambda values: all(holds(literal, values) for literal in query.literals))
+        return Fraction(asked.total, table.total)
+
+    def ask(self, query: Query) -> dict[str, Fraction] | Fraction:
+        """The distribution that a query asks for, or its probability.
+
+        Raises:
+            ProgramError, UndefinedError: as `exact` and `probability`.
+        """
+        if query.subject is None:
+            return self.probability(query)
+        return self._marginal(query.subject, self._conditioned(query))
+
+    @property
+    def worlds(self) -> tuple[World, ...]:
+        """The possible worlds with their probabilities.
+
+        Raises:
+            ProgramError: a world breaks a condition of the language, or there are too many.
+            UndefinedError: there is none, or all have measure zero.
+        """
+        table = self._given({}, {})
+        pairs = zip(table.values, table.weights, strict=True)
+        return tuple(World(values, Fraction(weight, table.total)) for values, weight in pairs)
+
+    def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NOTHING) -> dict[str, str]:
+        """Draw one world with its probability given some evidence.
+
+        Returns:
+            term -> value.
+
+        Raises:
+            ProgramError, UndefinedError: as `exact`.
+        """
+        key = frozenset(given.items())
+        draw = self._draws.get(key)
+        if draw is None:
+            table = self._given(self._facts(given), {})
+            draw = ([weight / table.total for weight in accumulate(table.weights)], table.values)
+            _keep(self._draws, key, draw, TABLES_KEPT)
+        cumulative, worlds = draw
+        return dict(
+            worlds[bisect_right(cumulative, rng.random())]
+        )  # the last entry is exactly 1, above any draw
+
+    def _marginal(self, subject: Term, table: _Table) -> dict[str, Fraction]:
+        name = ground(subject)
+        sums = dict.fromkeys(self.program.attributes[subject.name].values, 0)
+        undefined = 0
+        for values, weight in zip(table.values, table.weights, strict=True):
+            value = values.get(name)
+            if value is None:
+                undefined += weight
+            else:
+                sums[value] += weight
+        if undefined:
+            share = Fraction(undefined, table.total)
+            raise ProgramError(f"{name} has no value with probability {share}; ask for {name}=value instead")
+        return {value: Fraction(weight, table.total) for value, weight in sums.items()}
+
+    def _conditioned(self, query: Query) -> _Table:
+        try:
+            self.program.check_query(query)
+        except Offence as offence:
+            raise ProgramError(str(offence)) from None
+        interventions: dict[str, str] = {}
+        for item in query.interventions:
+            term, value = ground(item.term), ground(item.value)
+            if interventions.setdefault(term, value) != value:
+                raise ProgramError(
+                    f"{item.at}: do({term}) sets two values, {interventions[term]} and {value}"
+                )
+        literals = [observation.literal for observation in query.observations]
+        table = self._all(interventions)
+        return self._possible(
+            table.where(lambda values: all(holds(literal, values) for literal in literals)),
+            [f"obs({literal})" for literal in literals],
+            interventions,
+        )
+
+    def _given(self, evidence: Mapping[str, str], do: Mapping[str, str]) -> _Table:
+        facts = tuple(evidence.items())
+        table = self._all(do)
+        if facts:
+            table = table.where(lambda values: all(values.get(term) == value for term, value in facts))
+        return self._possible(table, [f"{term}={value}" for term, value in facts], do)
+
+    def _possible(self, table: _Table, evidence: Iterable[str], do: Mapping[str, str]) -> _Table:
+        if table.total > 0:
+            return table
+        given = ", ".join([*evidence, *(f"do({term}={value})" for term, value in do.items())])
+        world = "possible world of positive measure" if table.values else "possible world"
+        raise UndefinedError(f"{self.program.file}: no {world}{f' has {given}' if given else ''}")
+
+    def _all(self, do: Mapping[str, str]) -> _Table:
+        """The worlds under some interventions, in an order that does not depend on the solver."""
+        key = frozenset(do.items())
+        if key not in self._tables:
+            from lcorpp.reasoning.grounding import answer_sets  # here, so that clingo is loaded when needed
+
+            found = list(measured_worlds(self.program, answer_sets(self.program, do, self.limit)))
+            found.sort(key=lambda world: tuple(world[0].items()))
+            common = lcm(*{measure.denominator for _, measure in found})
+            weights = tuple(measure.numerator * (common // measure.denominator) for _, measure in found)
+            table = _Table(tuple(values for values, _ in found), weights, sum(weights))
+            _keep(self._tables, key, table, TABLES_KEPT)
+        return self._tables[key]
+
+    def _facts(self, evidence: Mapping[str, str]) -> dict[str, str]:
+        facts: dict[str, str] = {}
+        for name, value in evidence.items():
+            term = self._term(name)
+            self._check_value(term, value)
+            if facts.setdefault(ground(term), value) != value:
+                raise ProgramError(f"the evidence gives {name} two values, {facts[ground(term)]} and {value}")
+        return facts
+
+    def _set(self, do: Mapping[str, str]) -> dict[str, str]:
+        for name in do:
+            if not self.program.is_random(self._term(name)):
+                raise ProgramError(f"do({name}=...): {name} has no random selection in {self.program.file}")
+        return self._facts(do)
+
+    def _check_value(self, term: Term, value: str) -> None:
+        values = self.program.attributes[term.name].values
+        if value not in values:
+            raise ProgramError(f"{value!r} is not a value of {term}; {expected(values)}")
+
+    def _term(self, name: str) -> Term:
+        """The term that a key of evidence names, checked against the program."""
+        try:
+            term = parse_term(name, "<term>")
+            if not isinstance(term, Term):
+                raise ProgramError(f"{name!r} is not an attribute; {expected(list(self.program.attributes))}")
+            self.program.check_query(Query(subject=term))
+        except (ParseError, Offence) as error:
+            raise ProgramError(f"{name!r}: {error.message}") from None
+        return term
+
+
+def ask(program: Program, query: Query) -> dict[str, Fraction] | Fraction:
+    """Answer one query: the distribution of an attribute, or a probability; see `Enumeration.ask`."""
+    return Enumeration(program).ask(query)
+
+
+def _again(program: Program, limit: int) -> Enumeration:
+    return Enumeration(program, limit=limit)
+
+
+def _keep(memory: dict[_Key, _Kept], key: _Key, value: _Kept, most: int) -> None:
+    if len(memory) >= most:
+        memory.clear()
+    memory[key] = value

@@ -1,0 +1,183 @@
+"""Variables and arithmetic of one statement: variables safe and of fitting sorts, numbers within bounds.
+
+Each variable ranges over a finite set, so whatever passes here can be grounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from lcorpp.errors import expected
+from lcorpp.reasoning.arithmetic import LARGEST, ground, is_integer, variables
+from lcorpp.reasoning.offence import Offence
+from lcorpp.reasoning.signature import Signature, Slot
+from lcorpp.reasoning.syntax import (
+    Arithmetic,
+    Comparison,
+    Expression,
+    Literal,
+    Number,
+    Place,
+    Term,
+    Variable,
+)
+
+MOST_INSTANCES = 10_000_000
+"""How many ground instances the variables of one statement may span."""
+
+
+def check_scope(
+    at: Place,
+    scope: Sequence[Expression],
+    slots: list[Slot],
+    body: Iterable[Literal | Comparison],
+    signature: Signature,
+    number: Expression | None = None,
+) -> None:
+    """Check the variables and the arithmetic of a statement.
+
+    Args:
+        scope: every expression in which its variables occur.
+        slots: those whose place asks for a sort.
+        number: the number of a pr-atom, which is computed exactly and so has no bound.
+
+    Raises:
+        Offence: a constant or variable does not fit its sort, a variable ranges over nothing known, the
+            instances are too many, or arithmetic meets what is no integer or grows beyond 32 bits.
+    """
+    check_slots(slots, signature)
+    used = [variable for expression in scope for variable in variables(expression)]
+    sorts = variable_sorts(slots, used, signature)
+    span = 1
+    for name, found in sorts.items():
+        members = [signature.sorts[sort].keys() for sort in found]
+        common = members[0] if len(members) == 1 else set(members[0]).intersection(*members[1:])
+        if not common:
+            where = next((v.at for v in used if v.name == name), at)
+            raise Offence(where, f"variable {name} cannot be of the sorts {' and '.join(found)} at once")
+        span *= len(common)
+    if span > MOST_INSTANCES:
+        raise Offence(at, f"the variables here span {span} instances; at most {MOST_INSTANCES} are grounded")
+    bounds = dict.fromkeys(sorts, signature.largest)
+    for expression, _ in slots:
+        if isinstance(
+            expression, Term
+        ):  # a record: its members are known, so its variables are found by matching
+            bounds.update((v.name, signature.largest) for v in variables(expression))
+    _bind(body, bounds)
+    for variable in used:
+        if variable.name not in bounds:
+            raise Offence(
+                variable.at,
+                f"variable {variable} is unsafe; expected it as an argument or a value of an attribute,"
+                " or in #domain",
+            )
+    check_order(body, sorts, signature)
+    for expression in scope:
+        if expression is not number:
+            _check_arithmetic(expression, bounds, sorts, signature)
+
+
+def check_slots(slots: Iterable[Slot], signature: Signature) -> None:
+    """Check that the constants in slots are members of their sorts."""
+    for expression, sort in slots:
+        if not any(variables(expression)):
+            value = ground(expression)
+            if value not in signature.sorts[sort]:
+                known = expected(list(signature.sorts[sort]))
+                raise Offence(expression.at, f"{value!r} is not a member of the sort {sort}; {known}")
+
+
+def variable_sorts(
+    slots: Iterable[Slot], used: Iterable[Variable], signature: Signature
+) -> dict[str, list[str]]:
+    """The sorts of each variable: those of the slots it fills alone, and that of `#domain`."""
+    sorts: dict[str, list[str]] = {}
+    for variable in used:
+        if variable.name in signature.domains:
+            sorts[variable.name] = [signature.domains[variable.name]]
+    for expression, sort in slots:
+        if isinstance(expression, Variable) and sort not in sorts.setdefault(expression.name, []):
+            sorts[expression.name].append(sort)
+    return sorts
+
+
+def _bind(body: Iterable[Literal | Comparison], bounds: dict[str, int]) -> None:
+    """Add the variables that an equation such as X=Y+1 computes from those that are bound."""
+    equations = [c for c in body if isinstance(c, Comparison) and c.relation == "="]
+    grown = True
+    while grown:
+        grown = False
+        for equation in equations:
+            for side, other in ((equation.left, equation.right), (equation.right, equation.left)):
+                if (
+                    isinstance(side, Variable)
+                    and side.name not in bounds
+                    and all(v.name in bounds for v in variables(other))
+                ):
+                    bounds[side.name] = _magnitude(other, bounds)
+                    grown = True
+
+
+def _magnitude(expression: Expression, bounds: dict[str, int]) -> int:
+    """A bound on the absolute value of an expression."""
+    if isinstance(expression, Variable):
+        return bounds[expression.name]
+    if isinstance(expression, Number):
+        if expression.value.denominator != 1:
+            raise Offence(expression.at, f"expected an integer, not {expression}")
+        return abs(expression.value.numerator)
+    if isinstance(expression, Term):
+        return max((_magnitude(argument, bounds) for argument in expression.arguments), default=0)
+    left, right = _magnitude(expression.left, bounds), _magnitude(expression.right, bounds)
+    return left * right if expression.operator == "*" else left + right
+
+
+def _check_arithmetic(
+    expression: Expression, bounds: dict[str, int], sorts: dict[str, list[str]], signature: Signature
+) -> None:
+    if _magnitude(expression, bounds) > LARGEST:
+        raise Offence(
+            expression.at, f"{expression} may become larger than {LARGEST}, the largest number there is"
+        )
+    if isinstance(expression, Term):
+        for argument in expression.arguments:
+            _check_arithmetic(argument, bounds, sorts, signature)
+    elif isinstance(expression, Arithmetic):
+        for operand in (expression.left, expression.right):
+            _check_integer(operand, f"arithmetic in {expression}", sorts, signature)
+            _check_arithmetic(operand, bounds, sorts, signature)
+
+
+def check_order(
+    body: Iterable[Literal | Comparison], sorts: dict[str, list[str]], signature: Signature
+) -> None:
+    """Check that only integers are compared by order."""
+    for literal in body:
+        if literal.relation in ("=", "!="):
+            continue
+        if isinstance(literal, Literal):
+            values = signature.attributes[literal.term.name].values
+            if not all(map(is_integer, values)):
+                raise Offence(
+                    literal.at, f"{literal} orders values of {literal.term.name}, which are not integers"
+                )
+            sides: tuple[Expression, ...] = (literal.value,)
+        else:
+            sides = (literal.left, literal.right)
+        for side in sides:
+            _check_integer(side, f"the order in {literal}", sorts, signature)
+
+
+def _check_integer(
+    expression: Expression, what: str, sorts: dict[str, list[str]], signature: Signature
+) -> None:
+    if isinstance(expression, Term):
+        raise Offence(expression.at, f"{what} needs integers, and {expression} is none")
+    if isinstance(expression, Variable):
+        for sort in sorts.get(expression.name, ()):
+            odd = next((m for m in signature.sorts[sort] if not is_integer(m)), None)
+            if odd is not None:
+                raise Offence(
+                    expression.at, f"{what} needs integers, and {expression} may be {odd} of the sort {sort}"
+                )

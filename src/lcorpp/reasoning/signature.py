@@ -1,0 +1,122 @@
+"""What a program declares, its sorts and attributes, and which sort each place of a statement asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from lcorpp.reasoning.arithmetic import variables
+from lcorpp.reasoning.syntax import Comparison, Expression, Literal, Probability, Rule, Selection, Term
+
+BOOLEAN = "boolean"
+"""The sort that every program has, with the values true and false."""
+
+Slot = tuple[Expression, str]
+"""An expression and the sort that its place asks for."""
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """A declared attribute.
+
+    arguments: the names of the sorts of its arguments.
+    range: the name of the sort of its values.
+    values: its range, in the order of declaration, integers as decimal text.
+    line: where it was declared.
+    """
+
+    name: str
+    arguments: tuple[str, ...]
+    range: str
+    values: tuple[str, ...]
+    line: int
+
+
+@dataclass(frozen=True)
+class Signature:
+    """The declarations of a program.
+
+    sorts: the members of each sort in order, as text.
+    attributes: by name.
+    domains: the sort of each variable that `#domain` declares.
+    largest: no integer in a member of a sort has a larger absolute value.
+    """
+
+    sorts: Mapping[str, Mapping[str, None]]
+    attributes: Mapping[str, Attribute]
+    domains: Mapping[str, str]
+    largest: int
+
+    def term_slots(self, term: Term) -> Iterator[Slot]:
+        """The arguments of an attribute with their sorts."""
+        return zip(term.arguments, self.attributes[term.name].arguments, strict=True)
+
+    def literal_slots(self, literal: Literal) -> Iterator[Slot]:
+        """Arguments and value of a literal with their sorts; a value that is only ordered needs none."""
+        if self.is_sort(literal):
+            return
+        yield from self.term_slots(literal.term)
+        if literal.relation in ("=", "!="):
+            yield literal.value, self.attributes[literal.term.name].range
+
+    def is_sort(self, literal: Literal) -> bool:
+        """Whether the literal `s(X)` says that X is a member of the sort s."""
+        return literal.term.name in self.sorts
+
+    def slots(self, statement: Rule | Selection | Probability) -> Iterator[Slot]:
+        """All slots of a statement but those of a dynamic range, which has its own variables."""
+        if isinstance(statement, Rule):
+            if statement.head:
+                yield from self.literal_slots(statement.head)
+            yield from self.body_slots(statement.body)
+        else:
+            yield from self.term_slots(statement.term)
+            if isinstance(statement, Probability):
+                yield statement.value, self.attributes[statement.term.name].range
+            yield from self.body_slots(body_of(statement))
+
+    def range_slots(self, selection: Selection) -> Iterator[Slot]:
+        """The slots of a selection's dynamic range, its variable first."""
+        if selection.range:
+            yield selection.range.variable, self.attributes[selection.term.name].range
+            yield from self.body_slots(selection.range.condition)
+
+    def body_slots(self, body: Iterable[Literal | Comparison]) -> Iterator[Slot]:
+        """The slots of the literals of a body; `s(X)` gives one if it is not negated."""
+        for literal in body:
+            if isinstance(literal, Literal):
+                yield from self.literal_slots(literal)
+                if self.is_sort(literal) and not literal.negated:
+                    yield literal.term.arguments[0], literal.term.name
+
+
+def body_of(statement: Rule | Selection | Probability) -> tuple[Literal | Comparison, ...]:
+    """The conditions under which a statement speaks."""
+    return statement.condition if isinstance(statement, Probability) else statement.body
+
+
+def expressions(body: Iterable[Literal | Comparison]) -> Iterator[Expression]:
+    """Every expression of a body, terms of attributes included."""
+    for literal in body:
+        if isinstance(literal, Literal):
+            yield from (*literal.term.arguments, literal.value)
+        else:
+            yield from (literal.left, literal.right)
+
+
+def scope(statement: Rule | Selection | Probability) -> list[Expression]:
+    """Every expression of a statement outside of a dynamic range."""
+    found: list[Expression] = []
+    if isinstance(statement, Rule):
+        found.extend(expressions((statement.head,) if statement.head else ()))
+    else:
+        found.extend((*statement.term.arguments, *(statement.label.arguments if statement.label else ())))
+        if isinstance(statement, Probability):
+            found.extend((statement.value, statement.number))
+    found.extend(expressions(body_of(statement)))
+    return found
+
+
+def pr_variables(atom: Probability) -> list[str]:
+    """The variables of a pr-atom in the order in which an instance of it lists their values."""
+    return sorted({variable.name for expression in scope(atom) for variable in variables(expression)})

@@ -1,0 +1,93 @@
+"""A new confusion matrix gives a new reasoner."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from lcorpp.errors import ProgramError
+from lcorpp.reasoning import Enumeration, parse_plog, program_text, read_plog, with_classifier
+from lcorpp.values import ConfusionMatrix
+
+PROGRAM = read_plog(Path(__file__).parent.parent / "plog" / "lcorpp.plog")
+CLASSES = ("interested", "not_interested")
+LABELS = {"interested": "one", "not_interested": "zero"}
+MATRIX = ConfusionMatrix(CLASSES, [[75, 25], [28, 71]])
+
+
+def test_rates_go_into_the_rules_exactly() -> None:
+    new = with_classifier(PROGRAM, "classifier", "intention", MATRIX, LABELS)
+    said = Enumeration(new).exact("classifier", {"intention": "interested"})
+    assert said == {"one": Fraction(151, 202), "zero": Fraction(51, 202)}
+    said = Enumeration(new).exact("classifier", {"intention": "not_interested"})
+    assert said == {"one": Fraction(57, 200), "zero": Fraction(143, 200)}
+    assert Enumeration(new).exact("identity", {}) == Enumeration(PROGRAM).exact("identity", {})
+
+
+def test_the_old_program_is_as_it_was_and_rules_are_replaced_not_added() -> None:
+    before = program_text(PROGRAM)
+    once = with_classifier(PROGRAM, "classifier", "intention", MATRIX, LABELS)
+    assert program_text(PROGRAM) == before
+    assert with_classifier(once, "classifier", "intention", MATRIX, LABELS) == once
+    assert parse_plog(program_text(once)) == once
+
+
+@pytest.mark.parametrize(
+    ("attribute", "target", "classes", "labels", "words"),
+    [
+        (
+            "clasifier",
+            "intention",
+            CLASSES,
+            LABELS,
+            "unknown attribute 'clasifier'; expected one of identity",
+        ),
+        ("classifier", "interest", CLASSES, LABELS, "unknown attribute 'interest'"),
+        (
+            "classifier",
+            "intention",
+            ("a", "b"),
+            LABELS,
+            "class 'a' is not a value of intention; expected one of",
+        ),
+        (
+            "classifier",
+            "intention",
+            CLASSES,
+            {"interested": "one"},
+            "labels are given for interested, the confusion",
+        ),
+        (
+            "classifier",
+            "intention",
+            CLASSES,
+            {"interested": "yes", "not_interested": "zero"},
+            "label 'yes' is not a value of classifier; expected one of zero, one",
+        ),
+        (
+            "classifier",
+            "intention",
+            CLASSES,
+            dict.fromkeys(CLASSES, "one"),
+            "classes share a label of classifier",
+        ),
+    ],
+)
+def test_names_that_do_not_fit(
+    attribute: str, target: str, classes: tuple[str, ...], labels: dict[str, str], words: str
+) -> None:
+    with pytest.raises(ProgramError) as caught:
+        with_classifier(PROGRAM, attribute, target, ConfusionMatrix(classes, [[1, 0], [0, 1]]), labels)
+    assert words in str(caught.value)
+
+
+def test_the_classifier_must_be_random_and_without_arguments() -> None:
+    program = parse_plog("p : boolean. q : boolean. random(p). q :- p. f : boolean -> boolean. random(f(X)).")
+    matrix = ConfusionMatrix(("true", "false"), [[1, 0], [0, 1]])
+    labels = {"true": "true", "false": "false"}
+    with pytest.raises(ProgramError, match=r"q has no random selection; expected 'random\(q\).'"):
+        with_classifier(program, "q", "p", matrix, labels)
+    with pytest.raises(ProgramError, match="f has arguments"):
+        with_classifier(program, "f", "p", matrix, labels)

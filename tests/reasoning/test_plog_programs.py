@@ -1,0 +1,51 @@
+"""Every program in tests/plog carries its answers: ``% expect: query = value``, decimals to 6 digits."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from lcorpp.reasoning import Enumeration, ask, parse_plog, parse_query, program_text, read_plog
+
+PROGRAMS = sorted((Path(__file__).parent.parent / "plog").glob("*.plog"))
+
+
+def expectations(path: Path) -> list[tuple[str, str]]:
+    lines = [line for line in path.read_text().splitlines() if line.startswith("% expect:")]
+    pairs = [line.removeprefix("% expect:").rpartition(" = ") for line in lines]
+    return [(query.strip(), value.strip()) for query, _, value in pairs]
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
+def test_program_answers_as_it_says(path: Path) -> None:
+    program = read_plog(path)
+    reasoner = Enumeration(program)
+    assert expectations(path)
+    for text, value in expectations(path):
+        answer = reasoner.ask(parse_query(text, program))
+        assert isinstance(answer, Fraction)
+        if "." in value:  # published to at most six digits
+            assert abs(answer - Fraction(value)) <= Fraction(1, 2_000_000), (text, float(answer))
+        else:
+            assert answer == Fraction(value), (text, answer)
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
+def test_program_text_reads_back_equal(path: Path) -> None:
+    program = read_plog(path)
+    again = parse_plog(program_text(program), file="again.plog")
+    assert again == program
+    assert program_text(again) == program_text(program)
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
+def test_windows_line_ends_change_nothing(path: Path) -> None:
+    assert parse_plog(path.read_text().replace("\n", "\r\n")) == read_plog(path)
+
+
+def test_queries_of_a_program_are_answered() -> None:
+    program = read_plog(Path(__file__).parent.parent / "plog" / "monty_hall_2.plog")
+    (query,) = program.queries
+    assert ask(program, query) == Fraction(1, 3)
