@@ -1,0 +1,73 @@
+"""Bayes' rule over the hidden state."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.errors import ModelError, ObservationError
+from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
+from lcorpp.values import Array, Belief, frozen
+
+IMPOSSIBLE = float(np.finfo(np.float64).tiny)
+"""Below the smallest normal double a probability has no digits left: dividing by it means nothing."""
+
+
+def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belief:
+    """The belief after an action and an observation.
+
+    b'(s') is proportional to P(o | a, s') * sum over s of P(s' | s, a) b(s).
+
+    Args:
+        belief: (S,) distribution.
+        action, observation: indices.
+
+    Returns:
+        (S,) distribution.
+
+    Raises:
+        ObservationError: the observation has probability zero; belief, action and observation are named.
+
+    Source: Bayes' rule; Kaelbling, Littman and Cassandra, 1998, section 3.3.
+    """
+    weights: Belief = (belief @ pomdp.transition[action]) * pomdp.observation[action, :, observation]
+    total = weights.sum()
+    if not total >= IMPOSSIBLE:
+        raise ObservationError(
+            f"observation {pomdp.observations[observation]!r} is impossible after action"
+            f" {pomdp.actions[action]!r} in belief {describe(pomdp, belief)}"
+        )
+    weights /= total
+    return weights
+
+
+def observation_probabilities(pomdp: Pomdp, belief: Belief, action: int) -> Array:
+    """(O,) P(o | b, a) for a belief (S,) and the index of an action."""
+    return np.asarray(belief @ pomdp.transition[action] @ pomdp.observation[action])
+
+
+def checked_belief(pomdp: Pomdp, belief: npt.ArrayLike) -> Belief:
+    """A frozen (S,) copy of `belief`.
+
+    Raises:
+        ModelError: it is not a distribution over the states.
+    """
+    try:
+        copy = frozen(belief)
+    except (TypeError, ValueError):
+        raise ModelError(f"a belief is {len(pomdp.states)} numbers, not {belief!r}") from None
+    if copy.shape != (len(pomdp.states),):
+        raise ModelError(f"a belief over {len(pomdp.states)} states cannot have shape {copy.shape}")
+    if not np.isfinite(copy).all() or copy.min() < 0 or abs(copy.sum() - 1) > SUM_TOLERANCE:
+        raise ModelError(
+            f"belief {describe(pomdp, copy)} is not a distribution; it sums to {copy.sum():.10g}"
+        )
+    return copy
+
+
+def describe(pomdp: Pomdp, belief: Belief, limit: int = 6) -> str:
+    """The largest entries of a belief (S,) with their names, for messages."""
+    order = np.argsort(-np.asarray(belief), kind="stable")
+    shown = [int(s) for s in order if belief[s] != 0]
+    text = ", ".join(f"{pomdp.states[s]} {belief[s]:.6g}" for s in shown[:limit])
+    return "{" + text + (", ..." if len(shown) > limit else "") + "}"

@@ -1,0 +1,168 @@
+"""The problem: a finite POMDP, checked once when it is made."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.errors import ModelError, expected
+from lcorpp.values import Array, Belief, frozen
+
+SUM_TOLERANCE = 1e-9
+"""How far a row may be from summing to 1: rounding of some thousand added doubles stays far below."""
+
+MAX_BYTES = 2**31
+"""The largest dense table that is made; a bigger model needs a sparse or factored form."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pomdp:
+    """A finite POMDP with S states, A actions and O observations.
+
+    states, actions, observations: the names, each unique within its kind.
+    transition:  (A, S, S) P(s' | s, a)
+    observation: (A, S, O) P(o | a, s'), s' being the state reached
+    reward:      (A, S) expected immediate reward of doing a in s
+    discount:    0 < discount < 1
+    start:       (S,) the belief when nothing is known
+    file:        where it was read from, for people to read; "" when it was not
+
+    Raises:
+        ModelError: a shape, sum, sign, name or the discount breaks the law above; it is named.
+    """
+
+    states: tuple[str, ...]
+    actions: tuple[str, ...]
+    observations: tuple[str, ...]
+    transition: Array
+    observation: Array
+    reward: Array
+    discount: float
+    start: Belief
+    file: str = ""
+
+    def __post_init__(self) -> None:
+        for kind in ("states", "actions", "observations"):
+            object.__setattr__(self, kind, tuple(getattr(self, kind)))
+            _check_names(kind, getattr(self, kind))
+        S, A, obs = len(self.states), len(self.actions), len(self.observations)
+        check_size(S, A, obs)
+        for field, shape in (
+            ("transition", (A, S, S)),
+            ("observation", (A, S, obs)),
+            ("reward", (A, S)),
+            ("start", (S,)),
+        ):
+            array = _kept(getattr(self, field))
+            if array.shape != shape:
+                raise ModelError(f"{field} has shape {array.shape}, not {shape}")
+            if not np.isfinite(array).all():
+                raise ModelError(f"{field} holds a number that is not finite")
+            object.__setattr__(self, field, array)
+        object.__setattr__(self, "discount", float(self.discount))
+        if not 0 < self.discount < 1:
+            raise ModelError(discount_message(self.discount))
+        self._check_rows("transition", self.transition)
+        self._check_rows("observation", self.observation)
+        if self.start.min() < 0 or abs(self.start.sum() - 1) > SUM_TOLERANCE:
+            raise ModelError(f"the start belief is not a distribution; it sums to {self.start.sum():.10g}")
+
+    def _check_rows(self, field: str, table: Array) -> None:
+        if table.min() < 0:
+            a, s, _ = np.unravel_index(int(table.argmin()), table.shape)
+            raise ModelError(
+                f"{field} row for {self.actions[a]!r}, {self.states[s]!r} has a negative"
+                f" probability, {table.min():.10g}"
+            )
+        sums = table.sum(axis=2)
+        off = np.abs(sums - 1)
+        if off.max() > SUM_TOLERANCE:
+            a, s = np.unravel_index(int(off.argmax()), off.shape)
+            raise ModelError(
+                f"{field} row for {self.actions[a]!r}, {self.states[s]!r} sums to {sums[a, s]:.10g}, not 1"
+            )
+
+    @cached_property
+    def _indices(self) -> Mapping[str, Mapping[str, int]]:
+        kinds = {"state": self.states, "action": self.actions, "observation": self.observations}
+        return {kind: {name: i for i, name in enumerate(names)} for kind, names in kinds.items()}
+
+    def _index(self, kind: str, name: str) -> int:
+        known = self._indices[kind]
+        if name not in known:
+            raise ModelError(f"unknown {kind} {name!r}; {expected(tuple(known))}")
+        return known[name]
+
+    def state_index(self, name: str) -> int:
+        """The number of a state. Raises ModelError with the known names."""
+        return self._index("state", name)
+
+    def action_index(self, name: str) -> int:
+        """The number of an action. Raises ModelError with the known names."""
+        return self._index("action", name)
+
+    def observation_index(self, name: str) -> int:
+        """The number of an observation. Raises ModelError with the known names."""
+        return self._index("observation", name)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """sha256 of what a policy depends on: names, tables and discount.
+
+        The start belief is left out: alpha vectors stay a lower bound when only the start changes.
+        """
+        digest = hashlib.sha256()
+        digest.update(repr((self.states, self.actions, self.observations, self.discount)).encode())
+        for table in (self.transition, self.observation, self.reward):
+            # adding 0 makes -0.0 and 0.0, which are equal, the same bytes
+            digest.update(np.ascontiguousarray(table + 0.0).astype("<f8").tobytes())
+        return digest.hexdigest()
+
+
+def check_size(states: int, actions: int, observations: int) -> None:
+    """Refuse a model whose dense tables would not fit.
+
+    Raises:
+        ModelError: it says how large the table would be.
+    """
+    size = 8 * actions * states * max(states, observations)
+    if size > MAX_BYTES:
+        raise ModelError(
+            f"{states} states, {actions} actions and {observations} observations need a table of"
+            f" {size / 2**30:.1f} GiB; at most {MAX_BYTES / 2**30:.0f} GiB are made"
+        )
+
+
+def discount_message(discount: float) -> str:
+    """What is wrong with a discount outside (0, 1)."""
+    if discount == 1:
+        return (
+            "discount 1 is refused: without a proper goal or a finite horizon the value may be"
+            " infinite; use a discount below 1, e.g. 0.999"
+        )
+    return f"discount {discount:.10g} is not between 0 and 1, both excluded"
+
+
+def _check_names(kind: str, names: tuple[str, ...]) -> None:
+    if not names:
+        raise ModelError(f"a POMDP needs {kind}; there are none")
+    if len(set(names)) != len(names):
+        twice = next(name for i, name in enumerate(names) if name in names[:i])
+        raise ModelError(f"{kind} have the name {twice!r} twice")
+
+
+def _kept(array: npt.ArrayLike) -> Array:
+    """The array itself where nobody can write to it, otherwise a frozen copy: tables can be large."""
+    if (
+        isinstance(array, np.ndarray)
+        and array.dtype == np.float64
+        and array.flags.owndata
+        and not array.flags.writeable
+    ):
+        return array
+    return frozen(array)

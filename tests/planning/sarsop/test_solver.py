@@ -1,0 +1,176 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from lcorpp.errors import ModelError
+from lcorpp.planning import Planner, Pomdp, parse_pomdp, read_pomdp, solve
+from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
+
+lcorpp = parse_pomdp(LCORPP)
+
+
+def test_the_authors_model_at_the_default_precision():
+    solution = solve(lcorpp)
+    assert 51.656 <= solution.lower <= solution.upper <= 51.658
+    assert solution.reason == "precision reached"
+    assert solution.policy.value(lcorpp.start) == pytest.approx(solution.lower, abs=1e-12)
+
+
+def test_the_authors_first_steps():
+    belief = np.array([0.22, 0.78, 0, 0, 0])  # not turned; the prior of the paper's example
+    planner = Planner(lcorpp, solve(lcorpp, belief).policy)
+    for action, likely in (("move_forward", 0.717), ("move_forward", 0.958), ("greet", 0.989)):
+        assert planner.action(belief) == action
+        belief = planner.update(belief, action, "pos")
+        assert belief[0] == pytest.approx(likely, abs=5e-4)  # three digits are known
+    assert planner.action(belief) == "report_interested"
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [
+        ("tiger.95.pomdp", 19.371, 19.372),
+        ("4x3.95.pomdp", 1.8899, 1.8909),
+        ("cheese.95.pomdp", 3.4854, 3.4863),
+    ],
+)
+def test_known_values_are_bracketed(name, least, most):
+    solution = solve(read_pomdp(shared_model(name)), precision=2e-3)
+    assert solution.reason == "precision reached"
+    # both brackets hold the value, so each one's lower end is below the other's upper end
+    assert solution.lower <= most
+    assert solution.upper >= least
+    assert solution.upper - solution.lower <= 2e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "least", "most", "gap"),
+    [
+        ("hallway.pomdp", 0.9939, 1.2064, 1.2),
+        ("tiger-grid.pomdp", 2.256, 2.532, 2.5),
+        ("network.pomdp", 293.185, 293.821, 80),
+        ("aloha.10.pomdp", 534.79, 545.13, 28),
+        ("tag-avoid.pomdp", -6.201, -1.899, 20),
+    ],
+)
+def test_bounds_agree_with_those_of_appl(name, least, most, gap):
+    solution = solve(read_pomdp(shared_model(name)), time_limit=5)
+    assert solution.lower <= most
+    assert solution.upper >= least
+    assert solution.upper - solution.lower < gap  # better than the initial bounds
+
+
+def brute_force(pomdp: Pomdp, belief, steps: int) -> float:
+    """The best expected reward of `steps` steps, over all belief trees; belief may be unnormalised."""
+    if steps == 0:
+        return 0.0
+    values = []
+    for a in range(len(pomdp.actions)):
+        spread = belief @ pomdp.transition[a]
+        following = sum(brute_force(pomdp, spread * column, steps - 1) for column in pomdp.observation[a].T)
+        values.append(belief @ pomdp.reward[a] + pomdp.discount * following)
+    return float(max(values))
+
+
+@given(pomdps(discounts=(0.3, 0.5)))
+@settings(max_examples=25, deadline=None)
+def test_brute_force_is_between_the_bounds(pomdp):
+    solution = solve(pomdp, precision=1e-2, time_limit=1)
+    assert solution.lower <= solution.upper
+    steps = 4
+    exact = brute_force(pomdp, pomdp.start, steps)
+    tail = pomdp.discount**steps / (1 - pomdp.discount)
+    # what comes after the last step earns between the least and the largest reward for ever
+    assert solution.upper >= exact + tail * pomdp.reward.min() - 1e-9
+    assert solution.lower <= exact + tail * pomdp.reward.max() + 1e-9
+
+
+@given(pomdps())
+@settings(max_examples=25, deadline=None)
+def test_vectors_are_achievable(pomdp):
+    """No vector promises more in a state than is earned there by someone who sees the state."""
+    solution = solve(pomdp, precision=1e-2, time_limit=1)
+    value = np.full(len(pomdp.states), pomdp.reward.max() / (1 - pomdp.discount))
+    for _ in range(400):
+        value = (pomdp.reward + pomdp.discount * pomdp.transition @ value).max(axis=0)
+    assert (solution.policy.vectors <= value + 1e-6).all()  # 400 sweeps at .95 leave 1e-9 of the start
+
+
+def test_simulation_earns_what_is_promised():
+    """Following the policy for 200 steps, over all that may be heard, earns the lower bound."""
+    tiger = parse_pomdp(TIGER)
+    policy = solve(tiger, precision=1e-2).policy
+    reached, earned = {(0.5, 0.5): 1.0}, 0.0
+    for t in range(200):
+        following: dict[tuple[float, float], float] = {}
+        for key, chance in reached.items():
+            belief = np.array(key)
+            a = policy.action(belief)
+            earned += tiger.discount**t * chance * float(belief @ tiger.reward[a])
+            for column in tiger.observation[a].T:
+                weights = (belief @ tiger.transition[a]) * column
+                after = tuple(np.round(weights / weights.sum(), 9).tolist())
+                following[after] = following.get(after, 0.0) + chance * float(weights.sum())
+        reached = following
+    assert earned >= policy.value(tiger.start) - 0.01  # .95^200 * 20, what comes later, is below .001
+
+
+def test_several_starts_are_all_served():
+    starts = np.array([[0.5, 0.5, 0, 0, 0], [0.9, 0.1, 0, 0, 0], [0, 0, 0.2, 0.8, 0]])
+    solution = solve(lcorpp, starts, precision=0.1)
+    assert solution.reason == "precision reached"
+    assert all(solution.gap(start) <= 0.1 + 1e-9 for start in starts)
+
+
+def test_an_interrupt_returns_the_best_so_far():
+    seen = []
+
+    def stop(progress):
+        seen.append(progress)
+        if progress.trials == 3:
+            raise KeyboardInterrupt
+
+    solution = solve(lcorpp, callback=stop)
+    assert (solution.reason, solution.trials, len(seen)) == ("interrupted", 3, 3)
+    assert solution.lower <= solution.upper
+    assert seen[-1].lower == solution.lower
+
+
+def test_no_time_is_a_result():
+    solution = solve(lcorpp, time_limit=1e-9)
+    assert solution.reason == "time limit"
+    assert solution.lower <= 51.657 <= solution.upper
+
+
+def test_bounds_only_tighten_at_the_top():
+    history = solve(parse_pomdp(TIGER), precision=0.1).history
+    assert all(a[2] >= b[2] for a, b in pairwise(history))
+
+
+def test_an_absorbing_state_that_keeps_paying():
+    text = "discount: 0.9\nvalues: cost\nstates: a end\nactions: stay go\nobservations: o\nstart: a\n"
+    text += "O: * uniform\n"
+    text += (
+        "T: stay identity\nT: go 0 1 0 1\nR: stay : a : * : * 3\nR: go : a : * : * 5\nR: * : end : * : * 1\n"
+    )
+    solution = solve(parse_pomdp(text), precision=1e-6)
+    # going costs 5 and then 1 for ever, 5 + .9 * 10; staying costs 30
+    assert solution.lower == pytest.approx(-14)
+    assert solution.upper == pytest.approx(-14)
+    assert "precision reached" in solution.summary()
+
+
+@pytest.mark.parametrize("start", [[1.0], [0.5] * 5, [[[0.2] * 5]]])
+def test_a_start_that_is_no_belief(start):
+    with pytest.raises(ModelError):
+        solve(lcorpp, start)
+
+
+def test_a_precision_of_zero_is_refused():
+    with pytest.raises(ModelError, match="must be positive"):
+        solve(lcorpp, precision=0)

@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from lcorpp.errors import ModelError, ObservationError
+from lcorpp.planning import checked_belief, observation_probabilities, parse_pomdp, update
+from tests.planning.models import LCORPP, TIGER, pomdps
+
+tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
+
+
+def test_listening_once():
+    assert update(tiger, tiger.start, 0, 0) == pytest.approx([0.85, 0.15])
+
+
+def test_an_impossible_observation_names_everything():
+    with pytest.raises(ObservationError) as caught:
+        update(lcorpp, np.array([0.22, 0.78, 0, 0, 0]), 0, 2)
+    for part in ("'none'", "'move_forward'", "not_interested_away 0.78, interested_away 0.22"):
+        assert part in str(caught.value)
+
+
+@given(pomdps())
+@settings(max_examples=60, deadline=None)
+def test_update_is_bayes_rule(pomdp):
+    T, Z, b = pomdp.transition, pomdp.observation, pomdp.start
+    S = range(len(pomdp.states))
+    for a in range(len(pomdp.actions)):
+        chances = observation_probabilities(pomdp, b, a)
+        assert chances.sum() == pytest.approx(1)
+        for o, chance in enumerate(chances):
+            joint = [Z[a, t, o] * sum(T[a, s, t] * b[s] for s in S) for t in S]
+            assert chance == pytest.approx(sum(joint))
+            if sum(joint) == 0:
+                with pytest.raises(ObservationError):
+                    update(pomdp, b, a, o)
+            else:
+                after = update(pomdp, b, a, o)
+                assert after.sum() == pytest.approx(1)
+                assert after == pytest.approx(np.array(joint) / sum(joint))
+
+
+@pytest.mark.parametrize("belief", [[1.0], [0.5, 0.4], [1.5, -0.5], [float("nan"), 1.0], ["a", "b"]])
+def test_what_is_no_belief(belief):
+    with pytest.raises(ModelError):
+        checked_belief(tiger, belief)
