@@ -1,0 +1,127 @@
+"""Data sets as the learner wants them: checked, extended and divided, never changed in place."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.errors import DataError
+from lcorpp.values import Array, Dataset
+
+
+def checked_tracks(tracks: npt.ArrayLike) -> Array:
+    """`tracks` as float64 (cases, channels, time points), known to be finite and to hold motion.
+
+    Raises:
+        DataError: another shape, fewer than two time points, or a number that is NaN or infinite.
+    """
+    array = np.asarray(tracks, dtype=np.float64)
+    if array.ndim != 3 or 0 in array.shape[:2]:
+        raise DataError(f"expected tracks of shape (cases, channels, time points), not {array.shape}")
+    if array.shape[2] < 2:
+        raise DataError(f"a track of {array.shape[2]} time points shows no motion; at least 2 are needed")
+    if not np.isfinite(array).all():
+        case, channel, time = (int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise DataError(
+            f"case {case}, channel {channel}, time point {time} (counted from 0) is"
+            f" {array[case, channel, time]}; expected a finite number"
+        )
+    return array
+
+
+def append(dataset: Dataset, trajectory: npt.ArrayLike, label: str, group: str) -> Dataset:
+    """`dataset` with one more case at its end: Algorithm 1, Omega <- Omega + (I, L).
+
+    Args:
+        trajectory: (channels, time points), as those of the data set.
+        label: the class it is believed to be of.
+        group: whom it is of; cases of one person must share a group.
+
+    Raises:
+        DataError: the trajectory has another shape than those of the data set.
+    """
+    track = np.asarray(trajectory, dtype=np.float64)
+    if track.shape != dataset.trajectories.shape[1:]:
+        raise DataError(
+            f"a trajectory of shape {track.shape} does not fit a data set of trajectories of shape"
+            f" {dataset.trajectories.shape[1:]}"
+        )
+    return Dataset(
+        np.concatenate([dataset.trajectories, track[None]]),
+        (*dataset.labels, label),
+        (*dataset.groups, group),
+        dataset.source,
+        dataset.notes,
+    )
+
+
+def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
+    """Return if a classifier can be learnt from `dataset` and validated in `folds` grouped folds.
+
+    Raises:
+        DataError: fewer than two classes, a class in fewer groups than folds, a number that is not finite,
+            tracks of fewer than two points, or tracks that are all the same.
+    """
+    tracks = checked_tracks(dataset.trajectories)
+    classes = sorted(set(dataset.labels))
+    if len(classes) < 2:
+        raise DataError(
+            f"all {len(dataset)} cases are of class {classes[0]!r}; at least two classes are needed"
+        )
+    groups = {
+        name: len({g for g, label in zip(dataset.groups, dataset.labels, strict=True) if label == name})
+        for name in classes
+    }
+    if min(groups.values()) < folds:
+        there = ", ".join(f"{name} in {count}" for name, count in groups.items())
+        raise DataError(f"{folds} folds need every class in at least {folds} groups; there are: {there}")
+    if np.all(tracks == tracks[:1]):
+        raise DataError(f"all {len(dataset)} tracks are the same; nothing can be learnt from them")
+
+
+def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, Dataset]:
+    """Divide into training and test data; a group is never divided, and each class is in proportion.
+
+    Args:
+        test: the share of the cases of every class that goes to the test, as near as whole groups come.
+
+    Returns:
+        (training, test), each with its rows in the order they had.
+
+    Raises:
+        DataError: `test` is not between 0 and 1, or one side would lack a class.
+    """
+    if not 0 < test < 1:
+        raise DataError(f"the test share must lie between 0 and 1, not {test}")
+    members: dict[str, list[int]] = {}
+    for row, group in enumerate(dataset.groups):
+        members.setdefault(group, []).append(row)
+    strata: dict[tuple[str, ...], list[list[int]]] = {}
+    for rows in members.values():  # groups with the same classes are exchangeable
+        strata.setdefault(tuple(sorted({dataset.labels[r] for r in rows})), []).append(rows)
+
+    rng = np.random.default_rng(seed)
+    chosen: list[int] = []
+    for _, groups in sorted(strata.items()):
+        groups = [groups[i] for i in rng.permutation(len(groups))]
+        wanted = test * sum(len(rows) for rows in groups)
+        taken: list[list[int]] = []
+        cases = 0
+        for rows in groups:
+            if abs(cases + len(rows) - wanted) < abs(cases - wanted):
+                taken.append(rows)
+                cases += len(rows)
+        if len(groups) > 1:  # of two groups or more, each side gets one
+            if not taken:
+                taken = [min(groups, key=len)]
+            elif len(taken) == len(groups):
+                taken.remove(min(taken, key=len))
+        chosen += [row for rows in taken for row in rows]
+    in_test = np.zeros(len(dataset), dtype=bool)
+    in_test[chosen] = True
+    sides = dataset.take(np.flatnonzero(~in_test)), dataset.take(np.flatnonzero(in_test))
+    for name, side in zip(("training", "test"), sides, strict=True):
+        missing = sorted(set(dataset.labels) - set(side.labels))
+        if missing:
+            raise DataError(f"a test share of {test} leaves the {name} data without {', '.join(missing)}")
+    return sides
