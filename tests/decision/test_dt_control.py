@@ -1,0 +1,63 @@
+"""Algorithm 2 against parts whose every number is known by hand."""
+
+import numpy as np
+import pytest
+
+from lcorpp.decision import Robot, dt_control
+from lcorpp.errors import DecisionError
+from lcorpp.values import Belief
+from tests.decision.fakes import Answers, Eyes, Mind, Plan, Words, seen
+
+
+def test_the_decision_reads_straight_down():
+    mind, world = Mind(), Answers("nod", "nod")
+    episode = dt_control(Robot(Eyes(), mind, Plan(), Words()), seen(0, "sunny"), world)
+    assert episode.label == "yes"
+    assert mind.asked == [("wish", {"sky": "sunny", "label": "yes"})]
+    assert episode.marginal is not None
+    assert episode.marginal["yes"] == pytest.approx(0.8)
+    assert episode.prior == pytest.approx([0.8, 0.2])
+    # .8 : .2 is 4 : 1; a nod makes it 12 : 1, which is above .9
+    assert [step.action for step in episode.steps] == ["ask", "say yes"]
+    assert episode.steps[0].belief == pytest.approx([12 / 13, 1 / 13])
+    assert episode.steps[-1].observation is None
+    assert world.done == ["ask", "say yes"]
+    assert episode.report == "yes"
+
+
+def test_answers_overrule_a_wrong_label():
+    episode = dt_control(Robot(Eyes(), Mind(), Plan(), Words()), seen(1), Answers("nod", "nod", "nod", "nod"))
+    # 1 : 4 needs four nods to reach 81 : 4
+    assert [step.observation for step in episode.steps] == ["nod", "nod", "nod", "nod", None]
+    assert (episode.label, episode.report) == ("no", "yes")
+
+
+def test_a_policy_that_never_reports_is_an_error():
+    world = Answers(*["nod", "shake"] * 10)
+    robot = Robot(Eyes(), Mind(), Plan(), Words())
+    with pytest.raises(DecisionError, match="no report after 7 actions; the last one was 'ask'"):
+        dt_control(robot, seen(1), world, max_steps=7)
+
+
+def test_a_terminal_state_ends_the_decision_without_a_report():
+    class Leaving(Words):
+        def finished(self, belief: Belief) -> bool:
+            return bool(belief[0] > 0.85)
+
+    episode = dt_control(Robot(Eyes(), Mind(), Plan(), Leaving()), seen(0), Answers("nod"))
+    assert episode.report is None
+    assert [step.action for step in episode.steps] == ["ask"]
+
+
+def test_an_episode_cannot_be_changed():
+    episode = dt_control(Robot(Eyes(), Mind(), Plan(), Words()), seen(0), Answers("nod"))
+    with pytest.raises(TypeError):
+        episode.evidence["sky"] = "blue"  # type: ignore[index]
+    with pytest.raises(ValueError, match="read-only"):
+        episode.marginal.probabilities[0] = 1  # type: ignore[union-attr]
+
+
+def test_beliefs_of_an_episode_are_distributions():
+    episode = dt_control(Robot(Eyes(), Mind(), Plan(), Words()), seen(1), Answers("shake"))
+    for step in episode.steps:
+        assert np.sum(step.belief) == pytest.approx(1)

@@ -1,0 +1,98 @@
+"""Algorithm 1 against a learner whose confusion matrices are given."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from lcorpp.decision import Batch, lcorpp
+from lcorpp.decision.lcorpp import ssub
+from lcorpp.errors import DecisionError
+from lcorpp.values import ConfusionMatrix, Dataset
+from tests.decision.fakes import VALUES, Answers, Eyes, Mind, Plan, Words, seen
+
+START = Dataset(np.zeros((2, 1, 2)), ("yes", "no"), ("a", "b"))
+
+
+def run(
+    counts: list[list[list[float]]], *, batch_size: int = 3, epsilon: float = 0.05
+) -> tuple[list[Batch], list]:
+    """Run with the given confusion counts, one matrix a training; also what the learner was given."""
+    matrices, trained, reasoned = iter(counts), [], []
+
+    def learn(dataset: Dataset):
+        trained.append(dataset)
+        return Eyes(), ConfusionMatrix(VALUES, np.array(next(matrices)))
+
+    def reason(confusion: ConfusionMatrix):
+        reasoned.append(confusion)
+        return Mind()
+
+    indices = itertools.cycle([0, 1])
+    batches = list(
+        lcorpp(
+            START,
+            learn=learn,
+            reason=reason,
+            planner=Plan(),
+            domain=Words(),
+            collect=lambda: (seen(index := next(indices)), Answers(*["nod" if index == 0 else "shake"])),
+            batch_size=batch_size,
+            epsilon=epsilon,
+        )
+    )
+    assert len(reasoned) == len(batches) - 1
+    return batches, trained
+
+
+def test_it_grows_the_data_with_reported_labels_until_the_matrix_settles():
+    batches, trained = run([[[8, 2], [3, 7]], [[80, 20], [10, 90]], [[80, 20], [10, 90]]])
+    assert [batch.number for batch in batches] == [0, 1, 2]
+    assert [batch.settled for batch in batches] == [False, False, True]
+    assert [len(data) for data in trained] == [2, 5, 8]
+    assert trained[1].labels == ("yes", "no", "yes", "no", "yes")
+    assert trained[1].groups[2:] == ("batch 1, case 1", "batch 1, case 2", "batch 1, case 3")
+    assert [len(batch.episodes) for batch in batches] == [0, 3, 3]
+
+
+def test_change_is_between_successive_matrices_not_zero_as_the_printed_line_would_make_it():
+    first, second = [[8, 2], [3, 7]], [[80, 20], [10, 90]]
+    batches, _ = run([first, second, second])
+    rates = [ConfusionMatrix(VALUES, np.array(c)).probabilities for c in (first, second)]
+    assert batches[0].change == pytest.approx(np.abs(rates[0] - 0.5).sum())
+    assert batches[1].change == pytest.approx(np.abs(rates[1] - rates[0]).sum())
+    assert batches[1].change > 0.05
+    assert batches[2].change == 0
+
+
+def test_a_classifier_as_good_as_chance_does_not_start_the_loop():
+    batches, _ = run([[[5, 5], [5, 5]]])
+    assert [(batch.number, batch.settled) for batch in batches] == [(0, True)]
+
+
+def test_the_caller_may_stop_at_any_batch():
+    rng = np.random.default_rng(1)
+    loop = lcorpp(
+        START,
+        learn=lambda _: (Eyes(), ConfusionMatrix(VALUES, rng.random((2, 2)) * 9)),
+        reason=lambda _: Mind(),
+        planner=Plan(),
+        domain=Words(),
+        collect=lambda: (seen(0), Answers("nod")),
+        batch_size=1,
+        epsilon=0,
+    )
+    assert [batch.number for batch in itertools.islice(loop, 4)] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("batch_size", "epsilon", "words"),
+    [(0, 0.1, "K must be at least 1, not 0"), (1, -1.0, "at least 0"), (1, float("nan"), "at least 0")],
+)
+def test_settings_that_make_no_sense(batch_size, epsilon, words):
+    with pytest.raises(DecisionError, match=words):
+        run([[[1, 1], [1, 1]]], batch_size=batch_size, epsilon=epsilon)
+
+
+def test_ssub_sums_absolute_differences():
+    assert ssub(np.array([[0.5, 0.5], [0.2, 0.8]]), np.array([[0.75, 0.25], [0.2, 0.8]])) == 0.5
