@@ -1,0 +1,98 @@
+"""Loading of a domain's own `people.py`, the plug-in that says how people move and react."""
+
+from __future__ import annotations
+
+import importlib.util
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from lcorpp.errors import DomainError
+from lcorpp.values import Array
+
+NAMES = ("trajectory", "trajectories", "reaction")
+
+
+class People:
+    """What a `people.py` defines; a call that fails or returns the wrong thing is a `DomainError`.
+
+    It may define ``trajectory(person, rng)`` -> (channels, time points), its batch form
+    ``trajectories(people, rng)`` -> (people, channels, time points), and ``reaction(person, action, rng)``
+    -> observation. A person is a mapping from the attributes of the truth program to values.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._module = _load(path)
+        if not any(hasattr(self._module, name) for name in NAMES):
+            raise DomainError(f"{path}: defines none of {', '.join(NAMES)}")
+
+    @property
+    def has_motion(self) -> bool:
+        return hasattr(self._module, "trajectory") or hasattr(self._module, "trajectories")
+
+    @property
+    def has_reaction(self) -> bool:
+        return hasattr(self._module, "reaction")
+
+    def trajectories(self, people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
+        """(people, channels, time points) how they move."""
+        if hasattr(self._module, "trajectories"):
+            tracks = self._call("trajectories", people, rng)
+        else:
+            tracks = [self._call("trajectory", person, rng) for person in people]
+        try:
+            array = np.array(tracks, dtype=np.float64)
+        except (TypeError, ValueError):
+            array = np.empty(0)
+        if array.ndim != 3 or len(array) != len(people) or 0 in array.shape:
+            raise DomainError(
+                f"{self.path}: expected tracks of shape ({len(people)}, channels, time points),"
+                f" not {array.shape if array.size else 'of unequal shapes'}"
+            )
+        if not np.isfinite(array).all():
+            raise DomainError(f"{self.path}: a track has a coordinate that is not a number")
+        return array
+
+    def reaction(self, person: Mapping[str, str], action: str, rng: np.random.Generator) -> str:
+        """What a person answers to an action."""
+        answer = self._call("reaction", person, action, rng)
+        if not isinstance(answer, str):
+            raise DomainError(f"{self.path}: reaction() returned {answer!r}, expected an observation")
+        return answer
+
+    def _call(self, name: str, *arguments: Any) -> Any:
+        function: Callable[..., Any] = getattr(self._module, name)
+        try:
+            return function(*arguments)
+        except Exception as error:
+            raise _blamed(self.path, f"{name}() failed", error) from error
+
+    def __reduce__(self) -> tuple[type[People], tuple[Path]]:
+        return People, (self.path,)  # a plug-in module is loaded again in another process, not sent
+
+
+def _load(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"lcorpp_people_{path.parent.name}", path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise DomainError(f"{path}: not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise _blamed(path, "cannot be loaded", error) from error
+    return module
+
+
+def _blamed(path: Path, what: str, error: Exception) -> DomainError:
+    """The user's own error, told with the deepest line of the user's own file."""
+    if isinstance(error, SyntaxError) and error.filename == str(path):
+        return DomainError(f"{path}:{error.lineno}: {what}: SyntaxError: {error.msg}")
+    frames = traceback.extract_tb(error.__traceback__)
+    line = next((frame.lineno for frame in reversed(frames) if frame.filename == str(path)), None)
+    where = f"{path}:{line}" if line else str(path)
+    return DomainError(f"{where}: {what}: {type(error).__name__}: {error}")

@@ -1,0 +1,279 @@
+"""A domain folder is checked as a whole: what does not fit is told with both places."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lcorpp.domains import load_domain, shipped_domains
+from lcorpp.errors import DomainError, FileError, LcorppError, ParseError
+from lcorpp.values import ConfusionMatrix, Distribution
+
+ROOMS = Path(__file__).parent / "rooms"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    copy = tmp_path / "rooms"
+    shutil.copytree(ROOMS, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    return copy
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def load_all(folder: Path) -> None:
+    for preset in ("calm", "hectic"):
+        load_domain(folder, preset=preset)
+
+
+def test_the_paper_s_prior():
+    """PAPER.md, golden test: [.22, .78, 0, 0, 0]."""
+    domain = load_domain("intention")
+    assert domain.pomdp.states[:2] == ("interested_not_turned", "not_interested_not_turned")
+    prior = domain.prior(Distribution(("interested", "not_interested"), np.array([0.22, 0.78])))
+    np.testing.assert_allclose(prior, [0.22, 0.78, 0, 0, 0])
+    assert domain.marginal(np.array([0.1, 0.2, 0.3, 0.4, 0]))["interested"] == pytest.approx(0.4)
+
+
+def test_presets_of_the_paper_s_domain():
+    paper, authors = load_domain("intention"), load_domain("intention", preset="authors")
+    assert (paper.preset, authors.preset) == ("paper", "authors")
+    np.testing.assert_allclose(paper.pomdp.start, [0.5, 0.5, 0, 0, 0])
+    np.testing.assert_allclose(authors.pomdp.start, [0.2] * 5)
+    channel = authors.simulation.channel
+    assert channel is not None
+    assert channel["interested"]["one"] == 0.594
+    assert channel["not_interested"]["one"] == 0.119
+    assert paper.simulation.channel == {
+        "interested": {"one": 0.76, "zero": 0.24},
+        "not_interested": {"one": 0.29, "zero": 0.71},
+    }
+    forward = paper.pomdp.actions.index("move_forward")
+    turned = paper.pomdp.states.index("not_interested_turned")
+    assert paper.pomdp.observation[forward, turned, 0] == pytest.approx(0.1)
+    assert authors.pomdp.observation[forward, turned, 0] == pytest.approx(0.9)
+    np.testing.assert_allclose(paper.pomdp.reward[:3, -1], 0)
+    np.testing.assert_allclose(authors.pomdp.reward[:3, -1], [-4, -2, -4.5])
+    np.testing.assert_allclose(paper.simulation.reactions[:3, :4, 0], [[0.7, 0.3, 0.7, 0.3]] * 3)
+    np.testing.assert_allclose(authors.simulation.reactions[:3, :4, 0], [[0.75, 0.25, 0.75, 0.25]] * 3)
+
+
+def test_a_made_up_domain():
+    rooms = load_domain(ROOMS)
+    assert (rooms.values, rooms.terminal, rooms.preset) == (("lab", "office", "store"), 3, "calm")
+    assert rooms.evidence({"badge": "staff"}, "store") == {"badge": "staff", "heading": "right"}
+    assert rooms.claim({"heading": "right"}) == "store"
+    assert rooms.claim({"badge": "staff"}) is None
+    assert (rooms.report("to_office"), rooms.report("point")) == ("office", None)
+    assert rooms.report_action("store") == "to_store"
+    np.testing.assert_array_equal(rooms.entry, np.eye(3, 4))
+    np.testing.assert_allclose(rooms.simulation.reactions[0, 0], [0.8, 0.1, 0.1, 0])
+    np.testing.assert_allclose(
+        load_domain(ROOMS, preset="hectic").simulation.reactions[0, 0], [0.6, 0.2, 0.2, 0]
+    )
+    # goal=lab has .7 for staff; the other headings share what 'left' leaves
+    assert rooms.simulation.channel is not None
+    assert rooms.simulation.channel["lab"] == pytest.approx({"left": 0.8, "ahead": 0.1, "right": 0.1})
+
+
+def test_a_new_confusion_matrix_gives_new_rules_and_leaves_the_old():
+    rooms = load_domain(ROOMS)
+    before = str(rooms.program)
+    confusion = ConfusionMatrix(("lab", "office", "store"), np.array([[9, 0, 0], [4, 4, 1], [0, 0, 9]]))
+    assert str(rooms.program_for(confusion)) != before
+    assert str(rooms.program) == before
+
+
+def test_starts_cover_the_simplex_of_priors():
+    starts = load_domain(ROOMS).starts()
+    np.testing.assert_allclose(starts.sum(axis=1), 1)
+    assert len(starts) == 1 + 36  # the model's own start, and a lattice in sevenths
+    for corner in np.eye(3, 4):
+        assert (starts == corner).all(axis=1).any()
+
+
+def test_shipped_domains_load_by_name():
+    assert shipped_domains() == ("intention",)
+    with pytest.raises(
+        DomainError,
+        match=r"nowhere: no folder with a domain\.toml, and no shipped domain; expected one of intention",
+    ):
+        load_domain("nowhere")
+
+
+TOML, PLOG, POMDP = "domain.toml", "badges.plog", "guide.pomdp"
+
+WRONG = [
+    (
+        TOML,
+        'target = "goal"',
+        'target = "gaol"',
+        r"domain\.toml:7: \[reasoning\] target: .*badges\.plog has no",
+    ),
+    (TOML, '"weekday"]', '"week"]', r"domain\.toml:6: \[reasoning\] observed: .*no attribute 'week'"),
+    (TOML, '"badge", "weekday"', '"badge", "badge"', r"a name stands twice"),
+    (TOML, '"badge", "weekday"', '"badge", "goal"', r"'goal' is the target, so it cannot be observed"),
+    (
+        TOML,
+        "left = ",
+        "wrong = ",
+        r"domain\.toml:11: .*'wrong' is not among the values of heading at .*badges\.plog:5",
+    ),
+    (
+        TOML,
+        '"store" }\ntracks',
+        '"attic" }\ntracks',
+        r"'attic' is not among the values of goal at .*badges\.plog:5",
+    ),
+    (TOML, '"store" }\ntracks', '"lab" }\ntracks', r"'store' is missing|two labels claim"),
+    (
+        TOML,
+        "tracks = 60",
+        "tracks = 2",
+        r"domain\.toml:12: \[learning\] tracks: expected a whole number of at",
+    ),
+    (TOML, "tracks = 60", "tracks = true", r"\[learning\] tracks: expected a whole number"),
+    (
+        TOML,
+        "wants_{goal}",
+        "{goal}",
+        r"domain\.toml:16: .* makes 'lab', which is not a state of .*guide\.pomdp:3",
+    ),
+    (TOML, "wants_{goal}", "wants", r"has to name each of goal in\s+braces"),
+    (TOML, "wants_{goal}", "wants_{goal", r"\[planning\] states: 'wants_\{goal'"),
+    (TOML, 'terminal = "gone"', 'terminal = "away"', r"guide\.pomdp:3 has no state 'away'"),
+    (TOML, 'terminal = "gone"\n', "", r"guide\.pomdp:3: state 'gone' is neither made by"),
+    (
+        TOML,
+        "to_lab =",
+        "to_lob =",
+        r"domain\.toml:20: .*guide\.pomdp:4 has no action 'to_lob'; expected one of point",
+    ),
+    (TOML, 'to_lab = "lab"', 'to_lab = "den"', r"goal cannot be 'den' \(.*badges\.plog:5\)"),
+    (TOML, 'to_lab = "lab"\n', "", r"\[planning\] reports: no action reports 'lab'"),
+    (TOML, 'store = "shrug"', 'store = "nod"', r"guide\.pomdp:5 has no observation 'nod'"),
+    (
+        TOML,
+        'store = "shrug"',
+        'store = "silence"',
+        r"people may answer 'silence' to 'point', which .*guide\.pomdp calls",
+    ),
+    (TOML, 'lab = "yes", ', "", r"\[simulation\] feedback: 'lab' is missing"),
+    (TOML, "noise = 0.2", "noise = 1.2", r"domain\.toml:27: .*expected a number from 0 to 1, not 1\.2"),
+    (
+        TOML,
+        "noise = 0.2",
+        "nose = 0.2",
+        r"domain\.toml:27: \[simulation\] nose: unknown key; expected one of",
+    ),
+    (TOML, "noise = 0.2", 'noise = 0.2\ntruth = "none.plog"', r"none\.plog: cannot be read"),
+    (TOML, "noise = 0.4", "noise = -1", r"\[simulation\] noise: expected a number from 0 to 1"),
+    (TOML, "[reasoning]", "[reasning]", r"reasoning is missing"),
+    (TOML, "[learning]\n", "[learning\n", r"domain\.toml:9:\d+: "),
+    (TOML, 'name = "rooms"', "name = ", r"domain\.toml:1:8: "),
+    (TOML, 'people = "people.py"', 'people = "crowd.py"', r"crowd\.py: not a Python file"),
+    (
+        TOML,
+        "noise = 0.2\n",
+        "noise = 0.2\n[simulation.channel]\nlab = { left = 1 }\n",
+        r"channel: 'office' is missing",
+    ),
+    (PLOG, "random(goal)", "random(gaol)", r"badges\.plog:6:\d+: .*gaol"),
+    (PLOG, "3/5", "8/5", r"badges\.plog:7:\d+: "),
+    (POMDP, "0.8 0.1 0.1 0\n", "0.8 0.1 0.2 0\n", r"guide\.pomdp:13:1: .*sums to 1\.1"),
+    (POMDP, "to_store\n", "to_store extra\n", r"guide\.pomdp"),
+]
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "words"), WRONG, ids=[f"{w[0]}-{i}" for i, w in enumerate(WRONG)]
+)
+def test_what_does_not_fit_is_told_with_its_place(folder, file, old, new, words):
+    edit(folder / file, old, new)
+    with pytest.raises(LcorppError, match=words):
+        load_all(folder)
+
+
+def test_unknown_presets_and_missing_files(folder):
+    with pytest.raises(DomainError, match="unknown preset 'wild'; expected one of calm, hectic"):
+        load_domain(folder, preset="wild")
+    (folder / POMDP).unlink()
+    with pytest.raises(FileError, match=r"guide\.pomdp: cannot be read"):
+        load_domain(folder)
+
+
+def test_a_channel_has_to_sum(folder):
+    edit(
+        folder / TOML,
+        "noise = 0.2\n",
+        "noise = 0.2\n[simulation.channel]\n"
+        + "".join(
+            f"{goal} = {{ left = 0.5, ahead = 0.2, right = 0.2 }}\n" for goal in ("lab", "office", "store")
+        ),
+    )
+    with pytest.raises(DomainError, match=r"domain\.toml:29: .*lab: the probabilities sum to 0\.9, not 1"):
+        load_domain(folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("def trajectory(person, rng)\n    pass\n", r"people\.py:1: cannot be loaded: SyntaxError"),
+        ("import numpy\nraise RuntimeError('no')\n", r"people\.py:2: cannot be loaded: RuntimeError: no"),
+        ("x = 1\n", r"people\.py: defines none of trajectory, trajectories, reaction"),
+    ],
+)
+def test_a_people_file_that_cannot_be_loaded(folder, text, words):
+    (folder / "people.py").write_text(text)
+    with pytest.raises(DomainError, match=words):
+        load_domain(folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "def trajectory(p, rng):\n    return p['no']\n",
+            r"people\.py:2: trajectory\(\) failed: KeyError: 'no'",
+        ),
+        (
+            "def trajectory(p, rng):\n    return [1, 2]\n",
+            r"expected tracks of shape \(2, channels, time points\)",
+        ),
+        ("def trajectories(p, rng):\n    return [[[1.0, float('nan')]]] * 2\n", r"is not a number"),
+        (
+            "import numpy as np\ndef trajectory(p, rng):\n    return np.zeros((2, rng.integers(9) + 1))\n",
+            "unequal|shape",
+        ),
+    ],
+)
+def test_a_people_file_that_fails_when_asked(folder, text, words):
+    (folder / "people.py").write_text(text)
+    trajectories = load_domain(folder).simulation.trajectories
+    assert trajectories is not None
+    with pytest.raises(DomainError, match=words):
+        trajectories([{"goal": "lab"}, {"goal": "store"}], np.random.default_rng(0))
+
+
+def test_evidence_a_domain_does_not_know():
+    rooms = load_domain(ROOMS)
+    with pytest.raises(DomainError, match="'mood' is not observed in rooms; expected one of badge, weekday"):
+        rooms.evidence({"mood": "good"}, None)
+    with pytest.raises(DomainError, match="badge cannot be 'king'; expected one of staff, guest"):
+        rooms.evidence({"badge": "king"}, None)
+    with pytest.raises(DomainError, match="unknown class 'left'; expected one of lab, office, store"):
+        rooms.evidence({}, "left")
+
+
+def test_a_preset_over_a_table_that_is_missing(folder):
+    (folder / TOML).write_text("presets = 3\n")
+    with pytest.raises(DomainError, match="expected a table of tables"):
+        load_domain(folder)
+    (folder / TOML).write_text('name = "a\n')
+    with pytest.raises(ParseError, match=r"domain\.toml:1:"):
+        load_domain(folder)
