@@ -1,0 +1,34 @@
+"""One decision, part by part: label, evidence, posterior, prior, actions, report.
+
+Run it with `python examples/01_one_decision.py`; give the answers yourself with `--ask`.
+"""
+
+import sys
+
+import numpy as np
+
+from lcorpp import ConsoleWorld, Enumeration, Instance, Planner, Robot, dt_control, load_domain, solve
+
+
+class Classifier:
+    """Stands for yours: anything that tells from an instance which class the person belongs to."""
+
+    def classify(self, instance: Instance) -> str:
+        return "not_interested"
+
+
+domain = load_domain("intention")
+policy = solve(domain.pomdp, domain.starts()).policy
+robot = Robot(Classifier(), Enumeration(domain.program), Planner(domain.pomdp, policy), domain)
+
+person = Instance(trajectory=np.zeros((2, 304)), context={"time": "afternoon", "location": "classroom"})
+answer = input if "--ask" in sys.argv else lambda question: "pos"
+episode = dt_control(robot, person, ConsoleWorld(domain.pomdp.observations, ask=answer))
+
+print("label:    ", episode.label)
+print("evidence: ", dict(episode.evidence))
+print("posterior:", {value: round(p, 6) for value, p in episode.marginal})
+print("prior:    ", np.round(episode.prior, 2))
+for step in episode.steps:
+    print(f"  {step.action:<22} -> {step.observation or '':<5} {np.round(step.belief, 3)}")
+print("report:   ", episode.report)

@@ -1,0 +1,24 @@
+"""A domain of your own is a folder: `drinks`, beside this file, has three files and no Python.
+
+The same as a command: `lcorpp run examples/drinks`, and `lcorpp check examples/drinks` while you write yours.
+"""
+
+from pathlib import Path
+
+from lcorpp import STRATEGIES, Enumeration, Planner, Robot, load_domain, solve
+from lcorpp.experiments.exact import exact
+from lcorpp.experiments.people import Channel
+
+domain = load_domain(Path(__file__).parent / "drinks")
+reasoner = Enumeration(domain.program)
+
+print(f"{domain.description} It is morning, and the guest looks at the kettle.")
+for value, probability in reasoner.posterior("wish", {"daytime": "morning", "gaze": "at_kettle"}):
+    print(f"  {value:<7} {probability:.3f}")
+
+# The six strategies, scored exactly: every guest and every answer enumerated.
+channel = Channel.of(domain)
+policy = solve(domain.pomdp, domain.starts()).policy
+robot = Robot(channel, reasoner, Planner(domain.pomdp, policy), domain)
+for scores in exact(domain, robot, channel, STRATEGIES):
+    print(f"  {scores.strategy:<7} accuracy {scores.accuracy.value:.3f}  return {scores.earned.value:6.2f}")

@@ -1,0 +1,92 @@
+"""`lcorpp check`: is this file or folder right?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lcorpp.cli import show
+from lcorpp.errors import FileError
+
+if TYPE_CHECKING:
+    from lcorpp.planning import Pomdp
+
+KINDS = "a .plog, .pomdp or .policy file, a domain.toml, a domain folder or a folder of recorded tracks"
+
+
+def check(
+    path: Annotated[Path, typer.Argument(metavar="FILE|FOLDER", help=f"What to check: {KINDS}.")],
+    model: Annotated[
+        Path | None,
+        typer.Option("--model", metavar="FILE.pomdp", help="The model that a .policy belongs to."),
+    ] = None,
+) -> None:
+    """Check a file or a folder and say what it holds; the first thing that is wrong ends in exit code 2."""
+    suffix = path.suffix.lower()
+    if path.is_dir() and (path / "interposx.csv").exists():
+        _tracks(path)
+    elif path.is_dir() or path.name == "domain.toml":
+        _domain(path if path.is_dir() else path.parent)
+    elif suffix == ".plog":
+        _program(path)
+    elif suffix == ".pomdp":
+        _model(path)
+    elif suffix == ".policy" and model is not None:
+        _policy(path, model)
+    elif suffix == ".policy":
+        raise FileError(f"{path}: a policy is checked against its model; give --model FILE.pomdp")
+    else:
+        raise FileError(f"{path}: cannot tell what this is; expected {KINDS}")
+
+
+def _tracks(path: Path) -> None:
+    from lcorpp.learning import check_trainable, read_authors
+
+    data = read_authors(path, labels={"0": "0", "1": "1"})
+    check_trainable(data)
+    counts = ", ".join(f"{data.labels.count(label)} of class {label}" for label in sorted(set(data.labels)))
+    show.console.print(f"{path}: {len(data)} tracks ({counts}) of {len(set(data.groups))} people: right")
+    for note in data.notes:
+        show.console.print(f"  note: {note}")
+
+
+def _domain(folder: Path) -> None:
+    from lcorpp.domains import load_domain
+    from lcorpp.domains.settings import preset_names
+
+    for preset in preset_names(folder) or (None,):
+        domain = load_domain(folder, preset=preset)
+        name = f"{domain.name}, preset {preset}" if preset else domain.name
+        show.console.print(
+            f"{folder} ({name}): observes {', '.join(domain.observed) or 'nothing'};"
+            f" decides {domain.target} among {', '.join(domain.values)}; {_size(domain.pomdp)}: right"
+        )
+
+
+def _program(path: Path) -> None:
+    from lcorpp.reasoning import Enumeration, read_plog
+
+    program = read_plog(path)
+    worlds = Enumeration(program).worlds
+    show.console.print(f"{path}: {len(program.attributes)} attributes, {len(worlds)} possible worlds: right")
+
+
+def _model(path: Path) -> None:
+    from lcorpp.planning import read_pomdp
+
+    pomdp = read_pomdp(path)
+    show.console.print(f"{path}: {_size(pomdp)}, discount {pomdp.discount:g}: right")
+
+
+def _size(pomdp: Pomdp) -> str:
+    counts = (len(pomdp.states), len(pomdp.actions), len(pomdp.observations))
+    return "{} states, {} actions, {} observations".format(*counts)
+
+
+def _policy(path: Path, model: Path) -> None:
+    from lcorpp.planning import read_policy, read_pomdp
+
+    policy = read_policy(path, read_pomdp(model))
+    show.console.print(f"{path}: {len(policy.actions)} vectors for {model}: right")

@@ -1,0 +1,79 @@
+"""What commands share: the console, progress bars, bars for probabilities, common options."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Protocol
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.text import Text
+
+console = Console(highlight=False, soft_wrap=True)
+messages = Console(stderr=True, highlight=False)
+
+DomainArgument = Annotated[
+    str, typer.Argument(metavar="[DOMAIN]", help="A domain folder, or the name of a shipped domain.")
+]
+PresetOption = Annotated[
+    str | None, typer.Option("--preset", help="A preset of the domain; its first one by default.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn.")]
+JobsOption = Annotated[
+    int | None,
+    typer.Option("--jobs", min=1, help="Processes; all cores by default. Results do not depend on it."),
+]
+EpochsOption = Annotated[
+    int, typer.Option("--epochs", min=1, help="Passes over the data in each training of the LSTM.")
+]
+DataOption = Annotated[
+    Path | None,
+    typer.Option("--data", help="Folder of recorded tracks (interposx.csv, interposy.csv) to learn from."),
+]
+OutOption = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
+
+
+def cores(jobs: int | None) -> int:
+    """How many processes to use."""
+    return jobs or os.cpu_count() or 1
+
+
+class Advance(Protocol):
+    """Says how much of a task is done; what is left out stays as it was."""
+
+    def __call__(self, done: int, total: int | None = None, title: str | None = None) -> None: ...
+
+
+@contextmanager
+def progress(title: str, total: int | None = None) -> Iterator[Advance]:
+    """A progress bar on standard error while something longer than a second goes on."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=messages, transient=True) as bars:
+        task = bars.add_task(title, total=total)
+
+        def advance(done: int, total: int | None = None, title: str | None = None) -> None:
+            bars.update(task, completed=done, total=total, description=title)
+
+        yield advance
+
+
+def bar(share: float, width: int = 30) -> Text:
+    """A probability as a bar."""
+    eighths = round(share * width * 8)
+    blocks = "█" * (eighths // 8) + (" ▏▎▍▌▋▊▉"[eighths % 8] if eighths % 8 else "")
+    return Text(blocks, style="cyan")
+
+
+def heading(number: int, title: str, aside: str = "") -> None:
+    """A numbered heading."""
+    console.print()
+    console.print(Text.assemble((f"{number}  {title}", "bold"), (f"   {aside}" if aside else "", "dim")))
+
+
+def line(name: str, share: float, width: int) -> None:
+    """One named probability with its bar."""
+    console.print(Text.assemble(f"     {name:<{width}}  {share:8.6f}  ", bar(share)))

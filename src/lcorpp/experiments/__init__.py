@@ -1,0 +1,1 @@
+"""The paper's experiments: simulated people, trials, exact values, intervals and figures."""

@@ -1,0 +1,86 @@
+"""All figures; the only module that imports matplotlib."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from lcorpp.experiments.metrics import Estimate, Scores
+from lcorpp.files import write_atomically
+
+INK, MUTED, BLUE, ORANGE = "#1f2933", "#7b8794", "#2f6db5", "#d9822b"
+mpl.rcParams.update({"font.size": 10, "text.color": INK, "axes.labelcolor": INK, "axes.edgecolor": MUTED})
+
+
+def plot_comparison(results: Sequence[Scores], title: str, path: Path) -> None:
+    """Figure "comparison with five baselines": F1 of every strategy, and what asking costs.
+
+    Strategies that do not plan have no cost and are left out on the right, as in the paper.
+    """
+    asking = [result for result in results if result.cost.value > 0]
+    widths = [len(results), len(results)] + ([max(len(asking), 2)] if asking else [])
+    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    axes = figure.subplots(1, len(widths), width_ratios=widths)
+    names = [result.strategy for result in results]
+    _bars(axes[0], names, [result.f1 for result in results], "F1 score", "{:.3f}")
+    axes[0].set_ylim(0, 1)
+    _bars(axes[1], names, [result.earned for result in results], "return", "{:.1f}")
+    if asking:
+        _bars(axes[2], [r.strategy for r in asking], [r.cost for r in asking], "cost of asking", "{:.1f}")
+    figure.suptitle(title, fontsize=11)
+    _save(figure, path)
+
+
+def plot_batches(numbers: Sequence[int], f1: Sequence[float], change: Sequence[float], path: Path) -> None:
+    """Figure "active data augmentation": the quality of the classifier and its change, batch by batch."""
+    figure = Figure(figsize=(8, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for axes, heights, label, colour in (
+        (left, f1, "F1 of the batch's decisions", BLUE),
+        (right, change, "change of the confusion matrix", ORANGE),
+    ):
+        axes.plot(numbers, heights, marker="o", color=colour)
+        axes.set(xlabel="batch", ylabel=label)
+        axes.set_ylim(bottom=0)
+        axes.xaxis.get_major_locator().set_params(integer=True)
+        _tidy(axes)
+    _save(figure, path)
+
+
+def _bars(axes: Axes, names: Sequence[str], estimates: Sequence[Estimate], label: str, form: str) -> None:
+    for position, (name, estimate) in enumerate(zip(names, estimates, strict=True)):
+        colour = ORANGE if name == "LCORPP" else BLUE
+        axes.bar(position, estimate.value, color=colour, width=0.66)
+        whiskers = [[estimate.value - estimate.low], [estimate.high - estimate.value]]
+        axes.errorbar(position, estimate.value, yerr=whiskers, color=INK, capsize=3, linewidth=1)
+        axes.annotate(
+            form.format(estimate.value),
+            (position, estimate.high),
+            xytext=(0, 3),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8.5,
+        )
+    axes.set_xticks(range(len(names)), names)
+    axes.set_ylabel(label)
+    axes.margins(y=0.12)
+    _tidy(axes)
+
+
+def _tidy(axes: Axes) -> None:
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(axis="y", color="#e4e7eb", linewidth=0.8)
+    axes.set_axisbelow(True)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    FigureCanvasAgg(figure)
+    image = io.BytesIO()
+    figure.savefig(image, format="png", dpi=150)
+    write_atomically(path, image.getvalue())

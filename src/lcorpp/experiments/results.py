@@ -1,0 +1,76 @@
+"""The table of a comparison as files: CSV, and JSON with the configuration, seed and versions."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import platform
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from lcorpp.experiments.metrics import Scores
+from lcorpp.files import make_folder, write_atomically
+
+FIGURES = ("f1", "precision", "recall", "accuracy", "cost", "return")
+COLUMNS = ("strategy", *(f"{name}{end}" for name in FIGURES for end in ("", "_low", "_high")))
+PACKAGES = ("lcorpp", "numpy", "scipy", "clingo", "scikit-learn", "torch")
+
+
+def row(result: Scores) -> dict[str, str | float]:
+    """One strategy as a row with the columns `COLUMNS`."""
+    cells: dict[str, str | float] = {"strategy": result.strategy}
+    for name in FIGURES:
+        estimate = getattr(result, "earned" if name == "return" else name)
+        cells |= {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
+    return cells
+
+
+def versions() -> dict[str, str]:
+    """The versions that a result depends on."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def write_csv(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows as a CSV file with a header."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_atomically(path, text.getvalue())
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a JSON file with the versions added."""
+    write_atomically(path, json.dumps({**content, "versions": versions()}, indent=2) + "\n")
+
+
+def write_comparison(
+    folder: Path, results: Sequence[Scores], configuration: Mapping[str, Any]
+) -> tuple[Path, Path]:
+    """Write results.csv and results.json.
+
+    Args:
+        folder: made if missing.
+        configuration: what was run: domain, preset, trials, seed and so on.
+
+    Returns:
+        The two paths.
+    """
+    make_folder(folder)
+    rows = [row(result) for result in results]
+    write_csv(folder / "results.csv", COLUMNS, rows)
+    detailed = [
+        {**cells, "cost_sd": result.cost_sd, "counts": result.counts.tolist()}
+        for cells, result in zip(rows, results, strict=True)
+    ]
+    write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
+    return folder / "results.csv", folder / "results.json"
