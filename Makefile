@@ -1,0 +1,58 @@
+# Everything runs from one environment that the first command sets up: `make demo`, `make test`.
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+# PyTorch exactly: a bare `torch` may bring gigabytes of another build.
+TORCH  := torch==2.13.0
+# One thread per process: folds and trials run in parallel processes instead.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+.PHONY: demo test check lint format check-slow clean help
+
+help:
+	@echo "make demo        set up, then run the paper's comparison with a trained classifier"
+	@echo "make test        set up, then run the tests"
+	@echo "make check       lint, types, import rules and tests"
+	@echo "make check-slow  the checks that take minutes"
+	@echo "make format      format the code"
+	@echo "make clean       remove the environment and what was made"
+
+demo: $(VENV)/.runtime
+	$(BIN)/lcorpp explain intention --fact time=afternoon --fact location=classroom --label zero
+	$(BIN)/lcorpp run intention --trials 2000 --epochs 30 --out out/demo
+
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest -m "not slow"
+
+check: lint test
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+check-slow: $(VENV)/.dev
+	$(BIN)/python -m pytest -m slow
+
+format: $(VENV)/.dev
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+$(VENV)/.python:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "lcorpp needs Python 3.11 or newer")'
+	$(PYTHON) -m venv $(VENV)
+	touch $@
+
+$(VENV)/.runtime: pyproject.toml | $(VENV)/.python
+	$(BIN)/pip install --quiet --disable-pip-version-check $(TORCH)
+	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[torch]'
+	touch $@
+
+$(VENV)/.dev: $(VENV)/.runtime
+	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[torch,dev]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) out build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
