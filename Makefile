@@ -20,7 +20,7 @@ help:
 
 demo: $(VENV)/.runtime
 	$(BIN)/lcorpp explain intention --fact time=afternoon --fact location=classroom --label zero
-	$(BIN)/lcorpp run intention --trials 2000 --epochs 30 --out out/demo
+	$(BIN)/lcorpp run intention --trials 1000 --epochs 12 --out out/demo
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -m "not slow"

@@ -17,7 +17,7 @@ def ask(
     query: Annotated[
         str | None,
         typer.Argument(
-            metavar="[QUERY]",
+            metavar="QUERY",
             help="E.g. 'intention', 'intention=interested | obs(time=morning), do(location=library)';"
             " the program's own queries by default.",
         ),

@@ -13,7 +13,7 @@ from lcorpp.errors import FileError
 if TYPE_CHECKING:
     from lcorpp.planning import Pomdp
 
-KINDS = "a .plog, .pomdp or .policy file, a domain.toml, a domain folder or a folder of recorded tracks"
+KINDS = "a .plog, .pomdp or .policy file, a domain folder or its domain.toml, a folder of recorded tracks"
 
 
 def check(
@@ -24,11 +24,15 @@ def check(
     ] = None,
 ) -> None:
     """Check a file or a folder and say what it holds; the first thing that is wrong ends in exit code 2."""
+    from lcorpp.domains.loading import SHIPPED, shipped_domains
+
     suffix = path.suffix.lower()
     if path.is_dir() and (path / "interposx.csv").exists():
         _tracks(path)
     elif path.is_dir() or path.name == "domain.toml":
         _domain(path if path.is_dir() else path.parent)
+    elif not path.exists() and str(path) in shipped_domains():
+        _domain(SHIPPED / path)
     elif suffix == ".plog":
         _program(path)
     elif suffix == ".pomdp":

@@ -49,9 +49,7 @@ def explain(
     preparation.introduce(loaded)
     facts = _facts(loaded, fact or [])
     given = None if label is None else _claimed(loaded, label)
-    robot = preparation.robot(
-        loaded, preparation.eyes(loaded, "channel", data=None, epochs=1, seed=seed, jobs=1)
-    )
+    robot = preparation.robot(loaded, preparation.channel_eyes(loaded))
     rng = np.random.default_rng([seed, 0])
     world: World
     truth: str | None = None

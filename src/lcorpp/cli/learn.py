@@ -27,7 +27,7 @@ def learn(
     ] = 100,
     seed: show.SeedOption = 0,
     data: show.DataOption = None,
-    epochs: show.EpochsOption = 40,
+    epochs: show.EpochsOption = None,
     out: show.OutOption = None,
     jobs: show.JobsOption = None,
 ) -> None:
@@ -60,7 +60,7 @@ def learn(
     def learned(dataset: Dataset) -> Any:
         with show.progress(f"training on {len(dataset)} tracks") as advance:
             trained, validation = train(
-                dataset, epochs=epochs, seed=seed, jobs=show.cores(jobs), progress=advance
+                dataset, epochs=epochs or training.epochs, seed=seed, jobs=show.cores(jobs), progress=advance
             )
         return trained, validation.confusion
 

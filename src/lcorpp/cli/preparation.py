@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from lcorpp import planning
 from lcorpp.cli import show
@@ -13,6 +12,7 @@ from lcorpp.domains import Domain
 from lcorpp.errors import DataError
 from lcorpp.experiments.people import Appearance, Channel, Reader
 from lcorpp.reasoning import Enumeration, Program
+from lcorpp.values import Array, ConfusionMatrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +20,7 @@ class Eyes:
     """A classifier, whom it will see, and the rules that say how far to trust it.
 
     rates: true value -> value said -> probability, as measured, or as given for a channel.
+    epochs: how long it was trained, None where it was not.
     notes: what the user has to know about the data.
     """
 
@@ -27,6 +28,7 @@ class Eyes:
     appearance: Appearance
     program: Program
     rates: dict[str, dict[str, float]]
+    epochs: int | None
     notes: tuple[str, ...]
 
 
@@ -36,65 +38,63 @@ def introduce(domain: Domain) -> None:
     show.console.print(f"{domain.name}{preset}: {domain.description}", style="bold")
 
 
-def eyes(
-    domain: Domain,
-    classifier: str,
-    *,
-    data: Path | None,
-    epochs: int,
-    seed: int,
-    jobs: int,
-    learns: bool = True,
-) -> Eyes:
-    """The classifier by name: `channel`, `lstm` (trained now), or a file.
-
-    Args:
-        learns: whether any strategy will ask the classifier; without one nothing is trained.
-    """
-    if classifier == "channel" or not learns:
-        channel = Channel.of(domain)
-        rates = {
-            value: dict(zip(domain.values, row, strict=True))
-            for value, row in zip(domain.values, channel.rates.tolist(), strict=True)
-        }
-        _tell(rates, "the classifier is a channel")
-        return Eyes(channel, channel, domain.program, rates, ())
-    from lcorpp.experiments.training import learn, motion_of, recorded_training, simulated_training
-    from lcorpp.learning import load_classifier
-
-    if classifier != "lstm":
-        trained = load_classifier(Path(classifier))
-        if trained.confusion is None or set(trained.confusion.classes) != set(domain.values):
-            raise DataError(
-                f"{classifier}: tells {trained.confusion and trained.confusion.classes} apart, not {domain.values}"
-            )
-        appearance = recorded_training(domain, data, seed).appearance if data else motion_of(domain)
-        return _measured(domain, trained, appearance, f"the classifier of {classifier}", ())
-    training = recorded_training(domain, data, seed) if data else simulated_training(domain, seed)
-    with show.progress("cross-validating the LSTM") as advance:
-        trained, validation = learn(training.dataset, epochs=epochs, seed=seed, jobs=jobs, progress=advance)
-    area = "" if validation.auc is None else f", AUC {validation.auc:.3f}"
-    title = f"the LSTM, cross-validated on {training.dataset.source} ({len(training.dataset)}{area})"
-    return _measured(domain, trained, training.appearance, title, training.dataset.notes)
-
-
-def _measured(
-    domain: Domain, trained: Any, appearance: Appearance, title: str, notes: tuple[str, ...]
-) -> Eyes:
-    confusion = trained.confusion
-    rates = {
-        actual: dict(zip(confusion.classes, row, strict=True))
-        for actual, row in zip(confusion.classes, confusion.probabilities.tolist(), strict=True)
-    }
-    _tell(rates, title)
-    return Eyes(trained, appearance, domain.program_for(confusion), rates, notes)
-
-
-def _tell(rates: dict[str, dict[str, float]], title: str) -> None:
-    show.console.print(title)
+def channel_eyes(domain: Domain) -> Eyes:
+    """The classifier as the domain's channel; the rules stay as they are written."""
+    channel = Channel.of(domain)
+    rates = _table(domain.values, channel.rates)
+    show.console.print("the classifier is a channel")
     for actual, row in rates.items():
         said = ", ".join(f"{value} {rate:.3f}" for value, rate in row.items())
         show.console.print(f"  {actual} people are called: {said}")
+    return Eyes(channel, channel, domain.program, rates, None, ())
+
+
+def trained_eyes(
+    domain: Domain, *, file: Path | None, data: Path | None, epochs: int | None, seed: int, jobs: int
+) -> Eyes:
+    """A trained classifier, from a file or trained now; its confusion matrix becomes the rules.
+
+    Args:
+        file: a classifier saved by an earlier run; None trains the LSTM.
+        data: recorded tracks for training and trials, in place of simulated ones.
+        epochs: passes over the data; None takes what suits them.
+    """
+    from lcorpp.experiments.training import learn, recorded_training, simulated_training
+    from lcorpp.learning import load_classifier, rates_intervals
+
+    confusion: ConfusionMatrix | None
+    training = recorded_training(domain, data, seed) if data else simulated_training(domain, seed)
+    if file is None:
+        epochs = epochs or training.epochs
+        with show.progress("cross-validating and training the LSTM") as advance:
+            trained, validation = learn(
+                training.dataset, epochs=epochs, seed=seed, jobs=jobs, progress=advance
+            )
+        area = "" if validation.auc is None else f" AUC {validation.auc:.3f},"
+        show.console.print(
+            f"the LSTM, five-fold on {training.dataset.source}, {epochs} epochs:{area}"
+            f" accuracy {validation.accuracy:.3f}"
+        )
+        confusion = validation.confusion
+    else:
+        trained, epochs = load_classifier(file), None
+        confusion = trained.confusion
+        if confusion is None or set(confusion.classes) != set(domain.values):
+            known = "unknown classes" if confusion is None else ", ".join(confusion.classes)
+            raise DataError(f"{file}: tells {known} apart; {domain.name} needs {', '.join(domain.values)}")
+        show.console.print(f"the classifier of {file}")
+    for row in rates_intervals(confusion):
+        said = ", ".join(f"{r.called} {r.value:.3f} [{r.low:.3f}, {r.high:.3f}]" for r in row)
+        show.console.print(f"  {row[0].given} people ({row[0].cases}) are called: {said}")
+    measured = _table(confusion.classes, confusion.probabilities)
+    program = domain.program_for(confusion)
+    return Eyes(trained, training.appearance, program, measured, epochs, training.dataset.notes)
+
+
+def _table(values: tuple[str, ...], rates: Array) -> dict[str, dict[str, float]]:
+    return {
+        value: dict(zip(values, row, strict=True)) for value, row in zip(values, rates.tolist(), strict=True)
+    }
 
 
 def robot(domain: Domain, looking: Eyes, policy: Path | None = None) -> Robot:
@@ -110,8 +110,9 @@ def planner(domain: Domain, policy: Path | None = None) -> planning.Planner:
     starts = domain.starts()
     with show.progress("solving the POMDP"):
         solution = planning.solve(pomdp, starts)
+    lower, upper = solution.policy.value(pomdp.start), solution.upper_bound.value(pomdp.start)
     show.console.print(
-        f"SARSOP: {solution.policy.value(pomdp.start):.3f} to {solution.upper_bound.value(pomdp.start):.3f} at the"
-        f" model's start, {solution.vectors} vectors for {len(starts)} priors, {solution.seconds:.1f} s"
+        f"SARSOP: {lower:.3f} to {upper:.3f} at the model's start; {solution.vectors} vectors for"
+        f" {len(starts)} priors, {solution.seconds:.1f} s"
     )
     return planning.Planner(pomdp, solution.policy)

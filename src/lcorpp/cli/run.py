@@ -32,7 +32,7 @@ def run(
         ),
     ] = None,
     data: show.DataOption = None,
-    epochs: show.EpochsOption = 300,
+    epochs: show.EpochsOption = None,
     policy: Annotated[
         Path | None, typer.Option("--policy", help="A policy of the domain's model, instead of solving it.")
     ] = None,
@@ -64,15 +64,13 @@ def run(
             "--exact needs --classifier channel: how a trained one errs is only known from trials"
         )
     preparation.introduce(loaded)
-    eyes = preparation.eyes(
-        loaded,
-        chosen,
-        data=data,
-        epochs=epochs,
-        seed=seed,
-        jobs=show.cores(jobs),
-        learns=any(r.learns for r in rows),
-    )
+    if chosen == "channel" or not any(row.learns for row in rows):
+        eyes = preparation.channel_eyes(loaded)
+    else:
+        file = None if chosen == "lstm" else Path(chosen)
+        eyes = preparation.trained_eyes(
+            loaded, file=file, data=data, epochs=epochs, seed=seed, jobs=show.cores(jobs)
+        )
     robot = preparation.robot(loaded, eyes, policy)
     configuration: dict[str, Any] = {
         "domain": loaded.name,
@@ -80,7 +78,7 @@ def run(
         "classifier": chosen,
         "rates": eyes.rates,
         "data": str(data) if data else None,
-        "epochs": epochs if chosen == "lstm" else None,
+        "epochs": eyes.epochs,
         "policy": str(policy) if policy else "solved",
         "trials": "exact" if exact else trials,
         "seed": seed,

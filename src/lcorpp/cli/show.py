@@ -17,7 +17,7 @@ console = Console(highlight=False, soft_wrap=True)
 messages = Console(stderr=True, highlight=False)
 
 DomainArgument = Annotated[
-    str, typer.Argument(metavar="[DOMAIN]", help="A domain folder, or the name of a shipped domain.")
+    str, typer.Argument(metavar="DOMAIN", help="A domain folder, or the name of a shipped domain.")
 ]
 PresetOption = Annotated[
     str | None, typer.Option("--preset", help="A preset of the domain; its first one by default.")
@@ -28,7 +28,8 @@ JobsOption = Annotated[
     typer.Option("--jobs", min=1, help="Processes; all cores by default. Results do not depend on it."),
 ]
 EpochsOption = Annotated[
-    int, typer.Option("--epochs", min=1, help="Passes over the data in each training of the LSTM.")
+    int | None,
+    typer.Option("--epochs", min=1, help="Passes over the data; what suits them by default."),
 ]
 DataOption = Annotated[
     Path | None,

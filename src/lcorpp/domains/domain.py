@@ -50,7 +50,8 @@ class Domain:
     attribute: the attribute that the classifier feeds; label_of: target value -> the label that claims it.
     positive: the target value that F1, precision and recall are about; None averages over all values.
     classifier: "lstm" or "channel", what feeds the attribute unless the user says otherwise.
-    tracks: how many simulated tracks to train on. data_labels: how recorded data writes the classes.
+    tracks, epochs: how many simulated tracks to train on, and how often.
+    data_labels: how recorded data writes the classes.
     pomdp: the planner's model. reports: report action -> target value.
     entry: (V, S) entry[v] the planner's states that carry target value v before any action.
     share: (S, V) 1 where a state has target value v; zeros for the terminal state.
@@ -70,6 +71,7 @@ class Domain:
     positive: str | None
     classifier: str
     tracks: int
+    epochs: int
     data_labels: Mapping[str, str]
     pomdp: Pomdp
     reports: Mapping[str, str]

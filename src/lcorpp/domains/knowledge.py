@@ -28,6 +28,7 @@ class Learning:
     positive: str | None
     classifier: str
     tracks: int
+    epochs: int
     data_labels: Mapping[str, str]
 
 
@@ -78,9 +79,10 @@ def read_learning(section: Settings, knowledge: Knowledge) -> Learning:
                 f" cannot be ({declared}); {expected(knowledge.values)}"
             )
     tracks = section.count("tracks", 2 * len(knowledge.values), 1600)
+    epochs = section.count("epochs", 1, 20)
     section.close()
     label_of = {value: word for word, value in labels.items()}
-    return Learning(attribute, label_of, positive, classifier, tracks, data_labels)
+    return Learning(attribute, label_of, positive, classifier, tracks, epochs, data_labels)
 
 
 def attribute_values(place: str, name: str, program: Program) -> tuple[str, ...]:

@@ -58,6 +58,7 @@ def load_domain(place: str | Path, *, preset: str | None = None) -> Domain:
         positive=learning.positive,
         classifier=learning.classifier if simulation.trajectories else "channel",
         tracks=learning.tracks,
+        epochs=learning.epochs,
         data_labels=learning.data_labels,
         pomdp=planning.pomdp,
         reports=planning.reports,

@@ -14,7 +14,10 @@ from lcorpp.experiments.plotting import plot_batches
 from lcorpp.experiments.results import FIGURES, row, write_csv, write_json
 from lcorpp.experiments.simulated_world import SimulatedWorld, Stage
 from lcorpp.learning import TrainedClassifier, save_classifier
-from lcorpp.values import Instance
+from lcorpp.values import Array, Instance
+
+GROUP = 50
+"""People whose motion is simulated at once: one by one takes twenty times longer."""
 
 Meeting = tuple[Person, SimulatedWorld]
 
@@ -26,15 +29,19 @@ class Crowd:
         self._domain, self._appearance = domain, appearance
         self._population, self._stage = Population(domain), Stage(domain)
         self._rng = np.random.default_rng([seed, 1])
+        self._waiting: list[tuple[Person, Array]] = []
         self._meetings: list[Meeting] = []
 
     def next(self) -> tuple[Instance, SimulatedWorld]:
         """The next person: what the robot perceives, and the world in which to act; line 8 of Algorithm 1."""
-        people = self._population.people(1, self._rng)
-        track = self._appearance.trajectories(people, self._rng)[0]
-        context = {name: people[0][name] for name in self._domain.observed}
-        world = self._stage.world(people[0], self._rng)
-        self._meetings.append((people[0], world))
+        if not self._waiting:
+            people = self._population.people(GROUP, self._rng)
+            tracks = self._appearance.trajectories(people, self._rng)
+            self._waiting = list(zip(people, tracks, strict=True))[::-1]
+        person, track = self._waiting.pop()
+        context = {name: person[name] for name in self._domain.observed}
+        world = self._stage.world(person, self._rng)
+        self._meetings.append((person, world))
         return Instance(track, context), world
 
     def met(self) -> list[Meeting]:

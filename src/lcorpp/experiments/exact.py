@@ -101,8 +101,8 @@ class _Tree:
         ends: list[_End] = []
         frontier: dict[tuple[bytes, int, float], float] = {}
         beliefs = {prior.tobytes(): prior}
-        for s in np.flatnonzero(domain.entry[v]):
-            frontier[prior.tobytes(), int(s), 0.0] = float(domain.entry[v, s])
+        for first in np.flatnonzero(domain.entry[v]):
+            frontier[prior.tobytes(), int(first), 0.0] = float(domain.entry[v, first])
         while frontier:
             following: dict[tuple[bytes, int, float], float] = defaultdict(float)
             for (key, s, cost), mass in frontier.items():

@@ -79,7 +79,8 @@ class Recorded:
             if not len(alike):
                 raise DataError(f"no recorded track of class {person[self.target]!r} is left for the trials")
             rows.append(int(rng.choice(alike)))
-        return self.dataset.trajectories[rows]
+        tracks: Array = self.dataset.trajectories[rows]
+        return tracks
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +122,8 @@ class Channel:
         bounds = np.cumsum(self.rates, axis=1)
         rows = [self.classes.index(person[self.target]) for person in people]
         drawn = (rng.random((len(people), 1)) >= bounds[rows][:, :-1]).sum(axis=1)
-        return drawn.astype(np.float64).reshape(-1, 1, 1)
+        signals: Array = drawn.astype(np.float64).reshape(-1, 1, 1)
+        return signals
 
     def classify(self, instance: Instance) -> str:
         return self.classes[int(instance.trajectory[0, 0])]
@@ -144,5 +146,5 @@ def simulated_dataset(domain: Domain, appearance: Motion, count: int, rng: np.ra
     return Dataset(
         appearance.trajectories(people, rng),
         tuple(person[domain.target] for person in people),
-        source=f"{len(people)} simulated tracks of {domain.folder.name}/people.py",
+        source=f"{len(people)} simulated tracks ({domain.folder.name}/people.py)",
     )

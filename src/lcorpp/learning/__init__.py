@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from lcorpp.learning.lstm import LstmClassifier
     from lcorpp.learning.motion import Motion, Scaling
     from lcorpp.learning.storage import load_classifier, save_classifier
-    from lcorpp.learning.validation import Rate, Validation, cross_validate
+    from lcorpp.learning.validation import Rate, Validation, cross_validate, rates_intervals
 
 _HOMES = {
     "authors": ("read_authors",),
@@ -26,7 +26,7 @@ _HOMES = {
     "lstm": ("LstmClassifier",),
     "motion": ("Motion", "Scaling"),
     "storage": ("load_classifier", "save_classifier"),
-    "validation": ("Rate", "Validation", "cross_validate"),
+    "validation": ("Rate", "Validation", "cross_validate", "rates_intervals"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -44,6 +44,7 @@ __all__ = [
     "leak_note",
     "load_classifier",
     "paper_pipeline",
+    "rates_intervals",
     "read_authors",
     "save_classifier",
     "split",

@@ -71,28 +71,33 @@ class Validation:
         return float(np.trace(self.confusion.counts) / self.confusion.counts.sum())
 
     def rates_interval(self, level: float = 0.95) -> tuple[tuple[Rate, ...], ...]:
-        """Every entry of the confusion matrix as a rate of its row, with its Jeffreys interval.
-
-        The diagonal of two classes is what is called TPR and TNR. An end of the interval is 0 where nothing
-        was counted and 1 where everything was, as is usual for Jeffreys' intervals.
-
-        Source: Brown, Cai and DasGupta, Statistical Science 16, 2001.
-        """
-        rows = []
-        for given, row in zip(self.classes, self.confusion.counts.astype(int).tolist(), strict=True):
-            cases = sum(row)
-            rates = []
-            for called, count in zip(self.classes, row, strict=True):
-                a, b, tail = count + 0.5, cases - count + 0.5, (1 - level) / 2
-                low = float(betaincinv(a, b, tail)) if count else 0.0
-                high = float(betaincinv(a, b, 1 - tail)) if count < cases else 1.0
-                rates.append(Rate(given, called, count, cases, count / cases, low, high))
-            rows.append(tuple(rates))
-        return tuple(rows)
+        """Every entry of the confusion matrix as a rate with its interval; see `rates_intervals`."""
+        return rates_intervals(self.confusion, level)
 
     def summary(self) -> tuple[Rate, ...]:
         """(K,) how often each class is recognised: the diagonal of `rates_interval`."""
         return tuple(row[i] for i, row in enumerate(self.rates_interval()))
+
+
+def rates_intervals(confusion: ConfusionMatrix, level: float = 0.95) -> tuple[tuple[Rate, ...], ...]:
+    """Every entry of a confusion matrix as a rate of its row, with its Jeffreys interval.
+
+    The diagonal of two classes is what is called TPR and TNR. An end of the interval is 0 where nothing was
+    counted and 1 where everything was, as is usual for Jeffreys' intervals.
+
+    Source: Brown, Cai and DasGupta, Statistical Science 16, 2001.
+    """
+    rows = []
+    for given, row in zip(confusion.classes, confusion.counts.astype(int).tolist(), strict=True):
+        cases = sum(row)
+        rates = []
+        for called, count in zip(confusion.classes, row, strict=True):
+            a, b, tail = count + 0.5, cases - count + 0.5, (1 - level) / 2
+            low = float(betaincinv(a, b, tail)) if count else 0.0
+            high = float(betaincinv(a, b, 1 - tail)) if count < cases else 1.0
+            rates.append(Rate(given, called, count, cases, count / cases if cases else 0.0, low, high))
+        rows.append(tuple(rates))
+    return tuple(rows)
 
 
 def cross_validate(

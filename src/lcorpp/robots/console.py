@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from lcorpp.errors import expected
+from lcorpp.errors import DecisionError, expected
 
 
 class ConsoleWorld:
@@ -45,10 +45,13 @@ def choose(
     """Ask until one of the options is meant.
 
     Raises:
-        EOFError: the input has ended.
+        DecisionError: the input has ended.
     """
     while True:
-        typed = ask(f"{question} [{'/'.join(options)}] ").strip()
+        try:
+            typed = ask(f"{question} [{'/'.join(options)}] ").strip()
+        except EOFError:
+            raise DecisionError(f"the input ended at the question {question!r}") from None
         if typed in options:
             return typed
         meant = [option for option in options if typed and option.startswith(typed)]

@@ -1,0 +1,161 @@
+"""Every command on good input: what it prints and what it writes."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lcorpp.experiments.results import COLUMNS
+from lcorpp.planning import read_policy, read_pomdp
+
+ROOT = Path(__file__).parents[2]
+INTENTION = ROOT / "src/lcorpp/domains/intention"
+ROOMS = ROOT / "tests/domains/rooms"
+AUTHORS = ROOT.parent / "shared/data/authors"
+
+
+def test_ask_the_golden_query(lcorpp):
+    """Shows 2."""
+    evidence = "obs(time=afternoon), obs(location=classroom), obs(classifier=zero)"
+    ended = lcorpp("ask", INTENTION / "knowledge.plog", f"identity | {evidence}")
+    assert ended.code == 0
+    for value, p in (("student", ".359531"), ("professor", ".359079"), ("visitor", ".281390")):
+        assert f"{value:<9}  0{p}" in ended.out
+    ended = lcorpp("ask", INTENTION / "knowledge.plog", f"intention=interested | {evidence}")
+    assert "0.220250" in ended.out
+    ended = lcorpp("ask", INTENTION / "knowledge.plog", "intention=interested", "--exact")
+    assert ended.out.split()[-1] == "2/5"
+
+
+def test_ask_the_programs_own_queries(lcorpp, tmp_path):
+    file = tmp_path / "coin.plog"
+    file.write_text(
+        "s = {heads, tails}.\ncoin : s.\n[r] random(coin).\n[r] pr(coin=heads) = 1/4.\n?{coin=tails}.\n"
+    )
+    assert "0.750000" in lcorpp("ask", file).out
+
+
+def test_solve_the_authors_model(lcorpp, tmp_path):
+    """Shows 3."""
+    out = tmp_path / "a.policy"
+    ended = lcorpp("solve", INTENTION / "authors.pomdp", "-o", out)
+    assert ended.code == 0
+    words = ended.out.replace(",", " ").split()
+    lower, upper = float(words[words.index("lower") + 1]), float(words[words.index("upper") + 1])
+    assert 51.656 <= lower <= upper <= 51.658
+    pomdp = read_pomdp(INTENTION / "authors.pomdp")
+    assert read_policy(out, pomdp).value(np.full(5, 0.2)) == pytest.approx(lower, abs=1e-6)
+    assert lcorpp("check", out, "--model", INTENTION / "authors.pomdp").code == 0
+
+
+def test_explain_follows_the_paper(lcorpp):
+    facts = ("--fact", "time=afternoon", "--fact", "location=classroom", "--label", "zero", "--seed", 1)
+    ended = lcorpp("explain", *facts)
+    assert ended.code == 0
+    for words in ("0.359531", "0.220250", "1  learning", "2  reasoning", "3  planning", "intention = "):
+        assert words in ended.out
+
+
+def test_explain_asks_you(lcorpp, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO("afternoon\nclass\nzero\npos\npos\npos\n"))
+    ended = lcorpp("explain", "--preset", "authors", "--interactive")
+    assert ended.code == 0
+    assert ended.out.rstrip().endswith("intention = interested")
+
+
+def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
+    ended = lcorpp(
+        "run", "--classifier", "channel", "--trials", 150, "--seed", 4, "--jobs", 1, "--out", tmp_path
+    )
+    assert ended.code == 0
+    with (tmp_path / "results.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == COLUMNS
+    assert [row["strategy"] for row in rows] == ["L", "R", "P", "L+R", "R+P", "LCORPP"]
+    for row in rows:
+        for name in ("f1", "precision", "recall", "accuracy", "cost", "return"):
+            assert float(row[f"{name}_low"]) <= float(row[name]) <= float(row[f"{name}_high"])
+    content = json.loads((tmp_path / "results.json").read_text())
+    assert content["configuration"]["seed"] == 4
+    assert content["configuration"]["trials"] == 150
+    assert content["configuration"]["rates"]["interested"]["interested"] == pytest.approx(0.76)
+    assert content["versions"]["lcorpp"]
+    assert content["strategies"][0]["f1"] == float(rows[0]["f1"])
+    assert (tmp_path / "results.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_run_exactly(lcorpp):
+    ended = lcorpp("run", "--preset", "authors", "--exact", "--strategy", "lcorpp", "--strategy", "P")
+    assert ended.code == 0
+    row = next(line.split() for line in ended.out.splitlines() if line.split()[:1] == ["LCORPP"])
+    assert (row[1], row[5], row[6]) == ("0.891", "8.18", "58.45")
+    assert "R+P" not in ended.out
+
+
+def test_run_with_a_solved_policy(lcorpp, tmp_path):
+    policy = tmp_path / "rooms.policy"
+    assert lcorpp("solve", ROOMS / "guide.pomdp", "-o", policy).code == 0
+    common = ("run", ROOMS, "--classifier", "channel", "--strategy", "P", "--trials", 100, "--jobs", 1)
+    assert lcorpp(*common, "--policy", policy).code == 0
+
+
+def test_run_trains_an_lstm_on_a_made_up_domain_and_loads_it_again(lcorpp, tmp_path):
+    """Shows 5 and 6; the classifier it saved is used again, and gives the same decisions."""
+    common = ("run", ROOMS, "--trials", 60, "--jobs", 1, "--strategy", "LCORPP")
+    first = lcorpp(*common, "--epochs", 3, "--out", tmp_path)
+    assert first.code == 0, first.err
+    assert "lab people (20) are called: lab" in first.out
+    again = lcorpp(*common, "--classifier", tmp_path / "classifier.npz")
+    assert again.code == 0, again.err
+    table = [line for line in first.out.splitlines() if line.split()[:1] == ["LCORPP"]]
+    assert table == [line for line in again.out.splitlines() if line.split()[:1] == ["LCORPP"]]
+
+
+@pytest.mark.skipif(not AUTHORS.is_dir(), reason="the authors' trajectories are not there")
+def test_run_on_the_authors_tracks(lcorpp):
+    """Shows 8, with few epochs: the whole path, and the warning."""
+    ended = lcorpp("run", "--data", AUTHORS, "--epochs", 2, "--trials", 60, "--jobs", 1)
+    assert ended.code == 0, ended.err
+    assert "leaks its label" in ended.out
+    assert "LCORPP" in ended.out
+
+
+def test_learn_grows_and_keeps_every_batch(lcorpp, tmp_path):
+    options = (
+        "--tracks",
+        30,
+        "--epochs",
+        1,
+        "--batch-size",
+        5,
+        "--max-batches",
+        2,
+        "--epsilon",
+        0,
+        "--jobs",
+        1,
+    )
+    ended = lcorpp("learn", ROOMS, *options, "--out", tmp_path)
+    assert ended.code == 0, ended.err
+    with (tmp_path / "batches.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["tracks"]) for row in rows] == [30, 35, 40]
+    assert (tmp_path / "batches.png").read_bytes().startswith(b"\x89PNG")
+    assert "it has not settled yet" in ended.out
+
+
+@pytest.mark.parametrize(
+    "path",
+    [INTENTION, INTENTION / "domain.toml", INTENTION / "knowledge.plog", INTENTION / "authors.pomdp", ROOMS],
+)
+def test_check_says_what_is_right(lcorpp, path):
+    ended = lcorpp("check", path)
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.out.rstrip().endswith("right")
+
+
+def test_check_knows_shipped_domains(lcorpp):
+    assert lcorpp("check", "intention").out.count("right") == 2

@@ -1,0 +1,45 @@
+"""The examples run as they are, and say what they claim."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.mark.parametrize("script", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
+def test_example_runs(script):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", script], capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    words = {
+        "01_one_decision.py": ("[0.22 0.78 0.   0.   0.  ]", "0.989", "report:    interested"),
+        "02_your_own_domain.py": ("tea     0.523", "LCORPP"),
+    }
+    for word in words[script.name]:
+        assert word in done.stdout
+
+
+def test_the_drinks_by_hand():
+    """P(tea) in the morning, looking at the kettle: regulars .1, newcomers 1/3 tea; kettle .7, .1, .25."""
+    tea = (0.7 * 0.1 + 0.3 / 3) * 0.7
+    coffee = (0.7 * 0.8 + 0.3 / 3) * 0.1
+    water = (0.7 * 0.1 + 0.3 / 3) * 0.25
+    assert round(tea / (tea + coffee + water), 3) == 0.523
+
+
+def test_the_readme_s_ten_lines_run():
+    readme = (EXAMPLES.parent / "README.md").read_text()
+    code = readme.split("```python\n")[1].split("```")[0]
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        input="pos\npos\npos\n",
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.rstrip().endswith("interested")
