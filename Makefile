@@ -4,6 +4,8 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 # PyTorch exactly: a bare `torch` may bring gigabytes of another build.
 TORCH  := torch==2.13.0
+# Without --no-compile most of the set-up goes to compiling modules that are never imported.
+PIP    := $(BIN)/pip install --quiet --disable-pip-version-check --no-compile
 # One thread per process: folds and trials run in parallel processes instead.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
@@ -46,12 +48,12 @@ $(VENV)/.python:
 	touch $@
 
 $(VENV)/.runtime: pyproject.toml | $(VENV)/.python
-	$(BIN)/pip install --quiet --disable-pip-version-check $(TORCH)
-	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[torch]'
+	$(PIP) $(TORCH)
+	$(PIP) -e '.[torch]'
 	touch $@
 
 $(VENV)/.dev: $(VENV)/.runtime
-	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[torch,dev]'
+	$(PIP) -e '.[torch,dev]'
 	touch $@
 
 clean:

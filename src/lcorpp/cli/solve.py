@@ -15,7 +15,7 @@ def solve(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE.policy", help="Where the policy goes.")],
     precision: Annotated[
         float, typer.Option(help="Stop when the bounds are this close, in reward units.")
-    ] = 1e-3,
+    ] = 5e-4,
     time_limit: Annotated[float, typer.Option(help="Stop after this many seconds.")] = 60.0,
 ) -> None:
     """Solve a POMDP with SARSOP and write the policy, with bounds on how good it is.

@@ -53,7 +53,7 @@ def solve(
     pomdp: Pomdp,
     start: npt.ArrayLike | None = None,
     *,
-    precision: float = 1e-3,
+    precision: float = 5e-4,
     time_limit: float = 60.0,
     callback: Callable[[Progress], None] | None = None,
 ) -> Solution:
