@@ -10,6 +10,9 @@ PIP    := $(BIN)/pip install --quiet --disable-pip-version-check --no-compile
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
+# The demo trains its classifier once and loads it the next time; `make clean` forgets it.
+TRAINED := $(wildcard out/demo/classifier.npz)
+
 .PHONY: demo test check lint format check-slow clean help
 
 help:
@@ -22,7 +25,7 @@ help:
 
 demo: $(VENV)/.runtime
 	$(BIN)/lcorpp explain intention --fact time=afternoon --fact location=classroom --label zero
-	$(BIN)/lcorpp run intention --trials 1000 --epochs 12 --out out/demo
+	$(BIN)/lcorpp run intention --trials 1000 --out out/demo $(if $(TRAINED),--classifier $(TRAINED),--epochs 12)
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -m "not slow"

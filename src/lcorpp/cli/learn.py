@@ -22,9 +22,7 @@ def learn(
     max_batches: Annotated[
         int, typer.Option("--max-batches", min=1, help="Stop after this many batches.")
     ] = 20,
-    tracks: Annotated[
-        int, typer.Option("--tracks", min=20, help="Labelled simulated tracks to begin with.")
-    ] = 100,
+    tracks: show.TracksOption = 100,
     seed: show.SeedOption = 0,
     data: show.DataOption = None,
     epochs: show.EpochsOption = None,

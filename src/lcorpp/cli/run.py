@@ -32,6 +32,7 @@ def run(
         ),
     ] = None,
     data: show.DataOption = None,
+    tracks: show.TracksOption = None,
     epochs: show.EpochsOption = None,
     policy: Annotated[
         Path | None, typer.Option("--policy", help="A policy of the domain's model, instead of solving it.")
@@ -69,7 +70,7 @@ def run(
     else:
         file = None if chosen == "lstm" else Path(chosen)
         eyes = preparation.trained_eyes(
-            loaded, file=file, data=data, epochs=epochs, seed=seed, jobs=show.cores(jobs)
+            loaded, file=file, data=data, tracks=tracks, epochs=epochs, seed=seed, jobs=show.cores(jobs)
         )
     robot = preparation.robot(loaded, eyes, policy)
     configuration: dict[str, Any] = {
@@ -78,6 +79,7 @@ def run(
         "classifier": chosen,
         "rates": eyes.rates,
         "data": str(data) if data else None,
+        "tracks": eyes.tracks,
         "epochs": eyes.epochs,
         "policy": str(policy) if policy else "solved",
         "trials": "exact" if exact else trials,

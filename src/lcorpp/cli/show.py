@@ -31,6 +31,10 @@ EpochsOption = Annotated[
     int | None,
     typer.Option("--epochs", min=1, help="Passes over the data; what suits them by default."),
 ]
+TracksOption = Annotated[
+    int | None,
+    typer.Option("--tracks", min=20, help="Simulated tracks to train on; what the domain says by default."),
+]
 DataOption = Annotated[
     Path | None,
     typer.Option("--data", help="Folder of recorded tracks (interposx.csv, interposy.csv) to learn from."),
