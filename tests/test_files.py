@@ -63,3 +63,23 @@ def test_a_long_line_is_shown_around_the_place():
     assert first.endswith("not a number")
     assert len(shown) < 130
     assert shown[caret.index("^")] == "x"
+
+
+def test_a_link_is_followed_and_a_pipe_is_not_replaced(tmp_path):
+    (tmp_path / "target").write_text("old")
+    (tmp_path / "link").symlink_to("target")
+    write_atomically(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "target").read_text() == "new"
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    write_atomically(tmp_path / "pipe", "through")
+    assert os.read(reader, 100) == b"through"
+    os.close(reader)
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_names_that_no_file_can_have(tmp_path):
+    for call in (lambda: read_text("a\0b"), lambda: write_atomically(tmp_path / "a\0b", "")):
+        with pytest.raises(FileError, match="embedded null byte"):
+            call()

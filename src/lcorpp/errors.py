@@ -31,7 +31,10 @@ class ParseError(LcorppError):
         super().__init__(file, line, column, message, text)
 
     def __str__(self) -> str:
-        head = f"{self.file}:{self.line}:{self.column}: {self.message}"
+        message = (
+            self.message if len(self.message) <= 1000 else f"{self.message[:600]} ... {self.message[-300:]}"
+        )
+        head = f"{self.file}:{self.line}:{self.column}: {message}"
         if not self.text.strip():
             return head
         start = max(0, self.column - 61)  # a long line is shown around the caret

@@ -31,22 +31,27 @@ def read_bytes(path: str | Path) -> bytes:
     """
     try:
         return Path(path).read_bytes()
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:
+        raise FileError(f"{_shown(path)}: cannot be read: {_reason(error)}") from None
 
 
 def write_atomically(path: str | Path, content: str | bytes) -> None:
     """Write a file whole or not at all: to a temporary file beside it, then rename.
 
+    A link is followed, so that what it points to is written; a device or a pipe is written to as it is.
+
     Raises:
-        FileError: the folder is missing or cannot be written.
+        FileError: the folder is missing or cannot be written, or `path` is a folder.
     """
-    path = Path(path)
     data = content.encode("utf-8") if isinstance(content, str) else content
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror or error}") from None
+        target = Path(os.path.realpath(path))
+        if target.exists() and not target.is_file():
+            target.write_bytes(data)  # to replace a device would destroy it; a folder refuses
+            return
+        handle, name = tempfile.mkstemp(prefix=f".{target.name[:100]}.", suffix=".part", dir=target.parent)
+    except (OSError, ValueError) as error:
+        raise FileError(f"{_shown(path)}: cannot be written: {_reason(error)}") from None
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
@@ -55,10 +60,10 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
         mask = os.umask(0)
         os.umask(mask)
         os.chmod(name, 0o666 & ~mask)  # mkstemp makes private files; an output is an ordinary one
-        os.replace(name, path)
+        os.replace(name, target)
     except OSError as error:
         Path(name).unlink(missing_ok=True)
-        raise FileError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise FileError(f"{path}: cannot be written: {_reason(error)}") from None
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
@@ -72,6 +77,16 @@ def make_folder(path: str | Path) -> Path:
     """
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be made a folder: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:
+        raise FileError(f"{_shown(path)}: cannot be made a folder: {_reason(error)}") from None
     return Path(path)
+
+
+def _reason(error: OSError | ValueError) -> str:
+    """The system's words; a ValueError is a name that no file can have."""
+    return str(getattr(error, "strerror", None) or error)
+
+
+def _shown(path: str | Path) -> str:
+    text = str(path)
+    return text if len(text) <= 300 and text.isprintable() else ascii(text)[:300]

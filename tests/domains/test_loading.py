@@ -186,6 +186,17 @@ WRONG = [
     (PLOG, "random(goal)", "random(gaol)", r"badges\.plog:6:\d+: .*gaol"),
     (PLOG, "3/5", "8/5", r"badges\.plog:7:\d+: "),
     (POMDP, "0.8 0.1 0.1 0\n", "0.8 0.1 0.2 0\n", r"guide\.pomdp:13:1: .*sums to 1\.1"),
+    (TOML, "wants_{goal}", "{goal:>99999999999}", r"has to name each of goal"),
+    (TOML, "wants_{goal}", "{goal!r}", r"has to name each of goal"),
+    (TOML, "noise = 0.2", "noise = " + "9" * 5000, r"domain\.toml: cannot be read"),
+    (TOML, "noise = 0.2", "noise = " + "[" * 5000, r"domain\.toml"),
+    (TOML, '"guide.pomdp"', '"a\\u0000b"', r"cannot be read: embedded null byte"),
+    (
+        POMDP,
+        "R: point : * : * : * -1",
+        "R: point : * : * : * -1e308",
+        r"guide\.pomdp: a reward of 1e\+308 at discount",
+    ),
     (POMDP, "to_store\n", "to_store extra\n", r"guide\.pomdp"),
 ]
 
@@ -225,6 +236,7 @@ def test_a_channel_has_to_sum(folder):
     [
         ("def trajectory(person, rng)\n    pass\n", r"people\.py:1: cannot be loaded: SyntaxError"),
         ("import numpy\nraise RuntimeError('no')\n", r"people\.py:2: cannot be loaded: RuntimeError: no"),
+        ("import sys\nsys.exit(3)\n", r"people\.py:2: cannot be loaded: SystemExit: 3"),
         ("x = 1\n", r"people\.py: defines none of trajectory, trajectories, reaction"),
     ],
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import show
-from lcorpp.errors import FileError
+from lcorpp.errors import DataError, FileError
 
 if TYPE_CHECKING:
     from lcorpp.planning import Pomdp
@@ -49,7 +49,10 @@ def _tracks(path: Path) -> None:
     from lcorpp.learning import check_trainable, read_authors
 
     data = read_authors(path, labels={"0": "0", "1": "1"})
-    check_trainable(data)
+    try:
+        check_trainable(data)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
     counts = ", ".join(f"{data.labels.count(label)} of class {label}" for label in sorted(set(data.labels)))
     show.console.print(f"{path}: {len(data)} tracks ({counts}) of {len(set(data.groups))} people: right")
     for note in data.notes:

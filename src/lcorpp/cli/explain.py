@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,7 +10,7 @@ import numpy as np
 import typer
 
 from lcorpp.cli import show
-from lcorpp.errors import DomainError, expected
+from lcorpp.errors import DecisionError, DomainError, expected
 
 if TYPE_CHECKING:
     from lcorpp.decision import Robot
@@ -45,6 +46,8 @@ def explain(
     from lcorpp.experiments.simulated_world import Stage
     from lcorpp.robots.console import ConsoleWorld
 
+    if interactive and sys.stdin is None:
+        raise DecisionError("--interactive needs an input to read your answers from; it is closed")
     loaded = load_domain(domain, preset=preset)
     preparation.introduce(loaded)
     facts = _facts(loaded, fact or [])
@@ -101,6 +104,8 @@ def _facts(domain: Domain, pairs: list[str]) -> dict[str, str]:
             raise DomainError(
                 f"--fact {pair!r}: expected NAME=VALUE with NAME among {', '.join(domain.observed)}"
             )
+        if name.strip() in facts:
+            raise DomainError(f"--fact {pair!r}: {name.strip()} is given twice")
         facts[name.strip()] = value.strip()
     domain.evidence(facts, None)
     return facts

@@ -32,6 +32,9 @@ def main() -> None:
     except LcorppError as error:
         print(f"lcorpp: {error}", file=sys.stderr)
         sys.exit(2)
+    except OSError as error:  # the output cannot be written: a full disk, a closed pipe
+        print(f"lcorpp: {error.strerror or error}", file=sys.stderr)
+        sys.exit(2)
     except KeyboardInterrupt:
         print("lcorpp: interrupted", file=sys.stderr)
         sys.exit(130)

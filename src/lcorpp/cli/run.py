@@ -93,13 +93,14 @@ def run(
         with show.progress("deciding", trials) as advance:
             results, done = run_trials(experiment, trials, jobs=show.cores(jobs), progress=advance)
         if done < trials:
-            show.messages.print(f"interrupted: {done} of {trials} decisions are kept")
             configuration["trials"] = done
     show.console.print(_table(results, loaded.positive, configuration["trials"]))
     for note in eyes.notes:
         show.console.print(f"note: {note}", style="yellow")
     if out is not None:
         _write(out, results, configuration, eyes)
+    if configuration["trials"] not in ("exact", trials):
+        show.messages.print(f"interrupted: {configuration['trials']} of {trials} decisions are kept")
 
 
 def _table(results: list[Scores], positive: str | None, trials: int | str) -> Table:

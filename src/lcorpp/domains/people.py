@@ -69,7 +69,7 @@ class People:
         function: Callable[..., Any] = getattr(self._module, name)
         try:
             return function(*arguments)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise _blamed(self.path, f"{name}() failed", error) from error
 
     def __reduce__(self) -> tuple[type[People], tuple[Path]]:
@@ -83,16 +83,18 @@ def _load(path: Path) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise _blamed(path, "cannot be loaded", error) from error
     return module
 
 
-def _blamed(path: Path, what: str, error: Exception) -> DomainError:
+def _blamed(path: Path, what: str, error: BaseException) -> DomainError:
     """The user's own error, told with the deepest line of the user's own file."""
-    if isinstance(error, SyntaxError) and error.filename == str(path):
+    if isinstance(error, SyntaxError) and error.filename and Path(error.filename).resolve() == path.resolve():
         return DomainError(f"{path}:{error.lineno}: {what}: SyntaxError: {error.msg}")
     frames = traceback.extract_tb(error.__traceback__)
-    line = next((frame.lineno for frame in reversed(frames) if frame.filename == str(path)), None)
+    line = next(
+        (frame.lineno for frame in reversed(frames) if Path(frame.filename).resolve() == path.resolve()), None
+    )
     where = f"{path}:{line}" if line else str(path)
     return DomainError(f"{where}: {what}: {type(error).__name__}: {error}")

@@ -33,9 +33,10 @@ def read_planning(section: Settings, folder: Path, knowledge: Knowledge) -> Plan
     template = section.text("states", "{" + knowledge.target + "}")
     local, start = _local(section.section("local"), knowledge.target)
     try:
-        fields = {field for _, field, _, _ in Formatter().parse(template) if field is not None}
+        parts = [part for part in Formatter().parse(template) if part[1] is not None]
     except ValueError as error:
         raise DomainError(f"{section.place('states')}: {template!r}: {error}") from None
+    fields = {f"{field}{':' if spec else ''}{conversion or ''}" for _, field, spec, conversion in parts}
     variables = {knowledge.target, *local}
     if fields != variables:
         raise DomainError(

@@ -135,6 +135,8 @@ def _toml(path: Path, text: str) -> dict[str, Any]:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise _located(error, path, text) from None
+    except (RecursionError, ValueError) as error:  # nested too deeply; a number of thousands of digits
+        raise DomainError(f"{path}: cannot be read: {error}") from None
     presets = table.get("presets", {})
     if not isinstance(presets, dict) or not all(isinstance(value, dict) for value in presets.values()):
         raise DomainError(f"{path}: [presets]: expected a table of tables")

@@ -58,7 +58,8 @@ class SimulatedWorld:
         answer = domain.simulation.reaction(self._person, action, self._rng)
         if answer not in domain.pomdp.observations:
             raise DomainError(
-                f"{domain.folder}: reaction() answered {answer!r}; {expected(domain.pomdp.observations)}"
+                f"{domain.folder}: people.py: reaction() answered {answer!r};"
+                f" {expected(domain.pomdp.observations)}"
             )
         return answer
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.domains import Domain
-from lcorpp.errors import DomainError
+from lcorpp.errors import DataError, DomainError
 from lcorpp.experiments.people import Appearance, Motion, Recorded, simulated_dataset
 from lcorpp.learning import (
     TrainedClassifier,
@@ -75,7 +75,10 @@ def recorded_training(domain: Domain, folder: Path, seed: int) -> Training:
     """
     if not domain.data_labels:
         raise DomainError(f"{domain.folder}/domain.toml: [learning] data_labels is missing; --data needs it")
-    train, test = split(read_authors(folder, labels=domain.data_labels), seed=seed)
+    try:
+        train, test = split(read_authors(folder, labels=domain.data_labels), seed=seed)
+    except DataError as error:
+        raise DataError(f"{folder}: {error}") from None
     return Training(train, Recorded(domain.target, test), PAPER_EPOCHS)
 
 

@@ -15,6 +15,7 @@ from lcorpp.errors import DecisionError
 from lcorpp.experiments.metrics import Scores, scores
 from lcorpp.experiments.people import Appearance, Population, Reader
 from lcorpp.experiments.simulated_world import Stage
+from lcorpp.processes import sheltered
 from lcorpp.values import Array, Instance
 
 CHUNK = 100
@@ -80,7 +81,9 @@ def run_trials(
                 progress(sum(len(chunk.truth) for chunk in done))
         else:
             work = (delayed(run_chunk)(experiment, number, size) for number, size in enumerate(sizes))
-            with closing(Parallel(n_jobs=jobs, return_as="generator")(work)) as chunks:
+            with sheltered():
+                started = Parallel(n_jobs=jobs, return_as="generator")(work)
+            with closing(started) as chunks:
                 for chunk in chunks:
                     done.append(chunk)
                     progress(sum(len(chunk.truth) for chunk in done))

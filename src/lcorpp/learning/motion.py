@@ -103,8 +103,13 @@ class Scaling(TransformerMixin, BaseEstimator):  # type: ignore[misc]
             DataError: the arrays do not belong together.
         """
         self.mean_, self.scale_ = arrays["mean"], arrays["scale"]
-        if self.mean_.ndim != 1 or self.mean_.shape != self.scale_.shape or not np.all(self.scale_ > 0):
-            raise DataError("a scaling needs one mean and one positive deviation for each channel")
+        if (
+            self.mean_.ndim != 1
+            or self.mean_.shape != self.scale_.shape
+            or not np.all(self.scale_ > 0)
+            or not np.all(np.isfinite([self.mean_, self.scale_]))
+        ):
+            raise DataError("a scaling needs one finite mean and one positive deviation for each channel")
         return self
 
 

@@ -16,6 +16,7 @@ from sklearn.model_selection import StratifiedGroupKFold
 
 from lcorpp.errors import DataError
 from lcorpp.learning.dataset import check_trainable
+from lcorpp.processes import sheltered
 from lcorpp.values import Array, ConfusionMatrix, Dataset, frozen
 
 Progress = Callable[[int, int], None]
@@ -157,7 +158,8 @@ def fit_and_validate(
     fitted = None
     probabilities = np.empty((len(dataset), len(classes)))
     with joblib.parallel_config(backend="loky", n_jobs=min(jobs, len(parts)), inner_max_num_threads=1):
-        results = joblib.Parallel(return_as="generator_unordered")(work)
+        with sheltered():
+            results = joblib.Parallel(return_as="generator_unordered")(work)
         for done, (fold, trained, predicted) in enumerate(results, start=1):
             if fold < 0:
                 fitted = trained

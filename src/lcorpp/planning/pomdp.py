@@ -20,6 +20,10 @@ MAX_BYTES = 2**31
 """The largest dense table that is made; a bigger model needs a sparse or factored form."""
 
 
+MOST_VALUE = 1e150
+"""The largest value a policy may have: beyond it squares and differences of values overflow."""
+
+
 @dataclass(frozen=True, eq=False)
 class Pomdp:
     """A finite POMDP with S states, A actions and O observations.
@@ -67,6 +71,11 @@ class Pomdp:
         object.__setattr__(self, "discount", float(self.discount))
         if not 0 < self.discount < 1:
             raise ModelError(discount_message(self.discount))
+        most = float(np.abs(self.reward).max())
+        if most > MOST_VALUE * (1 - self.discount):
+            raise ModelError(
+                f"a reward of {most:.3g} at discount {self.discount:g} adds up to more than {MOST_VALUE:g}"
+            )
         self._check_rows("transition", self.transition)
         self._check_rows("observation", self.observation)
         if self.start.min() < 0 or abs(self.start.sum() - 1) > SUM_TOLERANCE:

@@ -52,7 +52,10 @@ def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
         ParseError: the text is malformed.
         ModelError: the model is too large for dense tables.
     """
-    return _Reader(Tokens(text, file)).read()
+    try:
+        return _Reader(Tokens(text, file)).read()
+    except ModelError as error:
+        raise ModelError(f"{file}: {error}") from None
 
 
 class _Reader:

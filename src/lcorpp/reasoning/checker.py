@@ -223,13 +223,15 @@ def _check_selection(selection: Selection, signature: Signature) -> None:
     _check_attribute(selection.term, signature)
     _check_body(selection.body, signature)
     outer = scope(selection)
-    check_scope(selection.at, outer, list(signature.slots(selection)), selection.body, signature)
+    outcomes = len(signature.attributes[selection.term.name].values)
+    slots = list(signature.slots(selection))
+    check_scope(selection.at, outer, slots, selection.body, signature, outcomes=outcomes)
     if selection.range:
         chosen, condition = selection.range.variable, selection.range.condition
         if any(variable == chosen for expression in outer for variable in variables(expression)):
             raise Offence(chosen.at, f"variable {chosen} of the dynamic range is also used outside of it")
         _check_body(condition, signature)
-        slots = [*signature.slots(selection), *signature.range_slots(selection)]
+        slots = [*slots, *signature.range_slots(selection)]
         inner = [*outer, chosen, *expressions(condition)]
         check_scope(selection.at, inner, slots, (*selection.body, *condition), signature)
 

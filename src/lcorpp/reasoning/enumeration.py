@@ -171,7 +171,10 @@ class Enumeration:
                 sums[value] += weight
         if undefined:
             share = Fraction(undefined, table.total)
-            raise ProgramError(f"{name} has no value with probability {share}; ask for {name}=value instead")
+            raise ProgramError(
+                f"{self.program.file}: {name} has no value with probability {share};"
+                f" ask for {name}=value instead"
+            )
         return {value: Fraction(weight, table.total) for value, weight in sums.items()}
 
     def _conditioned(self, query: Query) -> _Table:

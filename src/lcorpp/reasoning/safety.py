@@ -22,8 +22,8 @@ from lcorpp.reasoning.syntax import (
     Variable,
 )
 
-MOST_INSTANCES = 10_000_000
-"""How many ground instances the variables of one statement may span."""
+MOST_INSTANCES = 1_000_000
+"""How many ground instances the variables of one statement may span, each outcome of a selection counted."""
 
 
 def check_scope(
@@ -33,6 +33,7 @@ def check_scope(
     body: Iterable[Literal | Comparison],
     signature: Signature,
     number: Expression | None = None,
+    outcomes: int = 1,
 ) -> None:
     """Check the variables and the arithmetic of a statement.
 
@@ -40,6 +41,7 @@ def check_scope(
         scope: every expression in which its variables occur.
         slots: those whose place asks for a sort.
         number: the number of a pr-atom, which is computed exactly and so has no bound.
+        outcomes: how many values each instance may take, for a selection.
 
     Raises:
         Offence: a constant or variable does not fit its sort, a variable ranges over nothing known, the
@@ -48,7 +50,7 @@ def check_scope(
     check_slots(slots, signature)
     used = [variable for expression in scope for variable in variables(expression)]
     sorts = variable_sorts(slots, used, signature)
-    span = 1
+    span = outcomes
     for name, found in sorts.items():
         members = [signature.sorts[sort].keys() for sort in found]
         common = members[0] if len(members) == 1 else set(members[0]).intersection(*members[1:])
@@ -57,7 +59,7 @@ def check_scope(
             raise Offence(where, f"variable {name} cannot be of the sorts {' and '.join(found)} at once")
         span *= len(common)
     if span > MOST_INSTANCES:
-        raise Offence(at, f"the variables here span {span} instances; at most {MOST_INSTANCES} are grounded")
+        raise Offence(at, f"this spans {span} ground instances; at most {MOST_INSTANCES} are grounded")
     bounds = dict.fromkeys(sorts, signature.largest)
     for expression, _ in slots:
         if isinstance(
