@@ -4,7 +4,9 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 # PyTorch exactly: a bare `torch` may bring gigabytes of another build.
 TORCH  := torch==2.13.0
-# Without --no-compile most of the set-up goes to compiling modules that are never imported.
+# Without --no-compile most of the set-up goes to compiling modules that are never imported; those that are
+# imported are compiled then, and kept.
+unexport PYTHONDONTWRITEBYTECODE
 PIP    := $(BIN)/pip install --quiet --disable-pip-version-check --no-compile
 # One thread per process: folds and trials run in parallel processes instead.
 export OMP_NUM_THREADS := 1
