@@ -41,13 +41,13 @@ def plot_batches(numbers: Sequence[int], f1: Sequence[float], change: Sequence[f
     """Figure "active data augmentation": the quality of the classifier and its change, batch by batch."""
     figure = Figure(figsize=(8, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
-    for axes, heights, label, colour in (
-        (left, f1, "F1 of the batch's decisions", BLUE),
-        (right, change, "change of the confusion matrix", ORANGE),
+    for axes, heights, label, colour, top in (
+        (left, f1, "F1 of the batch's decisions", BLUE, 1.0),
+        (right, change, "change of the confusion matrix", ORANGE, 1.1 * max(change) or 1.0),
     ):
         axes.plot(numbers, heights, marker="o", color=colour)
         axes.set(xlabel="batch", ylabel=label)
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(0, top)
         axes.xaxis.get_major_locator().set_params(integer=True)
         _tidy(axes)
     _save(figure, path)
