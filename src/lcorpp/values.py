@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from types import MappingProxyType
@@ -195,6 +195,31 @@ class Dataset:
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    def extended(self, pairs: Sequence[tuple[npt.ArrayLike, str]], groups: Sequence[str]) -> Dataset:
+        """Omega with more (trajectory, label) pairs at its end: Algorithm 1, Omega <- Omega + omega.
+
+        Args:
+            pairs: trajectories (channels, time points) as those here, each with its believed class.
+            groups: whom each is of; cases of one person share a group.
+
+        Raises:
+            DataError: a trajectory has another shape than those here.
+        """
+        tracks = [np.asarray(trajectory, dtype=np.float64) for trajectory, _ in pairs]
+        for track in tracks:
+            if track.shape != self.trajectories.shape[1:]:
+                raise DataError(
+                    f"a trajectory of shape {track.shape} does not fit a data set of trajectories of shape"
+                    f" {self.trajectories.shape[1:]}"
+                )
+        return Dataset(
+            np.concatenate([self.trajectories, np.reshape(tracks, (-1, *self.trajectories.shape[1:]))]),
+            (*self.labels, *(label for _, label in pairs)),
+            (*self.groups, *groups),
+            self.source,
+            self.notes,
+        )
 
     def take(self, rows: npt.ArrayLike) -> Dataset:
         """The data set of the given rows, in their order. rows: (k,) indices."""

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lcorpp.errors import DataError
-from lcorpp.learning import append, check_trainable, split
+from lcorpp.learning import check_trainable, split
 from lcorpp.values import Dataset
 
 RAMP = np.linspace(0, 1, 5)
@@ -18,9 +18,9 @@ def small(labels: str, groups: str = "") -> Dataset:
     return Dataset(tracks, tuple(labels), tuple(groups))
 
 
-def test_append_adds_a_row_and_leaves_the_old_data():
+def test_extended_adds_a_row_and_leaves_the_old_data():
     old = small("ab")
-    new = append(old, 9 * np.ones((2, 5)), "b", "person 3")
+    new = old.extended([(9 * np.ones((2, 5)), "b")], ["person 3"])
     assert len(old) == 2
     assert len(new) == 3
     assert new.labels[-1] == "b"
@@ -29,9 +29,13 @@ def test_append_adds_a_row_and_leaves_the_old_data():
     assert np.array_equal(new.trajectories[:2], old.trajectories)
 
 
-def test_append_refuses_another_shape():
+def test_extended_refuses_another_shape():
     with pytest.raises(DataError, match=r"shape \(2, 4\) does not fit .* \(2, 5\)"):
-        append(small("ab"), np.ones((2, 4)), "a", "g")
+        small("ab").extended([(np.ones((2, 4)), "a")], ["g"])
+
+
+def test_extended_by_nothing_is_the_same():
+    assert small("ab").extended([], []).labels == ("a", "b")
 
 
 def test_one_class_is_named():

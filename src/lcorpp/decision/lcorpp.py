@@ -105,13 +105,7 @@ def augmented(dataset: Dataset, instances: list[Instance], episodes: list[Episod
 
     A decision that ended without a report has no label and adds nothing.
     """
-    pairs = [(i, e.report) for i, e in zip(instances, episodes, strict=True) if e.report is not None]
-    if not pairs:
-        return dataset
-    return Dataset(
-        np.concatenate([dataset.trajectories, np.stack([instance.trajectory for instance, _ in pairs])]),
-        dataset.labels + tuple(report for _, report in pairs),
-        dataset.groups + tuple(f"{name}, case {k + 1}" for k in range(len(pairs))),
-        dataset.source,
-        dataset.notes,
-    )
+    pairs = [
+        (i.trajectory, e.report) for i, e in zip(instances, episodes, strict=True) if e.report is not None
+    ]
+    return dataset.extended(pairs, [f"{name}, case {k + 1}" for k in range(len(pairs))])

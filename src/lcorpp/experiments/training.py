@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from lcorpp.experiments.people import Appearance, Motion, Recorded, simulated_da
 from lcorpp.learning import (
     TrainedClassifier,
     Validation,
+    leak_note,
     paper_pipeline,
     read_authors,
     split,
@@ -77,8 +78,11 @@ def recorded_training(domain: Domain, folder: Path, seed: int) -> Training:
         raise DomainError(f"{domain.folder}/domain.toml: [learning] data_labels is missing; --data needs it")
     try:
         train, test = split(read_authors(folder, labels=domain.data_labels), seed=seed)
+        leak = leak_note(train) if len(domain.values) == 2 else None
     except DataError as error:
         raise DataError(f"{folder}: {error}") from None
+    if leak is not None:
+        train = replace(train, notes=(*train.notes, leak))
     return Training(train, Recorded(domain.target, test), PAPER_EPOCHS)
 
 

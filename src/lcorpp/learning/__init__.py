@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from lcorpp.learning.authors import read_authors
     from lcorpp.learning.classifier import TrainedClassifier, paper_pipeline, train, train_and_validate
-    from lcorpp.learning.dataset import append, check_trainable, split
+    from lcorpp.learning.dataset import check_trainable, split
     from lcorpp.learning.leaks import end_position_leak, leak_note
     from lcorpp.learning.lstm import LstmClassifier
     from lcorpp.learning.motion import Motion, Scaling
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "authors": ("read_authors",),
     "classifier": ("TrainedClassifier", "paper_pipeline", "train", "train_and_validate"),
-    "dataset": ("append", "check_trainable", "split"),
+    "dataset": ("check_trainable", "split"),
     "leaks": ("end_position_leak", "leak_note"),
     "lstm": ("LstmClassifier",),
     "motion": ("Motion", "Scaling"),
@@ -37,7 +37,6 @@ __all__ = [
     "Scaling",
     "TrainedClassifier",
     "Validation",
-    "append",
     "check_trainable",
     "cross_validate",
     "end_position_leak",

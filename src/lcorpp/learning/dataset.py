@@ -29,32 +29,6 @@ def checked_tracks(tracks: npt.ArrayLike) -> Array:
     return array
 
 
-def append(dataset: Dataset, trajectory: npt.ArrayLike, label: str, group: str) -> Dataset:
-    """`dataset` with one more case at its end: Algorithm 1, Omega <- Omega + (I, L).
-
-    Args:
-        trajectory: (channels, time points), as those of the data set.
-        label: the class it is believed to be of.
-        group: whom it is of; cases of one person must share a group.
-
-    Raises:
-        DataError: the trajectory has another shape than those of the data set.
-    """
-    track = np.asarray(trajectory, dtype=np.float64)
-    if track.shape != dataset.trajectories.shape[1:]:
-        raise DataError(
-            f"a trajectory of shape {track.shape} does not fit a data set of trajectories of shape"
-            f" {dataset.trajectories.shape[1:]}"
-        )
-    return Dataset(
-        np.concatenate([dataset.trajectories, track[None]]),
-        (*dataset.labels, label),
-        (*dataset.groups, group),
-        dataset.source,
-        dataset.notes,
-    )
-
-
 def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
     """Return if a classifier can be learnt from `dataset` and validated in `folds` grouped folds.
 

@@ -141,9 +141,7 @@ class _Reader:
         if is_count(tokens.peek()) and (tokens.peek(1) == "" or not is_number(tokens.peek(1))):
             text = tokens.peek()
             if len(text) > 18 or int(text) > MAX_COUNT:
-                raise ModelError(
-                    f"{tokens.file}: {text} {keyword} are too many; at most {MAX_COUNT} can be held"
-                )
+                raise ModelError(f"{text[:30]} {keyword} are too many; at most {MAX_COUNT} can be held")
             if int(text) == 0:
                 raise tokens.error(f"there must be at least one of the {keyword}")
             tokens.at += 1
