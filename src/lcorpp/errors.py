@@ -50,6 +50,10 @@ class ProgramError(LcorppError):
     """A P-log program that parses but breaks a condition of the language."""
 
 
+class TooLargeError(ProgramError):
+    """A P-log program with more states than can be compiled."""
+
+
 class UndefinedError(LcorppError):
     """A P-log query without an answer: no possible world satisfies the evidence."""
 

@@ -228,7 +228,20 @@ WORDS = st.sampled_from(
         "do",
         "mod",
         "sorts",
+        "attributes",
+        "statements",
         "boolean",
+        "#s",
+        "#const",
+        "#semantics",
+        "+-",
+        ":+",
+        "%*",
+        "*%",
+        "&",
+        "!",
+        "_",
+        "2018",
         "true",
         "%",
         "\n",
@@ -243,6 +256,15 @@ WORDS = st.sampled_from(
 @example("p : boolean. -" + "-" * 5000 + "1.")
 @example("\x00")
 @example("p : boolean. random(p). pr(p) = 0." + "1" * 5000 + ".")
+@example("#s = " + "(" * 5000)
+@example("#s = f(" * 5000)
+@example("#s = f({a}(X)) : " + "(" * 5000)
+@example("#s = {a}" + " * {a}" * 5000 + ".")
+@example("p : boolean. ?{" + "!" * 5000 + "p}.")
+@example("p : boolean. ?{" + "(" * 5000 + "p}.")
+@example("%*" * 5000 + "*%")
+@example("s={1..99999}. " * 3 + "#t = f(#s, #s).")
+@example("".join(f"s{i}={{1..99999}}. " for i in range(30)))
 def test_any_text_is_a_program_or_a_typed_error(text: str) -> None:
     try:
         program = parse_plog(text)

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from lcorpp.cli import show
@@ -39,6 +38,8 @@ def explain(
 
     The person is simulated, with the facts given and the rest drawn; with --interactive it is you.
     """
+    import numpy as np
+
     from lcorpp.cli import preparation
     from lcorpp.decision.dt_control import act_until_report
     from lcorpp.domains import load_domain

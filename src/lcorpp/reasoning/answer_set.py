@@ -14,18 +14,23 @@ Possible = tuple[int, str, str, str]
 Assigned = tuple[int, str, tuple[str, ...], str, str]
 """A pr-atom that speaks: its position in the program, label arguments, instance, term, value."""
 
+Derived = tuple[int, str]
+"""A regular rule with a true body: its position in the program, the term of its head."""
+
 
 @dataclass(frozen=True)
 class AnswerSet:
     """One answer set of the logical part of a program.
 
     values: term -> value, sorted by term.
-    selections: those that apply.
+    selections: those that apply and are not intervened with.
     possible: the members of dynamic ranges.
     assigned: the pr-atoms that speak of a term that is selected.
+    derived: rules whose head has a term that is also selected; kept for the semantics of 2018 alone.
     """
 
     values: Mapping[str, str]
     selections: tuple[Selected, ...]
     possible: frozenset[Possible]
     assigned: tuple[Assigned, ...]
+    derived: tuple[Derived, ...] = ()

@@ -5,20 +5,17 @@ Variables and arithmetic are left to `safety`.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
-from types import MappingProxyType
 
 from lcorpp.errors import expected
 from lcorpp.reasoning.arithmetic import ground, variables
-from lcorpp.reasoning.offence import Offence
+from lcorpp.reasoning.declared import declarations
+from lcorpp.reasoning.offence import Misfit, Offence
 from lcorpp.reasoning.safety import check_order, check_scope, check_slots
-from lcorpp.reasoning.signature import BOOLEAN, Attribute, Signature, expressions, scope
+from lcorpp.reasoning.signature import Signature, expressions, scope, selection_of
 from lcorpp.reasoning.syntax import (
-    AttributeDeclaration,
     Comparison,
-    Domain,
-    Interval,
+    CrRule,
     Intervention,
     Literal,
     Number,
@@ -28,15 +25,9 @@ from lcorpp.reasoning.syntax import (
     Query,
     Rule,
     Selection,
-    SortDefinition,
     Statement,
     Term,
 )
-
-LARGEST_SORT = 100_000
-"""How many members a sort may have."""
-
-_INTEGER = re.compile(r"\b[0-9]+\b")
 
 
 def check(statements: Sequence[Statement]) -> Signature:
@@ -48,35 +39,58 @@ def check(statements: Sequence[Statement]) -> Signature:
     Raises:
         Offence: the first thing that is wrong.
     """
-    signature = _declarations(statements)
+    signature = declarations(statements)
     labels: dict[str, Selection] = {}
     for statement in statements:
-        if isinstance(statement, Selection):
-            label = str(statement.label)
-            if statement.label and label in labels:
-                raise Offence(statement.at, f"label [{label}] is taken at {labels[label].at}")
-            labels[label] = statement
-            _check_selection(statement, signature)
+        selection = selection_of(statement)
+        if selection is not None:
+            label = str(selection.label)
+            if selection.label and label in labels:
+                raise Offence(selection.at, f"label [{label}] is taken at {labels[label].at}")
+            labels[label] = selection
+            _check_selection(selection, signature)
     for statement in statements:
-        if isinstance(statement, Rule):
-            if statement.head:
-                _check_attribute(statement.head.term, signature)
-            _check_body(statement.body, signature)
-            check_scope(
-                statement.at, scope(statement), list(signature.slots(statement)), statement.body, signature
-            )
-        elif isinstance(statement, Probability):
-            _check_probability(statement, statements, signature)
-        elif isinstance(statement, Query):
-            check_query(statement, statements, signature)
-        elif isinstance(statement, Observation):
-            _check_ground(statement.literal, signature)
-        elif isinstance(statement, Intervention):
-            _check_intervention(statement, statements, signature)
+        if selection_of(statement) is None:
+            _check_statement(statement, signature)
     return signature
 
 
-def check_query(query: Query, statements: Sequence[Statement], signature: Signature) -> None:
+def check_statement(statement: Statement, signature: Signature) -> None:
+    """Check one statement against what the program declares.
+
+    Raises:
+        Misfit: something in it does not fit its declaration.
+        Offence: something else is wrong.
+    """
+    selection = selection_of(statement)
+    if selection is not None:
+        _check_selection(selection, signature)
+    else:
+        _check_statement(statement, signature)
+
+
+def _check_statement(statement: Statement, signature: Signature) -> None:
+    if isinstance(statement, CrRule):
+        assert isinstance(statement.statement, Rule)
+        statement = statement.statement
+    if isinstance(statement, Rule):
+        if statement.head:
+            check_attribute(statement.head.term, signature)
+        _check_body(statement.body, signature)
+        check_scope(
+            statement.at, scope(statement), list(signature.slots(statement)), statement.body, signature
+        )
+    elif isinstance(statement, Probability):
+        _check_probability(statement, signature)
+    elif isinstance(statement, Query):
+        check_query(statement, signature)
+    elif isinstance(statement, Observation):
+        _check_ground(statement.literal, signature)
+    elif isinstance(statement, Intervention):
+        _check_intervention(statement, signature)
+
+
+def check_query(query: Query, signature: Signature) -> None:
     """Check a query against a program.
 
     Raises:
@@ -87,89 +101,26 @@ def check_query(query: Query, statements: Sequence[Statement], signature: Signat
     for literal in (*query.literals, *(observation.literal for observation in query.observations)):
         _check_ground(literal, signature)
     for intervention in query.interventions:
-        _check_intervention(intervention, statements, signature)
-
-
-# declarations
-
-
-def _declarations(statements: Sequence[Statement]) -> Signature:
-    sorts: dict[str, dict[str, None]] = {BOOLEAN: {"true": None, "false": None}}
-    places: dict[str, Place] = {}
-    for sort in (s for s in statements if isinstance(s, SortDefinition)):
-        _claim(sort.name, sort.at, places)
-        sorts[sort.name] = _members(sort)
-    attributes: dict[str, Attribute] = {}
-    for declared in (s for s in statements if isinstance(s, AttributeDeclaration)):
-        _claim(declared.name, declared.at, places)
-        for name in (*declared.arguments, declared.range):
-            _known_sort(name, declared.at, sorts)
-        values = tuple(sorts[declared.range])
-        attributes[declared.name] = Attribute(
-            declared.name, declared.arguments, declared.range, values, declared.at.line
-        )
-    domains: dict[str, str] = {}
-    for domain in (s for s in statements if isinstance(s, Domain)):
-        _known_sort(domain.sort, domain.at, sorts)
-        for variable in domain.variables:
-            if domains.setdefault(variable, domain.sort) != domain.sort:
-                raise Offence(domain.at, f"variable {variable} already has the sort {domains[variable]}")
-    read_only = {name: MappingProxyType(members) for name, members in sorts.items()}
-    largest = max(
-        (int(n) for members in sorts.values() for m in members for n in _INTEGER.findall(m)), default=0
-    )
-    return Signature(
-        MappingProxyType(read_only), MappingProxyType(attributes), MappingProxyType(domains), largest
-    )
-
-
-def _claim(name: str, at: Place, places: dict[str, Place]) -> None:
-    if name == BOOLEAN:
-        raise Offence(at, "the sort boolean is built in and cannot be declared")
-    if name in places:
-        raise Offence(at, f"{name} is declared twice; first at {places[name]}")
-    places[name] = at
-
-
-def _known_sort(name: str, at: Place, sorts: Iterable[str]) -> None:
-    if name not in sorts:
-        raise Offence(at, f"unknown sort {name!r}; {expected(list(sorts))}")
-
-
-def _members(sort: SortDefinition) -> dict[str, None]:
-    members: dict[str, None] = {}
-    for element in sort.elements:
-        if isinstance(element, Interval):
-            if element.high < element.low:
-                raise Offence(element.at, f"the interval {element} is empty")
-            if element.high - element.low >= LARGEST_SORT:
-                raise Offence(
-                    element.at,
-                    f"the interval {element} is too long; a sort has at most {LARGEST_SORT} members",
-                )
-            found: Iterable[str] = map(str, range(element.low, element.high + 1))
-        else:
-            found = (ground(element),)
-        for member in found:
-            if member in members:
-                raise Offence(element.at, f"{member} is twice in the sort {sort.name}")
-            members[member] = None
-        if len(members) > LARGEST_SORT:
-            raise Offence(sort.at, f"the sort {sort.name} is too large; at most {LARGEST_SORT} members")
-    return members
+        _check_intervention(intervention, signature)
 
 
 # terms and literals
 
 
-def _check_attribute(term: Term, signature: Signature) -> None:
+def check_attribute(term: Term, signature: Signature) -> None:
+    """Check name and number of arguments of an attribute.
+
+    Raises:
+        Misfit: the number is wrong.
+        Offence: there is no such attribute.
+    """
     attribute = signature.attributes.get(term.name)
     if attribute is None:
         what = "is a sort, not an attribute" if term.name in signature.sorts else "is not declared"
         raise Offence(term.at, f"{term.name!r} {what}; {expected(list(signature.attributes))}")
     if len(term.arguments) != len(attribute.arguments):
         shape = f"{term.name}({', '.join(attribute.arguments)})" if attribute.arguments else term.name
-        raise Offence(
+        raise Misfit(
             term.at,
             f"{term.name} has {len(attribute.arguments)} arguments, not {len(term.arguments)};"
             f" expected {shape}",
@@ -181,7 +132,7 @@ def _check_body(body: Iterable[Literal | Comparison], signature: Signature) -> N
         if not isinstance(literal, Literal):
             continue
         if not signature.is_sort(literal):
-            _check_attribute(literal.term, signature)
+            check_attribute(literal.term, signature)
         elif len(literal.term.arguments) != 1 or (literal.relation, literal.value) != ("=", Term("true")):
             raise Offence(
                 literal.at, f"{literal.term.name} is a sort; expected {literal.term.name}(...) without value"
@@ -189,7 +140,7 @@ def _check_body(body: Iterable[Literal | Comparison], signature: Signature) -> N
 
 
 def _check_term(term: Term, signature: Signature) -> None:
-    _check_attribute(term, signature)
+    check_attribute(term, signature)
     for argument in term.arguments:
         ground(argument)
     check_slots(signature.term_slots(term), signature)
@@ -202,15 +153,13 @@ def _check_ground(literal: Literal, signature: Signature) -> None:
     check_order((literal,), {}, signature)
 
 
-def _check_intervention(
-    intervention: Intervention, statements: Sequence[Statement], signature: Signature
-) -> None:
+def _check_intervention(intervention: Intervention, signature: Signature) -> None:
     _check_ground(Literal(intervention.term, "=", intervention.value, at=intervention.at), signature)
-    _check_random(intervention.term, intervention.at, statements)
+    _check_random(intervention.term, intervention.at, signature)
 
 
-def _check_random(term: Term, at: Place, statements: Sequence[Statement]) -> list[Selection]:
-    selections = [s for s in statements if isinstance(s, Selection) and s.term.name == term.name]
+def _check_random(term: Term, at: Place, signature: Signature) -> Sequence[Selection]:
+    selections = signature.selections.get(term.name, ())
     if not selections:
         raise Offence(at, f"{term.name} has no random selection; expected 'random({term}).' in the program")
     return selections
@@ -220,7 +169,7 @@ def _check_random(term: Term, at: Place, statements: Sequence[Statement]) -> lis
 
 
 def _check_selection(selection: Selection, signature: Signature) -> None:
-    _check_attribute(selection.term, signature)
+    check_attribute(selection.term, signature)
     _check_body(selection.body, signature)
     outer = scope(selection)
     outcomes = len(signature.attributes[selection.term.name].values)
@@ -236,10 +185,10 @@ def _check_selection(selection: Selection, signature: Signature) -> None:
         check_scope(selection.at, inner, slots, (*selection.body, *condition), signature)
 
 
-def _check_probability(statement: Probability, statements: Sequence[Statement], signature: Signature) -> None:
-    _check_attribute(statement.term, signature)
+def _check_probability(statement: Probability, signature: Signature) -> None:
+    check_attribute(statement.term, signature)
     _check_body(statement.condition, signature)
-    selections = _check_random(statement.term, statement.at, statements)
+    selections = _check_random(statement.term, statement.at, signature)
     if statement.label:
         label = statement.label
         named = [s.label for s in selections if s.label]

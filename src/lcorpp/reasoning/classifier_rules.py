@@ -59,7 +59,7 @@ def with_classifier(
                 Probability(Term(attribute), parse_term(label, "<label>"), number, (condition,), at=places[0])
             )
     kept = [s for s in program.statements if not (isinstance(s, Probability) and s.term.name == attribute)]
-    return Program(program.file, (*kept, *rules))
+    return Program(program.file, (*kept, *rules), program.semantics)
 
 
 def _plain(program: Program, name: str) -> Attribute:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate
@@ -18,7 +18,7 @@ from lcorpp.reasoning.arithmetic import ground
 from lcorpp.reasoning.offence import Offence
 from lcorpp.reasoning.parser import parse_term
 from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.syntax import Query, Term
+from lcorpp.reasoning.syntax import Literal, Query, Term
 from lcorpp.reasoning.worlds import World, holds, measured_worlds
 from lcorpp.values import Distribution
 
@@ -53,7 +53,8 @@ class Enumeration:
     """Answers queries of a program by enumerating its possible worlds; it has the methods of a `Reasoner`.
 
     Worlds are enumerated when they are first needed, once for each set of interventions. Observations only
-    filter them. Answers are kept, so asking again is cheap.
+    filter them; with cr-rules they can also create worlds, which are then enumerated for each observation.
+    Answers are kept, so asking again is cheap.
 
     Args:
         program: the program.
@@ -65,7 +66,7 @@ class Enumeration:
     def __init__(self, program: Program, *, limit: int = 200_000) -> None:
         self.program = program
         self.limit = limit
-        self._tables: dict[frozenset[tuple[str, str]], _Table] = {}
+        self._tables: dict[object, _Table] = {}
         self._answers: dict[object, Distribution] = {}
         self._draws: dict[object, tuple[list[float], tuple[Mapping[str, str], ...]]] = {}
 
@@ -190,7 +191,7 @@ class Enumeration:
                     f"{item.at}: do({term}) sets two values, {interventions[term]} and {value}"
                 )
         literals = [observation.literal for observation in query.observations]
-        table = self._all(interventions)
+        table = self._all(interventions, literals)
         return self._possible(
             table.where(lambda values: all(holds(literal, values) for literal in literals)),
             [f"obs({literal})" for literal in literals],
@@ -199,7 +200,7 @@ class Enumeration:
 
     def _given(self, evidence: Mapping[str, str], do: Mapping[str, str]) -> _Table:
         facts = tuple(evidence.items())
-        table = self._all(do)
+        table = self._all(do, [_observed(term, value) for term, value in facts])
         if facts:
             table = table.where(lambda values: all(values.get(term) == value for term, value in facts))
         return self._possible(table, [f"{term}={value}" for term, value in facts], do)
@@ -211,13 +212,19 @@ class Enumeration:
         world = "possible world of positive measure" if table.values else "possible world"
         raise UndefinedError(f"{self.program.file}: no {world}{f' has {given}' if given else ''}")
 
-    def _all(self, do: Mapping[str, str]) -> _Table:
-        """The worlds under some interventions, in an order that does not depend on the solver."""
-        key = frozenset(do.items())
+    def _all(self, do: Mapping[str, str], observed: Sequence[Literal]) -> _Table:
+        """The worlds under some interventions, in an order that does not depend on the solver.
+
+        Args:
+            observed: what may create worlds; it is left to the caller to keep only those that agree with it.
+        """
+        creating = tuple(sorted(observed, key=str)) if self.program.has_cr_rules else ()
+        key = (frozenset(do.items()), creating)
         if key not in self._tables:
             from lcorpp.reasoning.grounding import answer_sets  # here, so that clingo is loaded when needed
 
-            found = list(measured_worlds(self.program, answer_sets(self.program, do, self.limit)))
+            sets = answer_sets(self.program, do, self.limit, creating)
+            found = list(measured_worlds(self.program, sets))
             found.sort(key=lambda world: tuple(world[0].items()))
             common = lcm(*{measure.denominator for _, measure in found})
             weights = tuple(measure.numerator * (common // measure.denominator) for _, measure in found)
@@ -251,10 +258,18 @@ class Enumeration:
             term = parse_term(name, "<term>")
             if not isinstance(term, Term):
                 raise ProgramError(f"{name!r} is not an attribute; {expected(list(self.program.attributes))}")
+            term = self.program.signature.named(term)
             self.program.check_query(Query(subject=term))
         except (ParseError, Offence) as error:
             raise ProgramError(f"{name!r}: {error.message}") from None
         return term
+
+
+def _observed(term: str, value: str) -> Literal:
+    """The observation that a term, as text, has a value."""
+    found = parse_term(term, "<term>")
+    assert isinstance(found, Term)
+    return Literal(found, "=", parse_term(value, "<value>"))
 
 
 def ask(program: Program, query: Query) -> dict[str, Fraction] | Fraction:

@@ -11,3 +11,7 @@ class Offence(Exception):
     def __init__(self, at: Place, message: str) -> None:
         self.at, self.message = at, message
         super().__init__(f"{at}: {message}")
+
+
+class Misfit(Offence):
+    """What does not fit its declaration: a constant outside of its sort, a wrong number of arguments."""

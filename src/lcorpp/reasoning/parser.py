@@ -1,77 +1,85 @@
 """From text to the syntax tree of P-log, with the place of every fault.
 
-The grammar stands in `grammar.lark`, what its rules make in `builder.py`.
+A parser by hand, one function for each construct: nothing has to be built before the first text is read,
+and a text is read in time proportional to its length. The parts: `lexer`, `expressions`, `sort_expressions`,
+`declarations`, `statements`; `completion` then writes out what a dialect leaves unsaid.
 """
 
 from __future__ import annotations
 
-from functools import cache
+import re
+from collections.abc import Callable
 from pathlib import Path
-from threading import Lock
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
-from lark import Lark, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
-
-from lcorpp.errors import ParseError
+from lcorpp.errors import ParseError, ProgramError
 from lcorpp.files import read_text
-from lcorpp.reasoning.builder import Builder
+from lcorpp.reasoning.completion import completed
+from lcorpp.reasoning.declared import check_names
+from lcorpp.reasoning.expressions import value
+from lcorpp.reasoning.leniency import fitting
+from lcorpp.reasoning.lexer import END, Cursor
 from lcorpp.reasoning.offence import Offence
 from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.syntax import Arithmetic, Expression, Number, Place, Query, Term, Variable
+from lcorpp.reasoning.queries import question
+from lcorpp.reasoning.statements import statements
+from lcorpp.reasoning.syntax import Expression, Query, Semantics
 
-_TURN = Lock()  # making the parser is dear, so there is one, which knows one file at a time
-
-_SHOWN = {
-    "NAME": "a name",
-    "VARIABLE": "a variable",
-    "INTEGER": "a number",
-    "DECIMAL": "a number",
-    "_EQUAL": "'='",
-    "DOT": "'.'",
-    "COMMA": "','",
-    "COLON": "':'",
-    "LPAR": "'('",
-    "RPAR": "')'",
-    "LBRACE": "'{'",
-    "RBRACE": "'}'",
-    "LSQB": "'['",
-    "RSQB": "']'",
-    "VBAR": "'|'",
-    "IF": "':-'",
-    "QUESTION": "'?'",
-    "NOT": "'not'",
-    "OBS": "'obs'",
-    "DO": "'do'",
-    "$END": "the end",
-}
+_Read = TypeVar("_Read")
 
 
-def read_plog(path: str | Path) -> Program:
+def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: bool = True) -> Program:
     """Read and check a P-log program.
+
+    Args:
+        semantics, strict: as in `parse_plog`.
 
     Raises:
         FileError: the file cannot be read.
         ParseError: it does not follow the grammar.
         ProgramError: a name, sort, arity or probability in it is wrong.
     """
-    return parse_plog(read_text(path), file=str(path))
+    return parse_plog(read_text(path), file=str(path), semantics=semantics, strict=strict)
 
 
-def parse_plog(text: str, *, file: str = "<text>") -> Program:
-    """Parse and check a P-log program given as text.
+def parse_plog(
+    text: str, *, file: str = "<text>", semantics: Semantics | None = None, strict: bool = True
+) -> Program:
+    """Parse and check a P-log program given as text, in the dialect of plog 1.0, plog 2.0 or the papers.
 
     Args:
         file: the name under which errors speak of it.
+        semantics: what `do` and Condition 1 mean. By default what a directive ``#semantics 2018.`` says;
+            without one 2018 if the text has a mark of plog 2.0 (a section header, ``#sort``,
+            ``random(a, p)``, ``:+``), else 2009.
+        strict: whether to refuse what the public systems let pass against their manual: a constant outside of
+            its sort, a wrong number of arguments, an attribute with the name of a record. With
+            ``strict=False`` statements that so have no instance are left out; see `leniency`.
 
     Raises:
         ParseError: it does not follow the grammar.
         ProgramError: a name, sort, arity or probability in it is wrong.
 
-    Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 2; the manual of plog 1.0.
+    Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 2; Balai, Gelfond and Zhang, 2019, section 3;
+    the manual of plog 2.0.
     """
-    statements = _parse(text, file, "program")
-    assert isinstance(statements, tuple)
-    return Program(file, statements)
+
+    def program(cursor: Cursor) -> Program:
+        found = tuple(statements(cursor))
+        marked: Semantics = "2018" if cursor.dialect_2 else "2009"
+        told: Semantics | None = cursor.semantics  # type: ignore[assignment]  # one of the two, checked where read
+        chosen = semantics or told or marked
+        try:
+            whole = completed(found, marked)
+            if strict:
+                check_names(whole)
+            else:
+                whole = fitting(whole)
+        except Offence as offence:
+            raise ProgramError(str(offence)) from None
+        return Program(file, whole, chosen)
+
+    return _parsed(text, file, program)
 
 
 def parse_query(text: str, program: Program) -> Query:
@@ -82,13 +90,15 @@ def parse_query(text: str, program: Program) -> Query:
     Raises:
         ParseError: it is not a query, or not one about `program`; the file is ``<query>``.
     """
-    query = _parse(text, "<query>", "query_text")
-    assert isinstance(query, Query)
-    try:
-        program.check_query(query)
-    except Offence as offence:
-        _refuse(offence, text)
-    return query
+
+    def query(cursor: Cursor) -> Query:
+        found = program.named(question(cursor))
+        cursor.accept(".")
+        cursor.expect(END)
+        program.check_query(found)
+        return found
+
+    return _parsed(text, "<query>", query)
 
 
 def parse_term(text: str, file: str) -> Expression:
@@ -97,48 +107,23 @@ def parse_term(text: str, file: str) -> Expression:
     Raises:
         ParseError: it is not one.
     """
-    term = _parse(text, file, "expression")
-    assert isinstance(term, Number | Variable | Term | Arithmetic)
-    return term
+
+    def term(cursor: Cursor) -> Expression:
+        found = value(cursor)
+        cursor.expect(END)
+        return found
+
+    return _parsed(text, file, term)
 
 
-def _parse(text: str, file: str, start: str) -> object:
+def _parsed(text: str, file: str, read: Callable[[Cursor], _Read]) -> _Read:
     try:
-        with _TURN:
-            parser, builder = _parser()
-            builder.file = file
-            tree: object = parser.parse(text, start=start)
-        return builder.value(tree) if start == "expression" else tree
+        return read(Cursor(text, file))
     except Offence as offence:
         _refuse(offence, text)
-    except UnexpectedInput as error:
-        _refuse(_offence(error, text, file), text)
 
 
 def _refuse(offence: Offence, text: str) -> NoReturn:
-    lines = text.split("\n")
+    lines = re.split(r"\r\n|\r|\n", text)
     shown = lines[offence.at.line - 1] if offence.at.line <= len(lines) else ""
     raise ParseError(offence.at.file, offence.at.line, offence.at.column, offence.message, shown) from None
-
-
-def _offence(error: UnexpectedInput, text: str, file: str) -> Offence:
-    if isinstance(error, UnexpectedCharacters):
-        return Offence(Place(file, error.line, error.column), f"unexpected character {error.char!r}")
-    assert isinstance(error, UnexpectedToken)
-    wanted = sorted({_SHOWN[name] for name in error.accepts or error.expected if name in _SHOWN})
-    hint = f"; expected {' or '.join(wanted)}" if wanted else ""
-    if error.token.type == "$END":
-        before = text.rstrip()
-        line = before.count("\n") + 1
-        column = len(before) - before.rfind("\n")
-        return Offence(Place(file, line, max(column, 1)), f"unexpected end of the text{hint}")
-    token = str(error.token)
-    return Offence(Place(file, error.line, error.column), f"unexpected {token!r}{hint}")
-
-
-@cache
-def _parser() -> tuple[Lark, Builder]:
-    builder = Builder()
-    grammar = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-    starts = ["program", "query_text", "expression"]
-    return Lark(grammar, parser="lalr", lexer="basic", start=starts, transformer=builder), builder

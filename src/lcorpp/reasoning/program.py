@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.checker import check, check_query
 from lcorpp.reasoning.offence import Offence
+from lcorpp.reasoning.renaming import renamed_query
 from lcorpp.reasoning.signature import Attribute, Signature
-from lcorpp.reasoning.syntax import Query, Selection, Statement, Term
+from lcorpp.reasoning.syntax import CrRule, Query, Semantics, SortDefinition, Statement, Term
+
+if TYPE_CHECKING:
+    from lcorpp.reasoning.circuit.compiled import Circuit
+    from lcorpp.reasoning.engine import Engine
+    from lcorpp.values import Distribution
 
 
 @dataclass(frozen=True)
@@ -18,6 +26,7 @@ class Program:
 
     file: where it was read, for errors; it takes no part in equality.
     statements: the syntax tree.
+    semantics: what `do` and Condition 1 mean, "2009" or "2018"; see docs/plog.md.
     signature: the declarations found in it.
 
     Raises:
@@ -26,6 +35,7 @@ class Program:
 
     file: str = field(compare=False)
     statements: tuple[Statement, ...]
+    semantics: Semantics = "2009"
     signature: Signature = field(init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -46,7 +56,16 @@ class Program:
 
     def is_random(self, term: Term) -> bool:
         """Whether the attribute of a term has a random selection."""
-        return any(isinstance(s, Selection) and s.term.name == term.name for s in self.statements)
+        return term.name in self.signature.selections
+
+    @property
+    def has_cr_rules(self) -> bool:
+        """Whether there are cr-rules, so that an observation can create possible worlds."""
+        return any(isinstance(statement, CrRule) for statement in self.statements)
+
+    def named(self, query: Query) -> Query:
+        """The query with each attribute under the name it has in the program; see `Signature.named`."""
+        return renamed_query(query, self.signature.named)
 
     def check_query(self, query: Query) -> None:
         """Check a query as those in the program are.
@@ -54,13 +73,66 @@ class Program:
         Raises:
             Offence: it names what the program does not know.
         """
-        check_query(query, self.statements, self.signature)
+        check_query(query, self.signature)
+
+    def posterior(
+        self,
+        attribute: str,
+        obs: Mapping[str, str] = MappingProxyType({}),
+        do: Mapping[str, str] = MappingProxyType({}),
+    ) -> Distribution:
+        """The marginal of an attribute given observations and interventions.
+
+        The program is compiled when a kind of question is first asked, and the answer kept.
+
+        Args:
+            attribute: an attribute or a term of one, such as ``roll(d1)``.
+            obs, do: term -> value.
+
+        Raises:
+            ProgramError: the program does not know a name, `attribute` may have no value under the evidence,
+                or a world breaks a condition of the language.
+            UndefinedError: no possible world has the evidence.
+        """
+        return self._engine.posterior(attribute, obs, do)
+
+    def compile(
+        self,
+        inputs: Sequence[str],
+        query: str | Sequence[str],
+        do: Mapping[str, str] = MappingProxyType({}),
+    ) -> Circuit:
+        """Compile the program into a circuit that is called with evidence, one or many at a time.
+
+        Args:
+            inputs: the terms that evidence may name; an attribute with arguments stands for all its terms.
+            query: a term, or several.
+            do: interventions, term -> value.
+
+        Raises:
+            ProgramError: a name is unknown, a world breaks a condition of the language, or there are cr-
+                rules, with which observations cannot be left open.
+            TooLargeError: the program has too many states.
+        """
+        return self._engine.compile(inputs, query, do)
+
+    @property
+    def _engine(self) -> Engine:
+        found = self.__dict__.get("_kept_engine")
+        if found is None:
+            from lcorpp.reasoning.engine import Engine  # here, as an engine reads programs
+
+            found = Engine(self)
+            object.__setattr__(self, "_kept_engine", found)
+        return found
 
     def __str__(self) -> str:
-        return "".join(f"{statement}\n" for statement in self.statements)
+        marked = any(isinstance(s, SortDefinition) and s.is_algebra for s in self.statements)
+        chosen = f"#semantics {self.semantics}.\n" if marked or self.semantics == "2018" else ""
+        return chosen + "".join(f"{statement}\n" for statement in self.statements)
 
-    def __reduce__(self) -> tuple[type[Program], tuple[str, tuple[Statement, ...]]]:
-        return Program, (self.file, self.statements)  # mappings that cannot be written do not travel
+    def __reduce__(self) -> tuple[type[Program], tuple[str, tuple[Statement, ...], Semantics]]:
+        return Program, (self.file, self.statements, self.semantics)  # mappings do not travel
 
 
 def program_text(program: Program) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 from lcorpp.errors import expected
 from lcorpp.reasoning.arithmetic import LARGEST, ground, is_integer, variables
-from lcorpp.reasoning.offence import Offence
+from lcorpp.reasoning.offence import Misfit, Offence
 from lcorpp.reasoning.signature import Signature, Slot
 from lcorpp.reasoning.syntax import (
     Arithmetic,
@@ -52,12 +52,11 @@ def check_scope(
     sorts = variable_sorts(slots, used, signature)
     span = outcomes
     for name, found in sorts.items():
-        members = [signature.sorts[sort].keys() for sort in found]
-        common = members[0] if len(members) == 1 else set(members[0]).intersection(*members[1:])
+        common = signature.shared(found)
         if not common:
             where = next((v.at for v in used if v.name == name), at)
             raise Offence(where, f"variable {name} cannot be of the sorts {' and '.join(found)} at once")
-        span *= len(common)
+        span *= common
     if span > MOST_INSTANCES:
         raise Offence(at, f"this spans {span} ground instances; at most {MOST_INSTANCES} are grounded")
     bounds = dict.fromkeys(sorts, signature.largest)
@@ -87,7 +86,7 @@ def check_slots(slots: Iterable[Slot], signature: Signature) -> None:
             value = ground(expression)
             if value not in signature.sorts[sort]:
                 known = expected(list(signature.sorts[sort]))
-                raise Offence(expression.at, f"{value!r} is not a member of the sort {sort}; {known}")
+                raise Misfit(expression.at, f"{value!r} is not a member of the sort {sort}; {known}")
 
 
 def variable_sorts(
@@ -106,19 +105,27 @@ def variable_sorts(
 
 def _bind(body: Iterable[Literal | Comparison], bounds: dict[str, int]) -> None:
     """Add the variables that an equation such as X=Y+1 computes from those that are bound."""
-    equations = [c for c in body if isinstance(c, Comparison) and c.relation == "="]
-    grown = True
-    while grown:
-        grown = False
-        for equation in equations:
-            for side, other in ((equation.left, equation.right), (equation.right, equation.left)):
-                if (
-                    isinstance(side, Variable)
-                    and side.name not in bounds
-                    and all(v.name in bounds for v in variables(other))
-                ):
-                    bounds[side.name] = _magnitude(other, bounds)
-                    grown = True
+    waiting: dict[str, list[tuple[Variable, Expression, set[str]]]] = {}
+    ready: list[tuple[Variable, Expression]] = []
+    for equation in body:
+        if not isinstance(equation, Comparison) or equation.relation != "=":
+            continue
+        for side, other in ((equation.left, equation.right), (equation.right, equation.left)):
+            if isinstance(side, Variable) and side.name not in bounds:
+                missing = {v.name for v in variables(other)} - bounds.keys()
+                for name in missing:
+                    waiting.setdefault(name, []).append((side, other, missing))
+                if not missing:
+                    ready.append((side, other))
+    while ready:
+        side, other = ready.pop()
+        if side.name in bounds:
+            continue
+        bounds[side.name] = _magnitude(other, bounds)
+        for next_side, next_other, missing in waiting.pop(side.name, ()):
+            missing.discard(side.name)
+            if not missing:
+                ready.append((next_side, next_other))
 
 
 def _magnitude(expression: Expression, bounds: dict[str, int]) -> int:
@@ -159,8 +166,7 @@ def check_order(
         if literal.relation in ("=", "!="):
             continue
         if isinstance(literal, Literal):
-            values = signature.attributes[literal.term.name].values
-            if not all(map(is_integer, values)):
+            if signature.attributes[literal.term.name].range not in signature.integer_sorts:
                 raise Offence(
                     literal.at, f"{literal} orders values of {literal.term.name}, which are not integers"
                 )
@@ -178,8 +184,8 @@ def _check_integer(
         raise Offence(expression.at, f"{what} needs integers, and {expression} is none")
     if isinstance(expression, Variable):
         for sort in sorts.get(expression.name, ()):
-            odd = next((m for m in signature.sorts[sort] if not is_integer(m)), None)
-            if odd is not None:
+            if sort not in signature.integer_sorts:
+                odd = next(m for m in signature.sorts[sort] if not is_integer(m))
                 raise Offence(
                     expression.at, f"{what} needs integers, and {expression} may be {odd} of the sort {sort}"
                 )

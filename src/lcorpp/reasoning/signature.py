@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from lcorpp.reasoning.arithmetic import variables
-from lcorpp.reasoning.syntax import Comparison, Expression, Literal, Probability, Rule, Selection, Term
+from lcorpp.reasoning.syntax import (
+    Comparison,
+    CrRule,
+    Expression,
+    Literal,
+    Probability,
+    Rule,
+    Selection,
+    Statement,
+    Term,
+)
 
 BOOLEAN = "boolean"
 """The sort that every program has, with the values true and false."""
@@ -40,12 +50,36 @@ class Signature:
     attributes: by name.
     domains: the sort of each variable that `#domain` declares.
     largest: no integer in a member of a sort has a larger absolute value.
+    integer_sorts: the sorts whose members are all integers.
+    selections: attribute -> its random selections, those of cr-rules included.
     """
 
     sorts: Mapping[str, Mapping[str, None]]
     attributes: Mapping[str, Attribute]
     domains: Mapping[str, str]
     largest: int
+    integer_sorts: frozenset[str] = frozenset()
+    selections: Mapping[str, tuple[Selection, ...]] = field(default_factory=dict)
+    _shared: dict[tuple[str, ...], int] = field(default_factory=dict, init=False, compare=False, repr=False)
+
+    def shared(self, names: Iterable[str]) -> int:
+        """How many members some sorts have in common."""
+        key = tuple(names)
+        if len(key) == 1:
+            return len(self.sorts[key[0]])
+        if key not in self._shared:
+            members = [self.sorts[name].keys() for name in key]
+            self._shared[key] = len(set(members[0]).intersection(*members[1:]))
+        return self._shared[key]
+
+    def named(self, term: Term) -> Term:
+        """The term under the name of its attribute: `pair(a,b)` may be `pair_2(a,b)` beside `pair(a)`."""
+        count = len(term.arguments)
+        attribute = self.attributes.get(term.name)
+        other = self.attributes.get(overloaded(term.name, count))
+        if attribute is None or len(attribute.arguments) == count or other is None:
+            return term
+        return Term(other.name, term.arguments, at=term.at) if len(other.arguments) == count else term
 
     def term_slots(self, term: Term) -> Iterator[Slot]:
         """The arguments of an attribute with their sorts."""
@@ -60,8 +94,8 @@ class Signature:
             yield literal.value, self.attributes[literal.term.name].range
 
     def is_sort(self, literal: Literal) -> bool:
-        """Whether the literal `s(X)` says that X is a member of the sort s."""
-        return literal.term.name in self.sorts
+        """Whether the literal `s(X)` says that X is a member of the sort s, and s is no attribute as well."""
+        return literal.term.name in self.sorts and literal.term.name not in self.attributes
 
     def slots(self, statement: Rule | Selection | Probability) -> Iterator[Slot]:
         """All slots of a statement but those of a dynamic range, which has its own variables."""
@@ -88,6 +122,18 @@ class Signature:
                 yield from self.literal_slots(literal)
                 if self.is_sort(literal) and not literal.negated:
                     yield literal.term.arguments[0], literal.term.name
+
+
+def overloaded(name: str, count: int) -> str:
+    """The name of an attribute that shares its own with one that has fewer arguments."""
+    return f"{name}_{count}"
+
+
+def selection_of(statement: Statement) -> Selection | None:
+    """The random selection that a statement is, perhaps as a cr-rule."""
+    if isinstance(statement, CrRule):
+        statement = statement.statement
+    return statement if isinstance(statement, Selection) else None
 
 
 def body_of(statement: Rule | Selection | Probability) -> tuple[Literal | Comparison, ...]:

@@ -2,6 +2,7 @@
 
 Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 3.2: Conditions 1 to 3, the probability of an
 atom with and without a pr-atom (equations 3 to 5), the measure of a world (6), unitarity (section 5.1).
+Condition 1 of 2018: Balai, Gelfond and Zhang, 2019, section 3.2.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from lcorpp.reasoning.answer_set import AnswerSet, Assigned, Selected
 from lcorpp.reasoning.arithmetic import compare, exact, ground
 from lcorpp.reasoning.offence import Offence
 from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.signature import pr_variables
+from lcorpp.reasoning.signature import pr_variables, selection_of
 from lcorpp.reasoning.syntax import Literal, Probability, Selection
 
 
@@ -50,8 +51,10 @@ def measured_worlds(
         for atom in answer_set.assigned:
             assigned.setdefault(atom[3], []).append(atom)
         applied: dict[str, Selected] = {}
+        _check_derived(program, answer_set)
         for selected in answer_set.selections:
-            _check_condition_1(program, applied, selected, answer_set.values)
+            if not _is_first(program, applied, selected, answer_set.values):
+                continue
             term = selected[3]
             possible = _possible(program, selected, answer_set)
             atoms = tuple(assigned.get(term, ()))
@@ -76,25 +79,50 @@ def shown(values: Mapping[str, str]) -> str:
 def _possible(program: Program, selected: Selected, answer_set: AnswerSet) -> tuple[str, ...]:
     """The dynamic range of a selection in a world, in the order of the declaration."""
     index, _, instance, term = selected
-    selection = program.statements[index]
-    assert isinstance(selection, Selection)
+    selection = _selection(program, selected)
     values = program.attributes[selection.term.name].values
     if selection.range is None:
         return values
     return tuple(value for value in values if (index, instance, term, value) in answer_set.possible)
 
 
-def _check_condition_1(
+def _is_first(
     program: Program, applied: dict[str, Selected], selected: Selected, values: Mapping[str, str]
-) -> None:
+) -> bool:
+    """Whether no selection of the term has been met in this world; another one breaks Condition 1.
+
+    2018: random(label, term, range) is an atom, so that rules which give the same one are one selection.
+    """
     other = applied.setdefault(selected[3], selected)
-    if other is not selected:
-        first, second = program.statements[other[0]].at, program.statements[selected[0]].at
-        again = " with other values of its variables" if first == second else ""
+    if other is selected:
+        return True
+    first, second = _selection(program, other), _selection(program, selected)
+    if program.semantics == "2018" and other[1:] == selected[1:]:
+        name, other_name = (s.label.name if s.label else "" for s in (first, second))
+        if name == other_name and first.range == second.range:
+            return False
+    again = " with other values of its variables" if first.at == second.at else ""
+    raise ProgramError(
+        f"{second.at}: Condition 1: {selected[3]} is also selected at random by the rule at {first.at}"
+        f"{again}, in the world {shown(values)}"
+    )
+
+
+def _check_derived(program: Program, answer_set: AnswerSet) -> None:
+    """2018: no rule gives a value to a term that is selected at random."""
+    for index, term in answer_set.derived:
+        at = program.statements[index].at
+        chosen = next(selected for selected in answer_set.selections if selected[3] == term)
         raise ProgramError(
-            f"{second}: Condition 1: {selected[3]} is also selected at random by the rule at {first}{again},"
-            f" in the world {shown(values)}"
+            f"{at}: Condition 1: {term} has a value by this rule and is selected at random by the rule at"
+            f" {_selection(program, chosen).at}, in the world {shown(answer_set.values)}"
         )
+
+
+def _selection(program: Program, selected: Selected) -> Selection:
+    selection = selection_of(program.statements[selected[0]])
+    assert selection is not None
+    return selection
 
 
 def _choice(
@@ -140,8 +168,7 @@ def _is_about(program: Program, atom: Probability, label: str, selected: Selecte
     """Whether a pr-atom speaks of this selection: it has no label, or the label of the selection."""
     if atom.label is None:
         return True
-    selection = program.statements[selected[0]]
-    assert isinstance(selection, Selection)
+    selection = _selection(program, selected)
     if selection.label is None or selection.label.name != atom.label.name:
         return False
     return not atom.label.arguments or label == selected[1]

@@ -1,0 +1,66 @@
+"""The probabilities of one random selection, from what its pr-atoms say of the values it may take.
+
+Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 3.2, equations 3 to 5, Conditions 2 and 3;
+section 5.1 for unitarity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+Spoken = tuple[int, Fraction, int]
+"""What one pr-atom says: the value, its number, and the position of the statement."""
+
+
+class Breach(Exception):
+    """A condition of the language is broken; the message lacks the world in which it is."""
+
+    def __init__(self, statement: int, message: str) -> None:
+        self.statement, self.message = statement, message
+        super().__init__(message)
+
+
+def choice(
+    possible: Sequence[int], spoken: Sequence[Spoken], name: str, values: Sequence[str]
+) -> list[Fraction]:
+    """The probability of each possible value, in their order.
+
+    Args:
+        possible: the dynamic range.
+        spoken: the pr-atoms that are about this selection.
+        name, values: the term and its whole range, for messages.
+
+    Raises:
+        Breach: two pr-atoms for one value, one outside of the range, or numbers that are no probabilities.
+    """
+    numbers: dict[int, Fraction] = {}
+    by: dict[int, int] = {}
+    for value, number, statement in spoken:
+        if not 0 <= number <= 1:
+            raise Breach(statement, f"the probability {number} is not between 0 and 1")
+        if value in numbers:
+            same = by[value] == statement
+            raise Breach(
+                statement,
+                f"Condition 2: {name}={values[value]} also has a pr-atom at {{{by[value]}}}"
+                f"{' with other values of its variables' if same else ''}",
+            )
+        if value not in possible:
+            shown = ", ".join(values[v] for v in possible)
+            raise Breach(
+                statement,
+                f"Condition 3: {name}={values[value]} has a pr-atom outside of its dynamic range {{{shown}}}",
+            )
+        numbers[value], by[value] = number, statement
+    if not numbers:
+        return [Fraction(1, len(possible))] * len(possible)
+    total = sum(numbers.values(), Fraction(0))
+    rest = len(possible) - len(numbers)
+    if total > 1 or (total != 1 and not rest):
+        raise Breach(
+            min(by.values()),
+            f"not unitary: the probabilities of {name} sum to {total}, not {'at most ' if rest else ''}1",
+        )
+    share = (1 - total) / rest if rest else Fraction(0)
+    return [numbers.get(value, share) for value in possible]

@@ -1,0 +1,380 @@
+"""A compiled program: new evidence is one pass through numbers, or a look-up where there are few."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from math import prod
+from operator import itemgetter
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.errors import ProgramError, UndefinedError, expected
+from lcorpp.reasoning.arithmetic import ground
+from lcorpp.reasoning.circuit.layers import Layer, evaluate, layered
+from lcorpp.reasoning.circuit.paths import Paths
+from lcorpp.reasoning.circuit.plan import plan
+from lcorpp.reasoning.circuit.trellis import Trellis, trellis
+from lcorpp.reasoning.names import interventions_of, term_of, terms_of
+from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.worlds import World
+from lcorpp.values import Array, Distribution
+
+Codes = npt.NDArray[np.intp]
+
+TABLE = 20_000
+"""Up to so many different evidences have all their answers computed at once."""
+
+KEPT = 100_000
+"""How many answers are kept before they are forgotten."""
+
+CHUNK = 4_000_000
+"""How many numbers one pass over a batch may keep in memory."""
+
+Answer = Distribution | dict[str, Distribution]
+Answers = Array | dict[str, Array]
+
+
+class Circuit:
+    """A program compiled for some inputs and queries; made by `Program.compile`.
+
+    It is called with evidence, a mapping from inputs to values; inputs that are missing are not observed:
+
+        circuit({"time": "morning", "classifier": "one"})            -> Distribution
+        circuit({"time": [...], "classifier": [...]})                -> (B, values) array
+        circuit(codes)                                               -> (B, values) array
+
+    where ``codes`` is an integer array (B, inputs): the position of each value in
+    ``circuit.values[input]``, -1 for not observed (`codes` makes one). With several queries the answer is a
+    dict from query to each of these.
+
+    inputs: the terms that evidence may name.
+    queries: the terms that are asked for; single says whether one was asked for by itself.
+    values: the range of each of them.
+    layers, ending: the numbers, see `layers.layered`.
+
+    Source: Darwiche, J. ACM 50(3), 2003; the order of terms as in frontier (path) elimination.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        inputs: Sequence[str],
+        query: str | Sequence[str],
+        do: Mapping[str, str],
+        layers: Sequence[Layer],
+        ending: Array,
+        paths: Paths | None = None,
+    ) -> None:
+        self.program, self.do = program, dict(do)
+        self.inputs = tuple(inputs)
+        self.queries = (query,) if isinstance(query, str) else tuple(query)
+        self.single = isinstance(query, str)
+        names = dict.fromkeys((*self.inputs, *self.queries))
+        self.values: dict[str, tuple[str, ...]] = {
+            name: program.attributes[name.partition("(")[0]].values for name in names
+        }
+        self.layers, self.ending = tuple(layers), ending
+        self._labels = {name: i for i, name in enumerate(names)}
+        self._codes = {n: {v: i for i, v in enumerate(self.values[n])} for n in self.inputs}
+        self._answers: dict[tuple[str | None, ...], tuple[int, Answer]] = {}
+        self._complete: dict[object, Answer] = {}
+        self._count = len(self.inputs) or -1
+        self._take = itemgetter(*self.inputs) if self.inputs else itemgetter(0)
+        self._paths = paths
+        self._table: dict[str, Array] | None = None
+        self._sound = False  # whether each entry of the table is a distribution
+        sizes = [len(self.values[name]) + 1 for name in self.inputs]
+        self._sizes = np.array(sizes, dtype=np.intp)
+        self._tabulates = prod(sizes) <= TABLE
+        strides = [prod(sizes[i + 1 :]) for i in range(len(sizes))] if self._tabulates else []
+        self._strides = np.array(strides, dtype=np.intp)
+
+    def save(self, path: str | Path) -> None:
+        """Write the circuit to a file that `load_circuit` reads.
+
+        Raises:
+            FileError: the file cannot be written.
+        """
+        from lcorpp.reasoning.circuit.storage import save_circuit  # here, as it reads circuits
+
+        save_circuit(self, path)
+
+    # one evidence
+
+    def __call__(
+        self, evidence: Mapping[str, str | Sequence[str]] | Codes, *, undefined: str = "raise"
+    ) -> Answer | Answers:
+        """The distributions of the queries given evidence.
+
+        Args:
+            evidence: input -> value, input -> values of a batch, or an array (B, inputs) of codes.
+            undefined: what a batch does about impossible evidence: "raise", or "nan" for a row of NaN.
+
+        Raises:
+            ProgramError: an input or a value is unknown, or a query may have no value under the evidence.
+            UndefinedError: the evidence is impossible.
+        """
+        try:  # all inputs given, and these met before: nothing but a look-up
+            if len(evidence) == self._count:
+                return self._complete[self._take(evidence)]
+            given, answer = self._answers[tuple(map(evidence.get, self.inputs))]  # type: ignore[union-attr, arg-type]
+            if given == len(evidence):
+                return answer
+        except (KeyError, TypeError, AttributeError, IndexError):
+            pass
+        if isinstance(evidence, np.ndarray):
+            return self._batch(evidence, undefined)
+        if any(not isinstance(value, str) for value in evidence.values()):
+            return self._batch(self.codes(evidence), undefined)
+        return self._one(evidence)  # type: ignore[arg-type]
+
+    def _one(self, evidence: Mapping[str, str]) -> Answer:
+        self._check_inputs(evidence)
+        codes = np.full((1, len(self.inputs)), -1, dtype=np.intp)
+        for name, value in evidence.items():
+            codes[0, self.inputs.index(name)] = self._code(name, value)
+        found = self._joint(codes)
+        answers: dict[str, Distribution] = {}
+        for query, weights in found.items():
+            row = weights[0]
+            total = row.sum()
+            if total == 0:
+                raise self._impossible(evidence)
+            if row[-1]:
+                raise self._no_value(query, row[-1] / total)
+            answers[query] = Distribution(self.values[query], row[:-1] / total)
+        answer: Answer = answers[self.queries[0]] if self.single else answers
+        if len(self._answers) + len(self._complete) >= KEPT:
+            self._answers.clear()
+            self._complete.clear()
+        if len(evidence) == self._count:
+            self._complete[self._take(evidence)] = answer
+        else:
+            self._answers[tuple(map(evidence.get, self.inputs))] = len(evidence), answer
+        return answer
+
+    # many evidences
+
+    def codes(self, evidence: Mapping[str, str | Sequence[str]]) -> Codes:
+        """(B, inputs) the codes of a batch of evidence.
+
+        Args:
+            evidence: input -> B values, None for not observed; or one value for all.
+
+        Raises:
+            ProgramError: an input or value is unknown, or the columns have different lengths.
+        """
+        self._check_inputs(evidence)
+        sizes = {len(column) for column in evidence.values() if not isinstance(column, str)}
+        if len(sizes) != 1:
+            raise ProgramError(f"the columns of a batch have one length, not {sorted(sizes) or 'none'}")
+        size = sizes.pop()
+        codes = np.full((size, len(self.inputs)), -1, dtype=np.intp)
+        for name, column in evidence.items():
+            values: list[str | None] = [column] * size if isinstance(column, str) else list(column)
+            table: dict[str | None, int] = {None: -1}
+            table.update(self._codes[name])
+            try:
+                found = np.fromiter(map(table.__getitem__, values), np.intp, size)
+            except (KeyError, TypeError):
+                for row, value in enumerate(values):
+                    if value is not None:
+                        self._code(name, value, f"row {row}: ")
+                raise
+            codes[:, self.inputs.index(name)] = found
+        return codes
+
+    def _batch(self, codes: Codes, undefined: str) -> Answers:
+        if codes.ndim != 2 or codes.shape[1] != len(self.inputs) or codes.dtype.kind not in "iu":
+            raise ProgramError(
+                f"expected integer codes of shape (B, {len(self.inputs)}), not {codes.dtype} {codes.shape}"
+            )
+        if undefined not in ("raise", "nan"):
+            raise ProgramError(f"undefined={undefined!r}; expected 'raise' or 'nan'")
+        wrong = (codes < -1) | (codes >= self._sizes - 1)
+        if wrong.any():
+            row, column = (int(i) for i in np.argwhere(wrong)[0])
+            raise ProgramError(
+                f"row {row}: code {codes[row, column]} of {self.inputs[column]};"
+                f" expected -1 to {self._sizes[column] - 2}"
+            )
+        if self._tabulates:
+            tables = self._tables()
+            index = np.zeros(len(codes), dtype=np.intp)
+            for column, stride in zip(codes.T, self._strides.tolist(), strict=True):
+                index += (column + 1) * stride
+            answers = {query: table.take(index, axis=0) for query, table in tables.items()}
+        else:
+            answers = {query: _normalised(weights) for query, weights in self._joint(codes).items()}
+        if not (self._tabulates and self._sound):
+            answers = {query: self._checked(query, rows, undefined) for query, rows in answers.items()}
+        return answers[self.queries[0]] if self.single else answers
+
+    def _tables(self) -> dict[str, Array]:
+        """The answers to all evidences, in the order of their codes."""
+        if self._table is None:
+            grid = np.indices(tuple(self._sizes.tolist())).reshape(len(self._sizes), -1).T - 1
+            if not len(self._sizes):
+                grid = np.zeros((1, 0), dtype=np.intp)
+            found = {query: _normalised(weights) for query, weights in self._joint(grid).items()}
+            self._sound = all(not rows[:, -1].any() for rows in found.values())  # NaN is true
+            self._table = (
+                {q: np.ascontiguousarray(rows[:, :-1]) for q, rows in found.items()} if self._sound else found
+            )
+        return self._table
+
+    def _joint(self, codes: Codes) -> dict[str, Array]:
+        """(B, outcomes) the weights of each query and the evidence, in chunks that fit into memory."""
+        open_queries = np.full((len(codes), len(self._labels) - len(self.inputs)), -1, dtype=np.intp)
+        labels = np.concatenate([codes, open_queries], axis=1)
+        asked = {self._labels[query]: len(self.values[query]) + 1 for query in self.queries}
+        width = sum(layer.every.shape[1] for layer in self.layers) + 1
+        size = max(1, CHUNK // width)
+        chunks = [
+            evaluate(self.layers, self.ending, labels[i : i + size], asked)
+            for i in range(0, max(len(labels), 1), size)
+        ]
+        return {q: np.concatenate([chunk[self._labels[q]] for chunk in chunks]) for q in self.queries}
+
+    def _checked(self, query: str, rows: Array, undefined: str) -> Array:
+        lost = rows[:, -1]
+        if lost.any() or np.isnan(lost).any():
+            bad = np.flatnonzero(lost > 0)
+            if len(bad):
+                raise self._no_value(query, lost[bad[0]], f"row {bad[0]}: ")
+            if undefined == "raise":
+                row = int(np.flatnonzero(np.isnan(lost))[0])
+                raise UndefinedError(f"{self.program.file}: row {row}: no possible world has this evidence")
+        return rows[:, :-1]
+
+    # the whole worlds
+
+    @property
+    def paths(self) -> Paths:
+        """The worlds behind the numbers; after loading they are compiled when first needed."""
+        if self._paths is None:
+            self._paths = Paths(trellis(plan(self.program, self.do)))
+        return self._paths
+
+    def exact(self, evidence: Mapping[str, str]) -> dict[str, Fraction] | dict[str, dict[str, Fraction]]:
+        """The same as a call with one evidence, in fractions: value -> probability, for each query.
+
+        Raises:
+            ProgramError, UndefinedError: as the call.
+        """
+        self._check_inputs(evidence)
+        for name, value in evidence.items():
+            self._code(name, value)
+        answers: dict[str, dict[str, Fraction]] = {}
+        for query in self.queries:
+            weights = self.paths.exact(query, evidence)
+            total = sum(weights.values(), Fraction(0))
+            if total == 0:
+                raise self._impossible(evidence)
+            lost = weights.get("", Fraction(0))
+            if lost:
+                raise self._no_value(query, lost / total)
+            answers[query] = {v: weights.get(v, Fraction(0)) / total for v in self.values[query]}
+        return answers[self.queries[0]] if self.single else answers
+
+    def most_probable(self, evidence: Mapping[str, str], count: int = 1) -> tuple[World, ...]:
+        """The most probable worlds that have the evidence, with their probabilities given it, best first.
+
+        Raises:
+            ProgramError, UndefinedError: as the call.
+        """
+        self._check_inputs(evidence)
+        found = self.paths.most_probable(evidence, count)
+        if not found:
+            raise self._impossible(evidence)
+        return found
+
+    def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str]:
+        """Draw one world with its probability given some evidence, term -> value.
+
+        Raises:
+            ProgramError, UndefinedError: as the call.
+        """
+        found = self.paths.sample(rng, given)
+        if found is None:
+            raise self._impossible(given)
+        return found
+
+    # errors
+
+    def _check_inputs(self, evidence: Mapping[str, object]) -> None:
+        for name in evidence:
+            if name not in self._codes:
+                raise ProgramError(f"{name!r} is not an input of the circuit; {expected(self.inputs)}")
+
+    def _code(self, name: str, value: object, where: str = "") -> int:
+        found = self._codes[name].get(value) if isinstance(value, str) else None
+        if found is None:
+            raise ProgramError(f"{where}{value!r} is not a value of {name}; {expected(self.values[name])}")
+        return found
+
+    def _impossible(self, evidence: Mapping[str, str]) -> UndefinedError:
+        shown = [f"{term}={value}" for term, value in evidence.items()]
+        shown += [f"do({term}={value})" for term, value in self.do.items()]
+        return UndefinedError(
+            f"{self.program.file}: no possible world of positive measure"
+            f"{' has ' if shown else ''}{', '.join(shown)}"
+        )
+
+    def _no_value(self, query: str, share: object, where: str = "") -> ProgramError:
+        return ProgramError(
+            f"{self.program.file}: {where}{query} has no value with probability {share};"
+            f" ask for {query}=value instead"
+        )
+
+
+def compiled(
+    program: Program, inputs: Sequence[str], query: str | Sequence[str], do: Mapping[str, str]
+) -> Circuit:
+    """Compile a program.
+
+    Args:
+        inputs: the terms that evidence may name; an attribute with arguments stands for all its terms.
+        query: a term, or several.
+        do: interventions, term -> value.
+
+    Raises:
+        ProgramError: a name is unknown, a world breaks a condition of the language, or there are cr-rules.
+        TooLargeError: the program has too many states.
+    """
+    if program.has_cr_rules:
+        raise ProgramError(
+            f"{program.file}: a program with cr-rules cannot be compiled: an observation may create worlds;"
+            " ask for one posterior at a time"
+        )
+    names = list(dict.fromkeys(found for name in inputs for found in terms_of(program, name)))
+    queries = ground(term_of(program, query)) if isinstance(query, str) else [
+        ground(term_of(program, name)) for name in query
+    ]  # fmt: skip
+    do = interventions_of(program, do)
+    observed = dict.fromkeys((*names, *((queries,) if isinstance(queries, str) else queries)))
+    built: Trellis = trellis(plan(program, do, wanted=observed))
+    layers, ending = labelled_layers(built, list(observed))
+    return Circuit(program, names, queries, do, layers, ending, Paths(built))
+
+
+def labelled_layers(built: Trellis, names: Sequence[str]) -> tuple[list[Layer], Array]:
+    """The layers for some terms; a term that no rule speaks of never has a value, which is a layer too."""
+    index = built.plan.index
+    labels = {index[name]: i for i, name in enumerate(names) if name in index}
+    layers, ending = layered(built, labels)
+    missing = [i for i, name in enumerate(names) if name not in index]
+    never = [
+        Layer.never(i, len(built.plan.ground.program.attributes[names[i].partition("(")[0]].values))
+        for i in missing
+    ]
+    return [*never, *layers], ending
+
+
+def _normalised(weights: Array) -> Array:
+    total = weights.sum(axis=1, keepdims=True)
+    with np.errstate(invalid="ignore"):
+        return weights / total  # type: ignore[no-any-return]

@@ -1,0 +1,109 @@
+"""In which order the terms of a ground program are decided, so that as little as possible stays undecided
+in between.
+
+Terms that depend on each other in a circle form one component. Components are taken greedily, each time the
+one that leaves the smallest frontier: the terms already decided that something still to be decided asks
+for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from heapq import heapify, heappop, heappush
+from math import log2
+
+from lcorpp.reasoning.circuit.components import components
+from lcorpp.reasoning.circuit.ground import Clause
+
+
+def ordered(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list[tuple[int, ...]]:
+    """The components in the order in which they are decided.
+
+    Args:
+        clauses: the simplified clauses.
+        outcomes: the outcomes of each term, as bits.
+
+    Returns:
+        The terms of each component; a component comes after all that it depends on.
+    """
+    count = len(outcomes)
+    needs: list[set[int]] = [set() for _ in range(count)]
+    joint: set[frozenset[int]] = set()  # the terms of a constraint stay on the frontier until all are decided
+    for clause in clauses:
+        if clause.term >= 0:
+            needs[clause.term].update([literal[0] for literal in clause.body])
+        elif len(clause.body) > 1:
+            joint.add(frozenset([literal[0] for literal in clause.body]))
+    found = components(needs)
+    of: dict[int, int] = {}
+    if len(found) == count:  # no circles: terms in the order of the program, which often is a good one
+        found, of, inner = [(term,) for term in range(count)], {}, needs
+    else:
+        found.sort()
+        of = {term: i for i, terms in enumerate(found) for term in terms}
+        inner = [{of[need] for term in terms for need in needs[term]} for terms in found]
+    for i, needed in enumerate(inner):
+        needed.discard(i)
+    groups = {frozenset([of[term] for term in group]) for group in joint} if of else joint
+    sizes = [sum([log2(outcomes[t].bit_count() or 1) for t in terms]) for terms in found]
+    return [found[i] for i in _greedy(inner, sorted([sorted(g) for g in groups if len(g) > 1]), sizes)]
+
+
+def _greedy(needs: Sequence[set[int]], groups: Sequence[Sequence[int]], sizes: Sequence[float]) -> list[int]:
+    count = len(needs)
+    users: list[list[int]] = [[] for _ in range(count)]
+    for user, needed in enumerate(needs):
+        for need in needed:
+            users[need].append(user)
+    joint: list[list[int]] = [[] for _ in range(count)]
+    for number, group in enumerate(groups):
+        for member in group:
+            joint[member].append(number)
+    open_groups = [len(group) for group in groups]
+    waits = [len(needed) for needed in needs]
+    wanted = [len(users[i]) + len(joint[i]) for i in range(count)]  # how much keeps it on the frontier
+
+    def score(i: int) -> float:
+        grows = sizes[i] if wanted[i] else 0.0
+        for need in needs[i]:
+            if wanted[need] == 1:
+                grows -= sizes[need]
+        for number in joint[i]:
+            if open_groups[number] == 1:  # deciding i closes the constraint
+                grows -= sum([sizes[m] for m in groups[number] if m != i and wanted[m] == 1])
+        return grows
+
+    heap = [(score(i), i) for i in range(count) if not waits[i]]
+    heapify(heap)
+    done = [False] * count
+    order: list[int] = []
+    while heap:
+        given, i = heappop(heap)
+        if done[i]:
+            continue
+        now = score(i)
+        if now > given + 1e-9:  # it got worse meanwhile
+            heappush(heap, (now, i))
+            continue
+        done[i] = True
+        order.append(i)
+        better: list[int] = []
+        for number in joint[i]:
+            open_groups[number] -= 1
+            if not open_groups[number]:
+                for member in groups[number]:
+                    wanted[member] -= 1
+            elif open_groups[number] == 1:
+                better.extend(m for m in groups[number] if not done[m])
+        for need in needs[i]:
+            wanted[need] -= 1
+            if wanted[need] == 1:
+                better.extend([user for user in users[need] if not done[user]])
+        for user in users[i]:
+            waits[user] -= 1
+            if not waits[user]:
+                heappush(heap, (score(user), user))
+        for other in better:
+            if not waits[other] and not done[other]:
+                heappush(heap, (score(other), other))
+    return order

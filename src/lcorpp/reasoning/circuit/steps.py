@@ -1,0 +1,215 @@
+"""What may come of deciding one term, given which of the clauses about it have a true body."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Protocol
+
+from lcorpp.reasoning.circuit.choice import Breach, Spoken, choice
+from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
+from lcorpp.reasoning.syntax import Probability, Selection
+
+Entry = tuple[int, Clause]
+"""A clause and its bit, which is set where its body is true; bit 0 stands for a body that is always true."""
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What may come of a step.
+
+    values: the outcome of each term of the step; a sequence that may be worked out when it is looked at.
+    weight: its probability, where terms are truly random.
+    breach: the condition of the language that it breaks, if it does.
+    """
+
+    values: Sequence[int]
+    weight: Fraction
+    breach: Breach | None = None
+
+
+class Decision(Protocol):
+    """Knows what may come of a step, given the bits of its clauses."""
+
+    def outcomes(self, many: Iterable[int]) -> Mapping[int, list[Outcome]]:
+        """For each of many states of the bits all outcomes; none if there is no world."""
+
+
+ONE = Fraction(1)
+
+
+class SingleTerm:
+    """The decision of one term that does not depend on itself.
+
+    Args:
+        entries: its clauses with their bits.
+        shared: what terms have in common: distributions and, for terms that look the same, whole outcomes.
+    """
+
+    __slots__ = ("_bits", "_clauses", "_ground", "_shape", "_shared", "_term")
+
+    def __init__(
+        self, ground: Ground, term: int, entries: Sequence[Entry], shared: dict[object, Any]
+    ) -> None:
+        self._ground, self._term, self._shared = ground, term, shared
+        self._bits = [bit for bit, _ in entries]
+        self._clauses = [clause for _, clause in entries]
+        self._shape = self._looks()
+
+    def _looks(self) -> object:
+        """All that its outcomes depend on, where that is little enough to be told; None elsewhere."""
+        clauses = self._clauses
+        selected = [clause for clause in clauses if clause.kind is Kind.SELECT]
+        if self._term in self._ground.do or len(selected) > 1:
+            return None
+        parts: list[object] = [id(self._ground.values[self._term])]  # terms of an attribute share it
+        for clause in clauses:
+            if clause.kind is Kind.ASSIGN and selected:
+                about = _is_about(self._ground, clause, selected[0])
+                parts.append((clause.statement, clause.value, id(clause.number), about))
+            elif clause.kind is Kind.RANGE:
+                same = bool(selected) and clause.instance == selected[0].instance
+                parts.append((clause.statement, clause.value, same))
+            else:
+                parts.append((clause.statement, clause.value))
+        key = tuple(parts)
+        return self._shared.setdefault(key, len(self._shared))
+
+    def outcomes(self, many: Iterable[int]) -> Mapping[int, list[Outcome]]:
+        """For each state of the bits, the outcomes of the term."""
+        found = {}
+        shape, shared, own = self._shape, self._shared, self._bits
+        for bits in many:
+            if shape is None:
+                found[bits] = self._outcomes(bits)
+                continue
+            key = shape, tuple([not bit or bits & bit != 0 for bit in own])
+            known = shared.get(key)
+            if known is None:
+                known = self._outcomes(bits)
+                if not any(outcome.breach for outcome in known):  # its message names the term
+                    shared[key] = known
+            found[bits] = known
+        return found
+
+    def _outcomes(self, bits: int) -> list[Outcome]:
+        true: dict[Kind, list[Clause]] = {kind: [] for kind in Kind}
+        for bit, clause in zip(self._bits, self._clauses, strict=True):
+            if not bit or bits & bit:
+                true[clause.kind].append(clause)
+        derived = {clause.value for clause in true[Kind.DERIVE]}
+        found = decide(
+            self._ground,
+            self._term,
+            derived,
+            true[Kind.SELECT],
+            true[Kind.RANGE],
+            true[Kind.ASSIGN],
+            self._shared,
+        )
+        return [Outcome((value,), weight, breach) for value, weight, breach in found]
+
+
+def decide(
+    ground: Ground,
+    term: int,
+    derived: set[int],
+    selected: Sequence[Clause],
+    ranged: Sequence[Clause],
+    spoken: Sequence[Clause],
+    shared: dict[object, Any],
+) -> list[tuple[int, Fraction, Breach | None]]:
+    """The outcomes of a term, given the clauses about it whose bodies are true.
+
+    Args:
+        derived: the values that rules give it.
+        selected, ranged, spoken: the clauses of kind SELECT, RANGE, ASSIGN.
+        shared: the distributions met so far, by what they depend on.
+    """
+    do = ground.do.get(term)
+    if do is not None and ground.do_is_fact:
+        return [(do, ONE, None)] if derived <= {do} else []
+    if len(derived) > 1:
+        return []
+    if not selected:
+        return [(next(iter(derived)) if derived else len(ground.values[term]), ONE, None)]
+    possible = _possible(ground, term, selected, ranged)
+    if do is not None:
+        return [(do, ONE, None)] if do in possible and derived <= {do} else []
+    breach = _condition_1(ground, term, derived, selected) if derived or len(selected) > 1 else None
+    taken = [value for value in possible if value in derived] if derived else possible
+    if not taken:
+        return []
+    if breach is not None:
+        return [(value, ONE, breach) for value in taken]
+    about = [clause for clause in spoken if _is_about(ground, clause, selected[0])]
+    # clauses of a statement share their number, so that its identity, quick to compare, is enough
+    key = (tuple(possible), tuple([(c.value, id(c.number), c.statement) for c in about]))
+    numbers = shared.get(key)
+    if numbers is None:
+        said: list[Spoken] = [(c.value, c.number or Fraction(0), c.statement) for c in about]
+        try:
+            numbers = choice(possible, said, ground.names[term], ground.values[term])
+        except Breach as found:
+            return [(value, ONE, found) for value in taken]
+        shared[key] = numbers
+    if not derived:
+        return [(value, number, None) for value, number in zip(possible, numbers, strict=True)]
+    return [(value, numbers[possible.index(value)], None) for value in taken]
+
+
+def _possible(ground: Ground, term: int, selected: Sequence[Clause], ranged: Sequence[Clause]) -> list[int]:
+    """The dynamic range, in the order of the declaration; that of all selections, should there be several."""
+    possible = list(range(len(ground.values[term])))
+    for clause in selected:
+        statement = ground.program.statements[clause.statement]
+        assert isinstance(statement, Selection)
+        if statement.range:
+            own = {
+                r.value for r in ranged if (r.statement, r.instance) == (clause.statement, clause.instance)
+            }
+            possible = [value for value in possible if value in own]
+    return possible
+
+
+def _condition_1(ground: Ground, term: int, derived: set[int], selected: Sequence[Clause]) -> Breach | None:
+    """Whether more than one selection applies to a term, or (2018) a rule gives a value to a random term."""
+    statements = ground.program.statements
+    name = ground.names[term]
+    modern = not ground.do_is_fact
+    first = selected[0]
+    for clause in selected[1:]:
+        here, there = statements[first.statement], statements[clause.statement]
+        assert isinstance(here, Selection)
+        assert isinstance(there, Selection)
+        same = (first.statement, first.instance, first.label) == (
+            clause.statement,
+            clause.instance,
+            clause.label,
+        )
+        if same or (
+            modern and (here.range, here.label, first.label) == (there.range, there.label, clause.label)
+        ):
+            continue
+        again = " with other values of its variables" if here is there else ""
+        return Breach(
+            clause.statement,
+            f"Condition 1: {name} is also selected at random by the rule at {{{first.statement}}}{again}",
+        )
+    if modern and derived:
+        return Breach(first.statement, f"Condition 1: {name} is selected at random while a rule derives it")
+    return None
+
+
+def _is_about(ground: Ground, atom: Clause, selected: Clause) -> bool:
+    """Whether a pr-atom speaks of this selection: it has no label, or the label of the selection."""
+    statements = ground.program.statements
+    said, made = statements[atom.statement], statements[selected.statement]
+    assert isinstance(said, Probability)
+    assert isinstance(made, Selection)
+    if said.label is None:
+        return True
+    if made.label is None or made.label.name != said.label.name:
+        return False
+    return not said.label.arguments or atom.label == selected.label

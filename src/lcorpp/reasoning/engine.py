@@ -1,0 +1,308 @@
+"""The reasoner: it compiles a program for each kind of question, once, and says so when it must do otherwise.
+
+Programs with cr-rules are enumerated, as an observation can create worlds. Programs with more states than
+can be compiled are answered by likelihood weighting; a `ReasoningWarning` says so, and the answer carries
+its standard errors.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, TypeVar
+
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
+from lcorpp.reasoning.arithmetic import ground
+from lcorpp.reasoning.circuit.grounder import ASKED
+from lcorpp.reasoning.circuit.paths import Paths
+from lcorpp.reasoning.circuit.plan import plan
+from lcorpp.reasoning.circuit.trellis import trellis
+from lcorpp.reasoning.circuit.weighting import SAMPLES, Estimates, estimate
+from lcorpp.reasoning.names import facts_of, interventions_of, term_of
+from lcorpp.reasoning.offence import Offence
+from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.syntax import Query, Term
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from lcorpp.reasoning.circuit.compiled import Circuit
+    from lcorpp.reasoning.enumeration import Enumeration
+    from lcorpp.values import Distribution
+
+KEPT = 1000
+"""How many circuits and answers a reasoner keeps before it begins anew."""
+
+NOTHING: Mapping[str, str] = {}
+
+_Kept = TypeVar("_Kept")
+
+
+class ReasoningWarning(UserWarning):
+    """An answer was not found by the compiled engine."""
+
+
+class Engine:
+    """Answers queries of a program; it has the methods of a `Reasoner`.
+
+    Args:
+        program: the program.
+        samples: how many worlds are drawn where likelihood weighting must serve.
+    """
+
+    def __init__(self, program: Program, *, samples: int = SAMPLES) -> None:
+        self.program, self.samples = program, samples
+        self._circuits: dict[Hashable, Circuit] = {}
+        self._answers: dict[Hashable, Distribution] = {}
+        self._paths: dict[Hashable, Paths] = {}
+
+    def __reduce__(self) -> tuple[Callable[[Program, int], Engine], tuple[Program, int]]:
+        return _again, (self.program, self.samples)
+
+    def posterior(
+        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
+    ) -> Distribution:
+        """The marginal of `attribute` given evidence and interventions.
+
+        Args:
+            attribute: an attribute or a term of one, such as ``roll(d1)``.
+            evidence, do: term -> value.
+
+        Raises:
+            ProgramError: the program does not know a name, `attribute` may have no value under the evidence,
+                or a world breaks a condition of the language.
+            UndefinedError: no possible world has the evidence.
+        """
+        asked = (attribute, tuple(evidence.items()), tuple(do.items()))
+        answer = self._answers.get(asked)
+        if answer is None:
+            answer = self._posterior(attribute, evidence, do)
+            _keep(self._answers, asked, answer)
+        return answer
+
+    def _posterior(self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str]) -> Distribution:
+        term = ground(term_of(self.program, attribute))
+        facts, set_to = facts_of(self.program, evidence), interventions_of(self.program, do)
+        if self.program.has_cr_rules:
+            return self._enumeration().posterior(term, facts, set_to)
+        key = (term, frozenset(facts), frozenset(set_to.items()))
+        if key not in self._circuits:
+            try:
+                circuit = self.compile(sorted(facts), term, set_to)
+            except TooLargeError as found:
+                self._say(found)
+                return self._estimated(term, facts, set_to)
+            _keep(self._circuits, key, circuit)
+        return self._circuits[key](facts)  # type: ignore[return-value]
+
+    def compile(
+        self, inputs: Sequence[str], query: str | Sequence[str], do: Mapping[str, str] = NOTHING
+    ) -> Circuit:
+        """Compile the program for some inputs and queries; see `Circuit`.
+
+        Args:
+            inputs: the terms that evidence may name; an attribute with arguments stands for all its terms.
+            query: a term, or several.
+            do: interventions, term -> value.
+
+        Raises:
+            ProgramError: a name is unknown, a world breaks a condition of the language, or there are cr-
+            rules.
+            TooLargeError: the program has too many states.
+        """
+        from lcorpp.reasoning.circuit.compiled import compiled  # here, as it takes time to load numpy
+
+        return compiled(self.program, inputs, query, do)
+
+    def exact(
+        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
+    ) -> dict[str, Fraction]:
+        """The same as `posterior`, as fractions by value in the order of the declaration.
+
+        Raises:
+            TooLargeError: the program has too many states.
+        """
+        term = term_of(self.program, attribute)
+        facts, set_to = facts_of(self.program, evidence), interventions_of(self.program, do)
+        if self.program.has_cr_rules:
+            return self._enumeration().exact(ground(term), facts, set_to)
+        sums = self._worlds(set_to, (ground(term), *facts)).exact(ground(term), facts)
+        return _marginal(self.program, term, sums, _shown(facts, set_to))
+
+    def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NOTHING) -> dict[str, str]:
+        """Draw one world with its probability given some evidence.
+
+        Returns:
+            term -> value.
+
+        Raises:
+            ProgramError, UndefinedError: as `posterior`.
+            TooLargeError: the program has too many states.
+        """
+        if self.program.has_cr_rules:
+            return self._enumeration().sample(rng, given)
+        facts = facts_of(self.program, given)
+        found = self._worlds({}, tuple(facts)).sample(rng, facts)
+        if found is None:
+            raise UndefinedError(f"{self.program.file}: no possible world{_shown(given, {})}")
+        return found
+
+    def ask(self, query: Query, *, exact: bool = False) -> dict[str, Answer] | Answer:
+        """The distribution that a query asks for, or its probability.
+
+        Args:
+            exact: whether the numbers are fractions.
+
+        Returns:
+            A number, or value -> number; numbers are `Estimate`s where likelihood weighting had to serve.
+
+        Raises:
+            ProgramError, UndefinedError: as `posterior`.
+            TooLargeError: fractions are asked of a program with too many states.
+        """
+        checked = _checked(self.program, query)
+        if self.program.has_cr_rules:
+            found = self._enumeration().ask(checked)
+            return found if exact else _floats(found)  # type: ignore[return-value]
+        do = {ground(item.term): ground(item.value) for item in checked.interventions}
+        observed = [observation.literal for observation in checked.observations]
+        name = ground(checked.subject) if checked.subject else ASKED
+        prepared = plan(self.program, do, observed, (name,), checked.literals)
+        conditions = _conditions(checked)
+        try:
+            paths = Paths(trellis(prepared))
+        except TooLargeError as error:
+            if exact:
+                raise
+            self._say(error)
+            return _estimates(self.program, checked, estimate(prepared, name, {}, self.samples))
+        sums: Mapping[str, Fraction | float] = paths.exact(name, {}) if exact else paths.weights(name, {})
+        if checked.subject:
+            return _marginal(self.program, checked.subject, sums, conditions)  # type: ignore[type-var]
+        total = sum(sums.values())
+        if not total:
+            raise _undefined(self.program, conditions)
+        return sums.get("true", 0 * total) / total
+
+    # the other engines
+
+    def _worlds(self, do: Mapping[str, str], wanted: Sequence[str]) -> Paths:
+        key = frozenset(do.items()), frozenset(wanted)
+        if key not in self._paths:
+            _keep(self._paths, key, Paths(trellis(plan(self.program, do, wanted=wanted))))
+        return self._paths[key]
+
+    def _enumeration(self) -> Enumeration:
+        from lcorpp.reasoning.enumeration import Enumeration  # here, as it loads numpy and clingo
+
+        return Enumeration(self.program)
+
+    def _say(self, reason: TooLargeError) -> None:
+        warnings.warn(
+            f"{reason}: estimated from {self.samples} worlds drawn at random", ReasoningWarning, stacklevel=4
+        )
+
+    def _estimated(self, term: str, facts: Mapping[str, str], do: Mapping[str, str]) -> Distribution:
+        import numpy as np
+
+        from lcorpp.reasoning.estimated import EstimatedDistribution
+
+        found = estimate(plan(self.program, do), term, facts, self.samples)
+        if found.values[""][0]:
+            raise _no_value(self.program, term, found.values[""][0])
+        rows = [pair for value, pair in found.values.items() if value]
+        values = tuple(value for value in found.values if value)
+        p = np.array([pair[0] for pair in rows])
+        return EstimatedDistribution(values, p / p.sum(), np.array([pair[1] for pair in rows]), found.samples)
+
+
+class Estimate(float):
+    """An estimated probability.
+
+    error: its standard error.
+    """
+
+    error: float
+
+    def __new__(cls, value: float, error: float) -> Estimate:
+        made = super().__new__(cls, value)
+        made.error = error
+        return made
+
+
+Answer = Fraction | float
+
+
+def _checked(program: Program, query: Query) -> Query:
+    try:
+        query = program.named(query)
+        program.check_query(query)
+    except Offence as offence:
+        raise ProgramError(str(offence)) from None
+    set_to: dict[str, str] = {}
+    for item in query.interventions:
+        term, value = ground(item.term), ground(item.value)
+        if set_to.setdefault(term, value) != value:
+            raise ProgramError(f"{item.at}: do({term}) sets two values, {set_to[term]} and {value}")
+    return query
+
+
+def _conditions(query: Query) -> str:
+    parts = [str(part).removesuffix(".") for part in (*query.observations, *query.interventions)]
+    return f" has {', '.join(parts)}" if parts else ""
+
+
+def _shown(facts: Mapping[str, str], do: Mapping[str, str]) -> str:
+    parts = [f"{term}={value}" for term, value in facts.items()]
+    parts += [f"do({term}={value})" for term, value in do.items()]
+    return f" has {', '.join(parts)}" if parts else ""
+
+
+_Number = TypeVar("_Number", Fraction, float)
+
+
+def _marginal(
+    program: Program, term: Term, sums: Mapping[str, _Number], conditions: str
+) -> dict[str, _Number]:
+    total = sum(sums.values())
+    if not total:
+        raise _undefined(program, conditions)
+    if sums.get(""):
+        raise _no_value(program, ground(term), sums[""] / total)
+    zero = 0 * total
+    return {v: sums.get(v, zero) / total for v in program.attributes[term.name].values}
+
+
+def _undefined(program: Program, conditions: str) -> UndefinedError:
+    return UndefinedError(f"{program.file}: no possible world of positive measure{conditions}")
+
+
+def _no_value(program: Program, term: str, share: object) -> ProgramError:
+    return ProgramError(
+        f"{program.file}: {term} has no value with probability {share}; ask for {term}=value instead"
+    )
+
+
+def _floats(found: dict[str, Fraction] | Fraction) -> dict[str, float] | float:
+    return {v: float(p) for v, p in found.items()} if isinstance(found, dict) else float(found)
+
+
+def _estimates(program: Program, query: Query, found: Estimates) -> dict[str, Answer] | Answer:
+    made = {value: Estimate(p, error) for value, (p, error) in found.values.items()}
+    if query.subject is None:
+        return made.get("true", Estimate(0.0, 0.0))
+    lost = made.pop("")
+    if lost:
+        raise _no_value(program, ground(query.subject), lost)
+    return dict(made)
+
+
+def _again(program: Program, samples: int) -> Engine:
+    return Engine(program, samples=samples)
+
+
+def _keep(memory: dict[Hashable, _Kept], key: Hashable, value: _Kept) -> None:
+    if len(memory) >= KEPT:
+        memory.clear()
+    memory[key] = value
