@@ -51,12 +51,14 @@ def check_scope(
     used = [variable for expression in scope for variable in variables(expression)]
     sorts = variable_sorts(slots, used, signature)
     span = outcomes
+    computed = _computed(body)
     for name, found in sorts.items():
         common = signature.shared(found)
         if not common:
             where = next((v.at for v in used if v.name == name), at)
             raise Offence(where, f"variable {name} cannot be of the sorts {' and '.join(found)} at once")
-        span *= common
+        if name not in computed:
+            span *= common
     if span > MOST_INSTANCES:
         raise Offence(at, f"this spans {span} ground instances; at most {MOST_INSTANCES} are grounded")
     bounds = dict.fromkeys(sorts, signature.largest)
@@ -101,6 +103,25 @@ def variable_sorts(
         if isinstance(expression, Variable) and sort not in sorts.setdefault(expression.name, []):
             sorts[expression.name].append(sort)
     return sorts
+
+
+def _computed(body: Iterable[Literal | Comparison]) -> set[str]:
+    """The variables that equations such as T1=T+1 give once the others have values: they span nothing."""
+    computed: set[str] = set()
+    others: set[str] = set()
+    for comparison in body:
+        if not isinstance(comparison, Comparison) or comparison.relation != "=":
+            continue
+        for side, other in (
+            (comparison.left, comparison.right),
+            (comparison.right, comparison.left),
+        ):
+            names = {variable.name for variable in variables(other)}
+            if isinstance(side, Variable) and side.name not in names | others and not names & computed:
+                computed.add(side.name)
+                others |= names
+                break
+    return computed
 
 
 def _bind(body: Iterable[Literal | Comparison], bounds: dict[str, int]) -> None:

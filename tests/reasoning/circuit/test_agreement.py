@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from itertools import islice, product
 
 import numpy as np
 import pytest
@@ -10,8 +12,12 @@ from hypothesis import HealthCheck, given, settings
 from tests.reasoning.circuit.programs import Case, cases
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning import Enumeration, parse_plog
-from lcorpp.reasoning.circuit.compiled import compiled
+from lcorpp.reasoning import Enumeration, parse_plog, parse_query
+from lcorpp.reasoning.circuit.compiled import Circuit
+from lcorpp.reasoning.engine import Engine
+from lcorpp.values import Distribution
+
+SUITE = settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 def outcome(answer: Callable[[], object]) -> object:
@@ -22,31 +28,88 @@ def outcome(answer: Callable[[], object]) -> object:
         return type(error)
 
 
-def check(case: Case) -> None:
-    """Hold the circuit against the enumeration, in fractions and in numbers."""
-    program = parse_plog(case.text)
-    evidence, do = dict(case.evidence), dict(case.do)
-    expected = outcome(lambda: Enumeration(program).exact(case.query, evidence, do))
-    circuit = outcome(lambda: compiled(program, case.inputs, case.query, do))
-    if isinstance(circuit, type):
-        assert expected == circuit
-        return
-    assert outcome(lambda: circuit.exact(evidence)) == expected
-    found = outcome(lambda: circuit(evidence))
+def close(found: object, expected: object) -> None:
     if isinstance(expected, dict):
-        np.testing.assert_allclose(found.probabilities, list(map(float, expected.values())), atol=1e-12)
+        assert isinstance(found, Distribution), found
+        np.testing.assert_allclose(found.probabilities, [float(p) for p in expected.values()], atol=1e-12)
     else:
         assert found == expected
 
 
+def given_all(circuit: Circuit) -> Iterator[dict[str, str]]:
+    """Evidence that names all inputs of a circuit; all such, up to 30."""
+    every = product(*(circuit.values[name] for name in circuit.inputs))
+    return (dict(zip(circuit.inputs, values, strict=True)) for values in islice(every, 30))
+
+
+def check(case: Case) -> None:
+    """Hold the circuit against the enumeration, in fractions and in numbers."""
+    program = parse_plog(case.text)
+    worlds, engine = Enumeration(program), Engine(program)
+    evidence, do = dict(case.evidence), dict(case.do)
+    question = parse_query(case.question, program)
+    assert outcome(lambda: engine.ask(question, exact=True)) == outcome(lambda: worlds.ask(question))
+    expected = outcome(lambda: worlds.exact(case.query, evidence, do))
+    circuit = outcome(lambda: program.compile(case.inputs, case.query, do))
+    if not isinstance(circuit, Circuit):
+        assert expected == circuit
+        return
+    assert outcome(lambda: circuit.exact(evidence)) == expected
+    close(outcome(lambda: circuit(evidence)), expected)
+    assert outcome(lambda: engine.exact(case.query, evidence, do)) == expected
+    check_batch(circuit, worlds, do)
+    if not do:
+        check_worlds(circuit, worlds, evidence)
+
+
+def check_batch(circuit: Circuit, worlds: Enumeration, do: dict[str, str]) -> None:
+    """Each row of a batch is what the worlds say; no row hides another's fault."""
+    rows = list(given_all(circuit))
+    expected = [outcome(lambda row=row: worlds.exact(*circuit.queries, row, do)) for row in rows]
+    codes = np.array([[circuit.values[n].index(v) for n, v in row.items()] for row in rows], dtype=np.intp)
+    found = outcome(lambda: circuit(codes.reshape(len(rows), -1), undefined="nan"))
+    if ProgramError in expected:
+        assert found == ProgramError
+        return
+    unknown = [float("nan")] * len(circuit.values[circuit.queries[0]])
+    wanted = [
+        [float(p) for p in row.values()] if isinstance(row, dict) else unknown for row in expected
+    ]
+    np.testing.assert_allclose(found, wanted, atol=1e-12)
+
+
+def check_worlds(circuit: Circuit, worlds: Enumeration, evidence: dict[str, str]) -> None:
+    """The most probable worlds are those of the enumeration, with their measures, the best first."""
+    found = outcome(lambda: circuit.most_probable(evidence, 4))
+    every = outcome(lambda: worlds.worlds)
+    if isinstance(every, type):
+        assert found == every
+        return
+    kept = [
+        (tuple(world.values.items()), world.measure)
+        for world in every
+        if all(world.values.get(term) == value for term, value in evidence.items())
+    ]
+    total = sum((measure for _, measure in kept), Fraction(0))
+    if not total:
+        assert found == UndefinedError
+        return
+    measures = {world: measure / total for world, measure in kept if measure}
+    best = sorted(measures.values(), reverse=True)[:4]
+    assert [world.measure for world in found] == best
+    assert len({tuple(world.values.items()) for world in found}) == len(best)
+    for world in found:
+        assert measures[tuple(world.values.items())] == world.measure
+
+
 @given(case=cases())
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@SUITE
 def test_circuit_and_enumeration_agree(case: Case) -> None:
     check(case)
 
 
 @pytest.mark.slow
 @given(case=cases())
-@settings(max_examples=10_000, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(SUITE, max_examples=10_000)
 def test_circuit_and_enumeration_agree_on_ten_thousand_programs(case: Case) -> None:
     check(case)

@@ -23,6 +23,8 @@ class Kind(Enum):
     ASSIGN = "a pr-atom speaks of the value"
     FORBID = "there is no such world"
 
+    __hash__ = object.__hash__  # that of Enum hashes the name, in Python
+
 
 Literal = tuple[int, int, bool]
 """A term, the outcomes that make it true, and whether it stands under `not`."""

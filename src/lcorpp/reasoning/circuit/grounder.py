@@ -8,22 +8,15 @@ independent way from a program to its worlds; the two are tested against each ot
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from typing import cast
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.arithmetic import exact, ground, variables
+from lcorpp.reasoning.circuit.constants import Value, holds, split, value_of
 from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
 from lcorpp.reasoning.circuit.ground import Literal as GroundLiteral
-from lcorpp.reasoning.circuit.joins import (
-    Bindings,
-    Facts,
-    Join,
-    Reader,
-    Value,
-    holds,
-    reader,
-    split,
-    value_of,
-)
+from lcorpp.reasoning.circuit.joins import Facts, Join, Part, Source
 from lcorpp.reasoning.offence import Offence
 from lcorpp.reasoning.program import Program
 from lcorpp.reasoning.signature import expressions, pr_variables, scope
@@ -45,6 +38,8 @@ Body = Sequence[Literal | Comparison]
 Key = Value | tuple[Value, ...]
 """The arguments of a term; one alone stands for itself."""
 
+
+_NONE = Source("()")
 
 ASKED = "?"
 """The name of the term that has the value true where all literals that are asked for hold."""
@@ -75,6 +70,8 @@ class _Grounder:
         self.ground = Ground(program)
         self._ids: dict[str, dict[Key, int]] = {name: {} for name in self.signature.attributes}
         self._masks: dict[tuple[str, str, bool], dict[Value, int]] = {}
+        self._sorts: dict[str, Mapping[Value, None]] = {}
+        self._indexes: dict[str, dict[Value, int]] = {}
         self._do = dict(do)
         for statement in program.statements:
             if isinstance(statement, Intervention):
@@ -102,7 +99,7 @@ class _Grounder:
         for literal in observed:
             self._forbid_unless(literal)
         if asked:
-            body = tuple([self._literal(literal, {})() for literal in asked])
+            body = tuple([self._ground_literal(literal) for literal in asked])
             self._add(Clause(Kind.DERIVE, len(self.ground.names), 0, body))
             self.ground.names.append(ASKED)
             self.ground.values.append(("true",))
@@ -136,186 +133,221 @@ class _Grounder:
                 heads.setdefault(statement.head.term.name, []).append(statement)
                 if any(isinstance(x, Literal) and not self.signature.is_sort(x) for x in statement.body):
                     other.add(statement.head.term.name)
-        facts: Facts = {}
+        facts: dict[str, Mapping[tuple[Value, ...], Value]] = {}
         for name, rules in heads.items():
             if name not in other:
-                facts[name] = {}
+                table: dict[tuple[Value, ...], Value] = {}
                 for rule in rules:
-                    self._collect(rule, facts[name])
+                    self._collect(rule, table)
+                facts[name] = table
         return facts
 
     def _collect(self, rule: Rule, table: dict[tuple[Value, ...], Value]) -> None:
         assert rule.head
         join = self._join(rule, rule.body, {})
-        arguments, value = [reader(a) for a in rule.head.term.arguments], reader(rule.head.value)
-        b = join.bindings
-
-        def emit() -> None:
-            table[tuple([argument(b) for argument in arguments])] = value(b)
-
-        join.run(emit)
+        arguments = [join.part(argument) for argument in rule.head.term.arguments]
+        value = join.part(rule.head.value)
+        if join.is_ground:
+            table[tuple(arguments)] = value
+            return
+        key = "".join(f"{join.written(argument)}, " for argument in arguments)
+        join.add(f"table[({key})] = {join.written(value)}")
+        join.function(table=table)()
 
     # statements
 
     def _join(self, statement: Rule | Selection | Probability, body: Body, facts: Facts) -> Join:
         slots = list(self.signature.slots(statement))
-        return Join(self.signature, slots, scope(statement), body, facts)
+        return Join(self.signature, self._sort, slots, scope(statement), body, facts)
+
+    def _sort(self, name: str) -> Mapping[Value, None]:
+        if name not in self._sorts:
+            self._sorts[name] = {value_of(text): None for text in self.signature.sorts[name]}
+        return self._sorts[name]
 
     def _rule(self, index: int, rule: Rule) -> None:
         join = self._join(rule, rule.body, self._facts)
-        body = self._body(rule.body, join.bindings)
         if rule.head is None:
-            join.run(lambda: self._add(Clause(Kind.FORBID, -1, 0, body(), index)))
-            return
-        head = self._outcome(rule.head.term, rule.head.value, join.bindings)
-
-        def emit() -> None:
-            term, value = head()
-            self._add(Clause(Kind.DERIVE, term, value, body(), index))
-
-        join.run(emit)
+            self._emit(join, Kind.FORBID, -1, 0, rule.body, index)
+        else:
+            term, value = self._term(join, rule.head.term), self._value(join, rule.head.term, rule.head.value)
+            self._emit(join, Kind.DERIVE, term, value, rule.body, index)
 
     def _selection(self, index: int, selection: Selection) -> None:
         join = self._join(selection, selection.body, self._facts)
-        b = join.bindings
-        term_of, body = self._term(selection.term, b), self._body(selection.body, b)
-        labels = [reader(a) for a in (selection.label.arguments if selection.label else ())]
         inner = list(expressions(selection.range.condition)) if selection.range else []
-        told = _names((*inner, selection.term, *(selection.label.arguments if selection.label else ())))
+        label = selection.label.arguments if selection.label else ()
+        told = _names((*inner, selection.term, *label))
         shared = sorted(told & _names(scope(selection)))
+        term = self._term(join, selection.term)
         instances: dict[tuple[Value, ...], int] = {}
-
-        def emit() -> None:
-            term, instance = term_of(), tuple([b[name] for name in shared])
-            instances[instance] = term
-            label = ",".join([str(read(b)) for read in labels]) if labels else ""
-            self._add(Clause(Kind.SELECT, term, 0, body(), index, label, instance))
-
-        join.run(emit)
+        instance = _tuple(shared)
+        if selection.range:
+            join.add(f"instances[{instance}] = {join.written(term)}")
+        self._emit(
+            join, Kind.SELECT, term, 0, selection.body, index, self._label(join, label), instance,
+            instances=instances,
+        )  # fmt: skip
         if selection.range:
             self._range(index, selection, shared, instances)
 
     def _range(
-        self, index: int, selection: Selection, shared: list[str], instances: dict[tuple[Value, ...], int]
+        self, index: int, selection: Selection, shared: list[str], instances: Mapping[tuple[Value, ...], int]
     ) -> None:
         assert selection.range
         variable, condition = selection.range.variable, selection.range.condition
         slots = list(self.signature.range_slots(selection))
-        join = Join(
-            self.signature,
-            slots,
-            [variable, *expressions(condition)],
-            condition,
-            self._facts,
-            frozenset(shared),
-        )
-        b, body = join.bindings, self._body(condition, join.bindings)
-        values = self._numbers(selection.term.name)
-        for instance, term in instances.items():
-            b.update(zip(shared, instance, strict=True))
-            join.run(
-                lambda term=term, instance=instance: self._add(  # type: ignore[misc]
-                    Clause(Kind.RANGE, term, values[b[variable.name]], body(), index, "", instance)
-                )
-            )
+        used = [variable, *expressions(condition)]
+        join = Join(self.signature, self._sort, slots, used, condition, self._facts, shared)
+        value = self._value(join, selection.term, variable)
+        run = self._function(
+            join, Kind.RANGE, Source("instances[" + _tuple(shared) + "]"), value, condition, index, "",
+            _tuple(shared), instances=instances,
+        )  # fmt: skip
+        for instance in list(instances):
+            run(*instance)
 
     def _probability(self, index: int, atom: Probability) -> None:
         join = self._join(atom, atom.condition, self._facts)
-        b = join.bindings
-        outcome, body = self._outcome(atom.term, atom.value, b), self._body(atom.condition, b)
-        labels = [reader(a) for a in (atom.label.arguments if atom.label else ())]
+        term, value = self._term(join, atom.term), self._value(join, atom.term, atom.value)
         names = pr_variables(atom)
-        number = atom.number.value if isinstance(atom.number, Number) else None
-
-        def emit() -> None:
-            term, value = outcome()
-            given = exact(atom.number, {name: str(b[name]) for name in names}) if number is None else number
-            label = ",".join([str(read(b)) for read in labels]) if labels else ""
-            instance = tuple([b[name] for name in names])
-            self._add(Clause(Kind.ASSIGN, term, value, body(), index, label, instance, given))
-
-        join.run(emit)
+        number: Source | Fraction
+        if isinstance(atom.number, Number):
+            number = atom.number.value
+        else:
+            given = ", ".join(f"{name!r}: str(v_{name})" for name in names)
+            number = Source(f"{join.name(exact)}({join.name(atom.number)}, {{{given}}})")
+        label = self._label(join, atom.label.arguments if atom.label else ())
+        self._emit(join, Kind.ASSIGN, term, value, atom.condition, index, label, _tuple(names), number)
 
     def _forbid_unless(self, literal: Literal) -> None:
-        term, allowed, negated = self._literal(literal, {})()
+        term, allowed, negated = self._ground_literal(literal)
         everything = (1 << len(self.ground.values[term]) + 1) - 1
         self._add(Clause(Kind.FORBID, -1, 0, ((term, everything & ~allowed, not negated),)))
 
-    # parts of statements
+    def _ground_literal(self, literal: Literal) -> GroundLiteral:
+        term = self.term(literal.term.name, _key([value_of(ground(a)) for a in literal.term.arguments]))
+        return term, self._allowed(literal, value_of(ground(literal.value))), literal.negated
 
-    def _term(self, term: Term, b: Bindings) -> Callable[[], int]:
-        name, parts = term.name, [reader(argument) for argument in term.arguments]
-        if not any(variables(term)):
-            number = self.term(name, _key([part(b) for part in parts]))
-            return lambda: number
-        known, new = self._ids[name].get, self.term
-        if len(parts) == 1:
-            only = parts[0]
+    # clauses
 
-            def find_by_one() -> int:
-                key = only(b)
-                found = known(key)
-                return new(name, key) if found is None else found
+    def _emit(
+        self,
+        join: Join,
+        kind: Kind,
+        term: Part,
+        value: Part,
+        body: Body,
+        index: int,
+        label: Part = "",
+        instance: Source = _NONE,
+        number: Source | Fraction | None = None,
+        **names: object,
+    ) -> None:
+        """Add a clause for each way to bind the variables of a statement."""
+        literals = self._body(join, body)
+        parts = (term, value, label, number, *(part for literal in literals for part in literal))
+        if join.is_ground and not any(isinstance(part, Source) for part in parts):
+            given = tuple([cast(GroundLiteral, literal) for literal in literals])
+            self._add(
+                Clause(kind, cast(int, term), cast(int, value), given, index, cast(str, label), (), number)  # type: ignore[arg-type]
+            )
+        else:
+            self._function(join, kind, term, value, literals, index, label, instance, number, **names)()
 
-            return find_by_one
+    def _function(
+        self,
+        join: Join,
+        kind: Kind,
+        term: Part,
+        value: Part,
+        body: Body | list[tuple[Part, Part, bool]],
+        index: int,
+        label: Part,
+        instance: Source,
+        number: Source | Fraction | None = None,
+        **names: object,
+    ) -> Callable[..., None]:
+        if not all(isinstance(literal, tuple) for literal in body):
+            body = self._body(join, cast(Body, body))
+        literals = "".join(
+            f"({join.written(t)}, {join.written(allowed)}, {negated}), "
+            for t, allowed, negated in cast(list[tuple[Part, Part, bool]], body)
+        )
+        of = number if isinstance(number, Source) else join.name(number)
+        join.add(
+            f"add(Clause({join.name(kind)}, {join.written(term)}, {join.written(value)}, ({literals}),"
+            f" {index}, {join.written(label)}, {instance}, {of}))"
+        )
+        return join.function(add=self._add, Clause=Clause, **names)
 
-        def find() -> int:
-            key = tuple([part(b) for part in parts])
-            found = known(key)
-            return new(name, key) if found is None else found
+    # parts of clauses
 
-        return find
+    def _term(self, join: Join, term: Term) -> Part:
+        parts = [join.part(argument) for argument in term.arguments]
+        if not any(isinstance(part, Source) for part in parts):
+            return self.term(term.name, _key(parts))
+        inner = ", ".join(map(join.written, parts))
+        found = join.name(None)
+        key = inner if len(parts) == 1 else f"({inner})"
+        join.add(f"{found} = {join.name(self._ids[term.name].get)}(k := {key})")
+        join.add(f"if {found} is None: {found} = {join.name(self.term)}({term.name!r}, k)")
+        return found
 
-    def _numbers(self, attribute: str) -> dict[Value, int]:
-        values = self.signature.attributes[attribute].values
-        return {value_of(value): i for i, value in enumerate(values)}
+    def _value(self, join: Join, term: Term, value: Expression) -> Part:
+        numbers, part = self._numbers(term.name), join.part(value)
+        return Source(f"{join.name(numbers)}[{part}]") if isinstance(part, Source) else numbers[part]
 
-    def _outcome(self, term: Term, value: Expression, b: Bindings) -> Callable[[], tuple[int, int]]:
-        find, read, numbers = self._term(term, b), reader(value), self._numbers(term.name)
-        if any(variables(value)):
-            return lambda: (find(), numbers[read(b)])
-        only = numbers[read(b)]
-        return lambda: (find(), only)
+    def _label(self, join: Join, arguments: Sequence[Expression]) -> Part:
+        parts = [join.part(argument) for argument in arguments]
+        if not any(isinstance(part, Source) for part in parts):
+            return ",".join(map(str, parts))
+        return Source(" + ',' + ".join(f"str({join.written(part)})" for part in parts))
 
-    def _body(self, body: Body, b: Bindings) -> Callable[[], tuple[GroundLiteral, ...]]:
-        literals = [
-            self._literal(literal, b)
+    def _body(self, join: Join, body: Body) -> list[tuple[Part, Part, bool]]:
+        return [
+            self._literal(join, literal)
             for literal in body
             if isinstance(literal, Literal)
             and not self.signature.is_sort(literal)
             and literal.term.name not in self._facts
         ]
-        if not literals:
-            return tuple
-        if len(literals) == 1:
-            only = literals[0]
-            return lambda: (only(),)
-        return lambda: tuple([literal() for literal in literals])
 
-    def _literal(self, literal: Literal, b: Bindings) -> Callable[[], GroundLiteral]:
-        find, negated = self._term(literal.term, b), literal.negated
-        read: Reader = reader(literal.value)
-        if not any(variables(literal.value)):
-            always = self._allowed(literal, read(b))
-            return lambda: (find(), always, negated)
-        masks = self._masks.setdefault((literal.term.name, literal.relation, negated), {})
+    def _literal(self, join: Join, literal: Literal) -> tuple[Part, Part, bool]:
+        value = join.part(literal.value)
+        if not isinstance(value, Source):
+            return self._term(join, literal.term), self._allowed(literal, value), literal.negated
+        known = self._masks.setdefault((literal.term.name, literal.relation, literal.negated), {})
 
-        def make() -> GroundLiteral:
-            value = read(b)
-            allowed = masks.get(value)
-            if allowed is None:
-                allowed = masks[value] = self._allowed(literal, value)
-            return find(), allowed, negated
+        def make(value: Value) -> int:
+            allowed = known[value] = self._allowed(literal, value)
+            return allowed
 
-        return make
+        term, allowed = self._term(join, literal.term), join.name(None)
+        join.add(f"{allowed} = {join.name(known.get)}(k := {value})")
+        join.add(f"if {allowed} is None: {allowed} = {join.name(make)}(k)")
+        return term, allowed, literal.negated
+
+    def _numbers(self, attribute: str) -> dict[Value, int]:
+        if attribute not in self._indexes:
+            values = self.signature.attributes[attribute].values
+            self._indexes[attribute] = {value_of(value): i for i, value in enumerate(values)}
+        return self._indexes[attribute]
 
     def _allowed(self, literal: Literal, value: Value) -> int:
-        numbers = self._numbers(literal.term.name)
+        numbers, relation = self._numbers(literal.term.name), literal.relation
         allowed = 0
-        for has, i in numbers.items():
-            if holds(has, literal.relation, value):
-                allowed |= 1 << i
+        if relation == "=":
+            allowed = 1 << numbers[value] if value in numbers else 0
+        else:
+            for has, i in numbers.items():
+                if holds(has, relation, value):
+                    allowed |= 1 << i
         return ((1 << len(numbers) + 1) - 1) & ~allowed if literal.negated else allowed
+
+
+def _tuple(names: Iterable[str]) -> Source:
+    return Source("(" + "".join(f"v_{name}, " for name in names) + ")")
 
 
 def _key(arguments: Sequence[Value]) -> Key:

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from lcorpp.reasoning.circuit.collection import without_collection
 from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind, Literal
 from lcorpp.reasoning.circuit.grounder import ground_program
 from lcorpp.reasoning.circuit.loops import Circle, circle
@@ -22,9 +23,9 @@ from lcorpp.reasoning.circuit.steps import Decision, Entry, SingleTerm
 from lcorpp.reasoning.program import Program
 from lcorpp.reasoning.syntax import Literal as SyntaxLiteral
 
-Effect = tuple[int, int, Sequence[tuple[int, int]]]
-"""What an outcome does to a state: bits that it sets, denied bits without which there is no world, and pairs
-(denied, true): unless the body is denied it is true now."""
+Effect = tuple[int, int, int, Mapping[int, int]]
+"""What an outcome does to a state: bits that it sets, denied bits without which there is no world, the denied
+bits of the bodies that are finished by it, and the bit to set for each of them that is not denied."""
 
 MOST_ABSORBED = 64
 """How many groups of clauses a step looks through for bits that no longer matter; beyond, states may be
@@ -118,7 +119,8 @@ class Step:
         return self._effects[key]
 
     def _effect(self, met: Iterable[_Pending]) -> Effect | None:
-        sets, must, finishes = self._all_denied, 0, []
+        sets, must, finished = self._all_denied, 0, 0
+        true: dict[int, int] = {}
         for pending in met:
             if pending.last > self.position:
                 sets &= ~pending.denied
@@ -132,8 +134,9 @@ class Step:
             elif not pending.denied:
                 sets |= pending.group.true
             else:
-                finishes.append((pending.denied, pending.group.true))
-        return sets, must, finishes
+                finished |= pending.denied
+                true[pending.denied] = pending.group.true
+        return sets, must, finished, true
 
 
 @dataclass(slots=True, eq=False)
@@ -168,6 +171,17 @@ def plan(
     Raises:
         ProgramError: arithmetic is undefined.
     """
+    with without_collection():
+        return _plan(program, do, observed, wanted, asked)
+
+
+def _plan(
+    program: Program,
+    do: Mapping[str, str],
+    observed: Iterable[SyntaxLiteral],
+    wanted: Iterable[str],
+    asked: Sequence[SyntaxLiteral],
+) -> Plan:
     ground = ground_program(program, do, observed, asked)
     clauses, outcomes = simplified(ground)
     order = ordered(clauses, outcomes)
@@ -240,7 +254,8 @@ def _steps(
         if p.last > p.first:
             opening[p.first].append(p)
             closing[p.last].append(p)
-            for position in {place[term] for term in p.outer}:
+            positions = [place[term] for term in p.outer]
+            for position in positions if len(positions) == 2 else set(positions):
                 touching[position].append(p)
         else:
             touching[p.first].append(p)

@@ -47,13 +47,14 @@ class SingleTerm:
         shared: what terms have in common: distributions and, for terms that look the same, whole outcomes.
     """
 
-    __slots__ = ("_bits", "_clauses", "_ground", "_shape", "_shared", "_term")
+    __slots__ = ("_always", "_clauses", "_ground", "_numbers", "_shape", "_shared", "_term")
 
     def __init__(
         self, ground: Ground, term: int, entries: Sequence[Entry], shared: dict[object, Any]
     ) -> None:
         self._ground, self._term, self._shared = ground, term, shared
-        self._bits = [bit for bit, _ in entries]
+        self._always = [i for i, (bit, _) in enumerate(entries) if not bit]
+        self._numbers = {bit: i for i, (bit, _) in enumerate(entries) if bit}
         self._clauses = [clause for _, clause in entries]
         self._shape = self._looks()
 
@@ -79,33 +80,45 @@ class SingleTerm:
     def outcomes(self, many: Iterable[int]) -> Mapping[int, list[Outcome]]:
         """For each state of the bits, the outcomes of the term."""
         found = {}
-        shape, shared, own = self._shape, self._shared, self._bits
+        shape, shared = self._shape, self._shared
         for bits in many:
+            true = self._true(bits)
             if shape is None:
-                found[bits] = self._outcomes(bits)
+                found[bits] = self._outcomes(true)
                 continue
-            key = shape, tuple([not bit or bits & bit != 0 for bit in own])
+            key = shape, true
             known = shared.get(key)
             if known is None:
-                known = self._outcomes(bits)
+                known = self._outcomes(true)
                 if not any(outcome.breach for outcome in known):  # its message names the term
                     shared[key] = known
             found[bits] = known
         return found
 
-    def _outcomes(self, bits: int) -> list[Outcome]:
-        true: dict[Kind, list[Clause]] = {kind: [] for kind in Kind}
-        for bit, clause in zip(self._bits, self._clauses, strict=True):
-            if not bit or bits & bit:
-                true[clause.kind].append(clause)
-        derived = {clause.value for clause in true[Kind.DERIVE]}
+    def _true(self, bits: int) -> tuple[int, ...]:
+        """The clauses whose bits are set; there may be thousands, and few of them true."""
+        numbers = self._numbers
+        true = []
+        while bits:
+            lowest = bits & -bits
+            true.append(numbers[lowest])
+            bits ^= lowest
+        true.sort()
+        return tuple(true)
+
+    def _outcomes(self, true: Iterable[int]) -> list[Outcome]:
+        kinds: dict[Kind, list[Clause]] = {kind: [] for kind in Kind}
+        for number in sorted((*self._always, *true)):
+            clause = self._clauses[number]
+            kinds[clause.kind].append(clause)
+        derived = {clause.value for clause in kinds[Kind.DERIVE]}
         found = decide(
             self._ground,
             self._term,
             derived,
-            true[Kind.SELECT],
-            true[Kind.RANGE],
-            true[Kind.ASSIGN],
+            kinds[Kind.SELECT],
+            kinds[Kind.RANGE],
+            kinds[Kind.ASSIGN],
             self._shared,
         )
         return [Outcome((value,), weight, breach) for value, weight, breach in found]
@@ -206,10 +219,10 @@ def _is_about(ground: Ground, atom: Clause, selected: Clause) -> bool:
     """Whether a pr-atom speaks of this selection: it has no label, or the label of the selection."""
     statements = ground.program.statements
     said, made = statements[atom.statement], statements[selected.statement]
+    if isinstance(said, Probability) and said.label is None:
+        return True
     assert isinstance(said, Probability)
     assert isinstance(made, Selection)
-    if said.label is None:
-        return True
-    if made.label is None or made.label.name != said.label.name:
+    if made.label is None or said.label is None or made.label.name != said.label.name:
         return False
     return not said.label.arguments or atom.label == selected.label

@@ -7,14 +7,13 @@ arithmetic circuit.
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.circuit.choice import Breach
+from lcorpp.reasoning.circuit.collection import without_collection
 from lcorpp.reasoning.circuit.plan import Plan, Step
 from lcorpp.reasoning.circuit.steps import Outcome
 
@@ -44,7 +43,7 @@ def trellis(prepared: Plan, limit: int = MOST_EDGES) -> Trellis:
         TooLargeError: there are more than `limit` edges.
         ProgramError: a condition of the language is broken in a world, or a circle has too many models.
     """
-    with _no_collection():
+    with without_collection():
         built, breaches = _forward(prepared, limit)
         _prune(built)
     for step, (_, _, moves) in enumerate(built.edges):
@@ -75,13 +74,16 @@ def _forward(prepared: Plan, limit: int) -> tuple[Trellis, dict[int, Breach]]:
         targets: list[int] = []
         taken: list[int] = []
         for state, number in current.items():
-            for sets, must, finishes, move in ways[state & mask]:
+            for sets, must, finished, true_of, move in ways[state & mask]:
                 if must and state & must != must:
                     continue
                 reached = state | sets
-                for denied, true in finishes:
-                    if not state & denied:
-                        reached |= true
+                if finished:
+                    open_bodies = finished & ~state
+                    while open_bodies:
+                        lowest = open_bodies & -open_bodies
+                        reached |= true_of[lowest]
+                        open_bodies ^= lowest
                 for true, pending in absorb:
                     if reached & true:
                         reached |= pending
@@ -108,7 +110,7 @@ def _ways(
     outcomes: Iterable[Outcome],
     moves: list[tuple[Sequence[int], Fraction]],
     breaches: dict[int, Breach],
-) -> list[tuple[int, int, Sequence[tuple[int, int]], int]]:
+) -> list[tuple[int, int, int, Mapping[int, int], int]]:
     """What a step may do under some bits: its effect on a state (see `Effect`) and the number of the move."""
     ways = []
     for outcome in outcomes:
@@ -174,15 +176,3 @@ def world_of(prepared: Plan, outcomes: Iterable[Sequence[int]]) -> dict[str, str
             if value < len(ground.values[term]):
                 found[ground.names[term]] = ground.values[term][value]
     return dict(sorted(found.items()))
-
-
-@contextmanager
-def _no_collection() -> Iterator[None]:
-    """Millions of small lists and no garbage: Python's collector would only walk through them."""
-    was = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was:
-            gc.enable()

@@ -108,14 +108,16 @@ class _Draws:
             if not ways or cumulative[-1] == 0:
                 return None
             at = bisect_right(cumulative, self._random.random() * cumulative[-1]) if len(ways) > 1 else 0
-            _, (sets, must, finishes), outcome = ways[min(at, len(ways) - 1)]
+            _, (sets, must, finished, true_of), outcome = ways[min(at, len(ways) - 1)]
             weight *= cumulative[-1]
             if must and state & must != must:
                 return None
             reached = state | sets
-            for denied, true in finishes:
-                if not state & denied:
-                    reached |= true
+            open_bodies = finished & ~state
+            while open_bodies:
+                lowest = open_bodies & -open_bodies
+                reached |= true_of[lowest]
+                open_bodies ^= lowest
             state = reached & step.keep
             if asked is not None and asked in step.terms:
                 value = outcome.values[step.terms.index(asked)]
