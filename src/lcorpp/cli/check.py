@@ -73,11 +73,11 @@ def _domain(folder: Path) -> None:
 
 
 def _program(path: Path) -> None:
-    from lcorpp.reasoning import Enumeration, read_plog
+    from lcorpp.reasoning import Engine, read_plog
 
     program = read_plog(path)
-    worlds = Enumeration(program).worlds
-    show.console.print(f"{path}: {len(program.attributes)} attributes, {len(worlds)} possible worlds: right")
+    worlds = Engine(program).count()
+    show.console.print(f"{path}: {len(program.attributes)} attributes, {worlds} possible worlds: right")
 
 
 def _model(path: Path) -> None:

@@ -40,7 +40,6 @@ def learn(
     from lcorpp.experiments.training import learn as train
     from lcorpp.experiments.training import recorded_training, simulated_training
     from lcorpp.files import make_folder
-    from lcorpp.reasoning import Enumeration
     from lcorpp.values import Dataset
 
     loaded = load_domain(domain, preset=preset)
@@ -65,7 +64,7 @@ def learn(
     batches = lcorpp(
         training.dataset,
         learn=learned,
-        reason=lambda confusion: Enumeration(loaded.program_for(confusion)),
+        reason=loaded.program_for,
         planner=preparation.planner(loaded),
         domain=loaded,
         collect=crowd.next,

@@ -12,7 +12,7 @@ from lcorpp.decision import Robot
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
 from lcorpp.experiments.people import Appearance, Channel, Reader
-from lcorpp.reasoning import Enumeration, Program
+from lcorpp.reasoning import Program
 from lcorpp.values import Array, ConfusionMatrix
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def _table(values: tuple[str, ...], rates: Array) -> dict[str, dict[str, float]]
 
 def robot(domain: Domain, looking: Eyes, policy: Path | None = None) -> Robot:
     """The full robot: the classifier, the reasoner with its rules, and the policy, solved or read."""
-    return Robot(looking.reader, Enumeration(looking.program), planner(domain, policy), domain)
+    return Robot(looking.reader, looking.program, planner(domain, policy), domain)
 
 
 def planner(domain: Domain, policy: Path | None = None) -> planning.Planner:

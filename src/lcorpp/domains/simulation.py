@@ -12,7 +12,7 @@ from lcorpp.domains.people import People
 from lcorpp.domains.planning import Planning, declared
 from lcorpp.domains.settings import Settings
 from lcorpp.errors import DomainError, expected
-from lcorpp.reasoning import Enumeration, Program, read_plog
+from lcorpp.reasoning import Program, read_plog
 from lcorpp.values import Array
 
 
@@ -108,10 +108,9 @@ def _channel(
         return channel
     if learning.attribute not in truth.attributes:
         return None
-    engine = Enumeration(truth)
-    marginal = engine.posterior(knowledge.target, {})
+    marginal = truth.posterior(knowledge.target, {})
     return {
-        value: dict(engine.posterior(learning.attribute, {knowledge.target: value}))
+        value: dict(truth.posterior(learning.attribute, {knowledge.target: value}))
         if marginal[value]
         else dict.fromkeys(words, 1 / len(words))  # never met, so never asked
         for value in knowledge.values

@@ -39,16 +39,16 @@ class Population:
     """
 
     def __init__(self, domain: Domain) -> None:
-        self._engine = Enumeration(domain.simulation.truth)
+        self._truth = domain.simulation.truth
 
     def people(self, count: int, rng: np.random.Generator, given: Mapping[str, str] = {}) -> list[Person]:
         """`count` people, among those with the given values."""
-        return [self._engine.sample(rng, given) for _ in range(count)]
+        return [self._truth.sample(rng, given) for _ in range(count)]
 
     def cells(self, attributes: Sequence[str]) -> dict[tuple[str, ...], float]:
         """The exact joint distribution of some attributes: value tuple -> probability."""
         joint: dict[tuple[str, ...], float] = {}
-        for world in self._engine.worlds:
+        for world in Enumeration(self._truth).worlds:
             cell = tuple(world.values[name] for name in attributes)
             joint[cell] = joint.get(cell, 0.0) + float(world.measure)
         return joint

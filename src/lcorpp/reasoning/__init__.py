@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from lcorpp.reasoning.circuit.compiled import Circuit
     from lcorpp.reasoning.circuit.storage import load_circuit
     from lcorpp.reasoning.classifier_rules import with_classifier
-    from lcorpp.reasoning.engine import Engine, Estimate, ReasoningWarning
-    from lcorpp.reasoning.enumeration import Enumeration, ask
+    from lcorpp.reasoning.engine import Engine, Estimate, ReasoningWarning, ask
+    from lcorpp.reasoning.enumeration import Enumeration
     from lcorpp.reasoning.estimated import EstimatedDistribution
     from lcorpp.reasoning.explanation import Explanation, explain
     from lcorpp.reasoning.parser import parse_plog, parse_query, read_plog
@@ -30,8 +30,8 @@ _HOMES = {
     "circuit.compiled": ("Circuit",),
     "circuit.storage": ("load_circuit",),
     "classifier_rules": ("with_classifier",),
-    "engine": ("Engine", "Estimate", "ReasoningWarning"),
-    "enumeration": ("Enumeration", "ask"),
+    "engine": ("Engine", "Estimate", "ReasoningWarning", "ask"),
+    "enumeration": ("Enumeration",),
     "estimated": ("EstimatedDistribution",),
     "explanation": ("Explanation", "explain"),
     "parser": ("parse_plog", "parse_query", "read_plog"),

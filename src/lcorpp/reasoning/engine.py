@@ -148,6 +148,21 @@ class Engine:
             raise UndefinedError(f"{self.program.file}: no possible world{_shown(given, {})}")
         return found
 
+    def count(self) -> int:
+        """How many possible worlds the program has, found without listing them.
+
+        Raises:
+            ProgramError: a world breaks a condition of the language.
+            UndefinedError: there is none of positive measure.
+            TooLargeError: the program has too many states.
+        """
+        if self.program.has_cr_rules:
+            return len(self._enumeration().worlds)
+        paths = self._worlds({}, ())
+        if not sum(paths.weights("", {}).values()):
+            raise _undefined(self.program, "")
+        return paths.count()
+
     def ask(self, query: Query, *, exact: bool = False) -> dict[str, Answer] | Answer:
         """The distribution that a query asks for, or its probability.
 
@@ -306,3 +321,8 @@ def _keep(memory: dict[Hashable, _Kept], key: Hashable, value: _Kept) -> None:
     if len(memory) >= KEPT:
         memory.clear()
     memory[key] = value
+
+
+def ask(program: Program, query: Query) -> dict[str, Answer] | Answer:
+    """Answer one query exactly: value -> fraction, or a fraction; see `Engine.ask`."""
+    return Engine(program).ask(query, exact=True)

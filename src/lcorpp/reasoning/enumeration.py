@@ -272,11 +272,6 @@ def _observed(term: str, value: str) -> Literal:
     return Literal(found, "=", parse_term(value, "<value>"))
 
 
-def ask(program: Program, query: Query) -> dict[str, Fraction] | Fraction:
-    """Answer one query: the distribution of an attribute, or a probability; see `Enumeration.ask`."""
-    return Enumeration(program).ask(query)
-
-
 def _again(program: Program, limit: int) -> Enumeration:
     return Enumeration(program, limit=limit)
 

@@ -15,6 +15,8 @@ from lcorpp.reasoning.signature import Attribute, Signature
 from lcorpp.reasoning.syntax import CrRule, Query, Semantics, SortDefinition, Statement, Term
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from lcorpp.reasoning.circuit.compiled import Circuit
     from lcorpp.reasoning.engine import Engine
     from lcorpp.values import Distribution
@@ -115,6 +117,17 @@ class Program:
             TooLargeError: the program has too many states.
         """
         return self._engine.compile(inputs, query, do)
+
+    def sample(
+        self, rng: np.random.Generator, given: Mapping[str, str] = MappingProxyType({})
+    ) -> dict[str, str]:
+        """Draw a possible world with its probability given some evidence, term -> value.
+
+        Raises:
+            ProgramError, UndefinedError: as `posterior`.
+            TooLargeError: the program has too many states.
+        """
+        return self._engine.sample(rng, given)
 
     @property
     def _engine(self) -> Engine:

@@ -79,6 +79,7 @@ class Circuit:
         self.layers, self.ending = tuple(layers), ending
         self._labels = {name: i for i, name in enumerate(names)}
         self._codes = {n: {v: i for i, v in enumerate(self.values[n])} for n in self.inputs}
+        self._columns = {name: i for i, name in enumerate(self.inputs)}
         self._answers: dict[tuple[str | None, ...], tuple[int, Answer]] = {}
         self._complete: dict[object, Answer] = {}
         self._count = len(self.inputs) or -1
@@ -127,6 +128,8 @@ class Circuit:
             pass
         if isinstance(evidence, np.ndarray):
             return self._batch(evidence, undefined)
+        if not isinstance(evidence, Mapping):
+            raise ProgramError(f"expected a mapping from inputs to values, or codes, not {evidence!r}")
         if any(not isinstance(value, str) for value in evidence.values()):
             return self._batch(self.codes(evidence), undefined)
         return self._one(evidence)  # type: ignore[arg-type]
@@ -135,7 +138,7 @@ class Circuit:
         self._check_inputs(evidence)
         codes = np.full((1, len(self.inputs)), -1, dtype=np.intp)
         for name, value in evidence.items():
-            codes[0, self.inputs.index(name)] = self._code(name, value)
+            codes[0, self._columns[name]] = self._code(name, value)
         found = self._joint(codes)
         answers: dict[str, Distribution] = {}
         for query, weights in found.items():
@@ -168,6 +171,9 @@ class Circuit:
             ProgramError: an input or value is unknown, or the columns have different lengths.
         """
         self._check_inputs(evidence)
+        for name, column in evidence.items():
+            if not hasattr(column, "__len__"):
+                self._code(name, column)
         sizes = {len(column) for column in evidence.values() if not isinstance(column, str)}
         if len(sizes) != 1:
             raise ProgramError(f"the columns of a batch have one length, not {sorted(sizes) or 'none'}")
@@ -184,7 +190,7 @@ class Circuit:
                     if value is not None:
                         self._code(name, value, f"row {row}: ")
                 raise
-            codes[:, self.inputs.index(name)] = found
+            codes[:, self._columns[name]] = found
         return codes
 
     def _batch(self, codes: Codes, undefined: str) -> Answers:
@@ -201,6 +207,7 @@ class Circuit:
                 f"row {row}: code {codes[row, column]} of {self.inputs[column]};"
                 f" expected -1 to {self._sizes[column] - 2}"
             )
+        codes = codes.astype(np.intp, copy=False)  # small integers would overflow
         if self._tabulates:
             tables = self._tables()
             index = np.zeros(len(codes), dtype=np.intp)
@@ -216,9 +223,7 @@ class Circuit:
     def _tables(self) -> dict[str, Array]:
         """The answers to all evidences, in the order of their codes."""
         if self._table is None:
-            grid = np.indices(tuple(self._sizes.tolist())).reshape(len(self._sizes), -1).T - 1
-            if not len(self._sizes):
-                grid = np.zeros((1, 0), dtype=np.intp)
+            grid = np.arange(self._sizes.prod())[:, None] // self._strides % self._sizes - 1
             found = {query: _normalised(weights) for query, weights in self._joint(grid).items()}
             self._sound = all(not rows[:, -1].any() for rows in found.values())  # NaN is true
             self._table = (
@@ -265,9 +270,7 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as the call.
         """
-        self._check_inputs(evidence)
-        for name, value in evidence.items():
-            self._code(name, value)
+        self._check(evidence)
         answers: dict[str, dict[str, Fraction]] = {}
         for query in self.queries:
             weights = self.paths.exact(query, evidence)
@@ -286,7 +289,9 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as the call.
         """
-        self._check_inputs(evidence)
+        self._check(evidence)
+        if count < 1:
+            raise ProgramError(f"expected a positive number of worlds, not {count}")
         found = self.paths.most_probable(evidence, count)
         if not found:
             raise self._impossible(evidence)
@@ -298,6 +303,7 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as the call.
         """
+        self._check(given)
         found = self.paths.sample(rng, given)
         if found is None:
             raise self._impossible(given)
@@ -309,6 +315,11 @@ class Circuit:
         for name in evidence:
             if name not in self._codes:
                 raise ProgramError(f"{name!r} is not an input of the circuit; {expected(self.inputs)}")
+
+    def _check(self, evidence: Mapping[str, object]) -> None:
+        self._check_inputs(evidence)
+        for name, value in evidence.items():
+            self._code(name, value)
 
     def _code(self, name: str, value: object, where: str = "") -> int:
         found = self._codes[name].get(value) if isinstance(value, str) else None

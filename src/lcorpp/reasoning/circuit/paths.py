@@ -102,6 +102,16 @@ class Paths:
                 found[name] = found[name] + weight if name in found else weight
         return found
 
+    def count(self) -> int:
+        """How many possible worlds there are."""
+        current = {0: 1} if self.trellis.layers[0] else {}
+        for sources, targets, _ in self.trellis.edges:
+            following: dict[int, int] = {}
+            for source, target in zip(sources, targets, strict=True):
+                following[target] = following.get(target, 0) + current[source]
+            current = following
+        return sum(current.values())
+
     def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[World, ...]:
         """The most probable worlds with the evidence, best first; none if it is impossible.
 
