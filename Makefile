@@ -15,13 +15,14 @@ export OPENBLAS_NUM_THREADS := 1
 # The demo trains its classifier once and loads it the next time; `make clean` forgets it.
 TRAINED := $(wildcard out/demo/classifier.npz)
 
-.PHONY: demo test check lint format check-slow clean help
+.PHONY: demo test check lint format check-slow bench clean help
 
 help:
 	@echo "make demo        set up, then run the paper's comparison with a trained classifier"
 	@echo "make test        set up, then run the tests"
 	@echo "make check       lint, types, import rules and tests"
 	@echo "make check-slow  the checks that take minutes"
+	@echo "make bench       compare the reasoner with plingo, ProbLog and plog 2.0 (some 20 minutes)"
 	@echo "make format      format the code"
 	@echo "make clean       remove the environment and what was made"
 
@@ -41,7 +42,12 @@ lint: $(VENV)/.dev
 	$(BIN)/lint-imports
 
 check-slow: $(VENV)/.dev
+	$(BIN)/python -m pip install --quiet atheris || echo "atheris cannot be installed here: the parser will not be fuzzed"
 	$(BIN)/python -m pytest -m slow
+
+# The peers go to an environment of their own, so that theirs are not the versions that the tests see.
+bench: $(VENV)-bench/.peers
+	$(VENV)-bench/bin/python benchmarks/plog.py
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
@@ -61,5 +67,10 @@ $(VENV)/.dev: $(VENV)/.runtime
 	$(PIP) -e '.[torch,dev]'
 	touch $@
 
+$(VENV)-bench/.peers: pyproject.toml
+	$(PYTHON) -m venv $(VENV)-bench
+	$(VENV)-bench/bin/pip install --quiet --disable-pip-version-check -e '.[bench]'
+	touch $@
+
 clean:
-	rm -rf $(VENV) out build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(VENV)-bench out build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -71,11 +71,12 @@ def dice(n: int) -> Case:
         f"{owned}\n[r(D)] random(roll(D)).\n[r(D)] pr(roll(D) = 6 | owner(D) = mike) = 1/4.\n{rules}"
         "?{roll(1) = 6} | obs(some_six).\n",
         "plog2": f"sorts\n#die = 1..{n}. #score = 1..6. #person = {{mike, john}}.\n"
-        "#boolean = {true, false}.\nattributes\nroll : #die -> #score. owner : #die -> #person. some_six : #boolean.\nstatements\n"
-        f"{owned}\nrandom(roll(D)).\npr(roll(D) = 6 | owner(D) = mike) = 1/4.\n{rules}"
+        "#boolean = {true, false}.\nattributes\nroll : #die -> #score.\n"
+        "owner : #die -> #person. some_six : #boolean.\n"
+        f"statements\n{owned}\nrandom(roll(D)).\npr(roll(D) = 6 | owner(D) = mike) = 1/4.\n{rules}"
         "obs(some_six, true).\n?roll(1) = 6.\n",
         "plingo": f"die(1..{n}). score(1..6). owner(D,mike) :- die(D), D\\2 = 1.\n"
-        '&random(r(D)) { roll(D,X) : score(X) } :- die(D).\n'
+        "&random(r(D)) { roll(D,X) : score(X) } :- die(D).\n"
         '&pr(r(D)) { roll(D,6) } = "1/4" :- owner(D,mike).\n'
         "some_six :- roll(D,6).\n:- not some_six.\n&query(roll(1,6)).\n",
         "problog": "".join(faces[who].replace("%d", str(d)) + ".\n" for d, who in owners.items())
@@ -159,10 +160,12 @@ def robot(steps: int, rooms: int = 0) -> Case:
     )
     texts = {
         "lcorpp": f"step = {{1..{steps}}}.\ntime = {{0..{steps}}}.\nplace = {{0..{last}}}.\n"
-        "#domain step(S).\n#domain time(T;T1).\n#domain place(X;Y).\nat : time -> place.\nmoved : step -> boolean.\n"
+        "#domain step(S).\n#domain time(T;T1).\n#domain place(X;Y).\nat : time -> place.\n"
+        "moved : step -> boolean.\n"
         f"[m(S)] random(moved(S)).\n[m(S)] pr(moved(S)) = {p}.\n{rules}?{{at({steps}) = {goal}}}.\n",
         "plog2": f"sorts\n#step = 1..{steps}. #time = 0..{steps}. #place = 0..{last}.\n"
-        "#boolean = {true, false}.\nattributes\nat : #time -> #place. moved : #step -> #boolean.\nstatements\nrandom(moved(S)).\n"
+        "#boolean = {true, false}.\nattributes\nat : #time -> #place. moved : #step -> #boolean.\n"
+        "statements\nrandom(moved(S)).\n"
         f"pr(moved(S)) = {p}.\n{rules}?at({steps}) = {goal}.\n",
         "plingo": f"step(1..{steps}). bool(t;f).\n&random(m(S)) {{ moved(S,B) : bool(B) }} :- step(S).\n"
         f'&pr(m(S)) {{ moved(S,t) }} = "{p}" :- step(S).\nat(0,0).\n'

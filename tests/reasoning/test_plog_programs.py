@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from lcorpp.reasoning import Enumeration, ask, parse_plog, parse_query, program_text, read_plog
+from lcorpp.reasoning.engine import Engine
 
 PROGRAMS = sorted((Path(__file__).parent.parent / "plog").glob("*.plog"))
 
@@ -30,6 +31,17 @@ def test_program_answers_as_it_says(path: Path) -> None:
             assert abs(answer - Fraction(value)) <= Fraction(1, 2_000_000), (text, float(answer))
         else:
             assert answer == Fraction(value), (text, answer)
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
+def test_the_compiled_engine_gives_the_same_fractions(path: Path) -> None:
+    program = read_plog(path)
+    worlds, engine = Enumeration(program), Engine(program)
+    for text, _ in expectations(path):
+        query = parse_query(text, program)
+        expected = worlds.ask(query)
+        assert engine.ask(query, exact=True) == expected, text
+        assert engine.ask(query) == pytest.approx(float(expected), abs=1e-12), text
 
 
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)

@@ -28,6 +28,13 @@ def ask(
         ),
     ] = None,
     exact: Annotated[bool, typer.Option("--exact", help="Print fractions.")] = False,
+    lenient: Annotated[
+        bool,
+        typer.Option(
+            "--lenient",
+            help="Leave out statements with constants outside of their sorts, as other systems do.",
+        ),
+    ] = False,
     why: Annotated[
         bool,
         typer.Option(
@@ -39,7 +46,7 @@ def ask(
     """Ask a P-log program for a probability, or for the distribution of an attribute."""
     from lcorpp.reasoning.parser import parse_query, read_plog
 
-    program = read_plog(file)
+    program = read_plog(file, strict=not lenient)
     queries = [parse_query(query, program)] if query is not None else list(program.queries)
     if not queries:
         raise ProgramError(

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import product
+from math import prod
 
-from lcorpp.errors import ParseError, ProgramError, expected
+from lcorpp.errors import ParseError, ProgramError, TooLargeError, expected
 from lcorpp.reasoning.arithmetic import ground
 from lcorpp.reasoning.offence import Offence
 from lcorpp.reasoning.parser import parse_term
 from lcorpp.reasoning.program import Program
 from lcorpp.reasoning.syntax import Query, Term
+
+MOST_INPUTS = 100_000
+"""How many terms an attribute that is named without its arguments may have."""
 
 
 def term_of(program: Program, name: str) -> Term:
@@ -37,11 +41,18 @@ def terms_of(program: Program, name: str) -> list[str]:
 
     Raises:
         ProgramError: it names nothing in the program.
+        TooLargeError: it has more terms than a circuit can have inputs.
     """
-    attribute = program.attributes.get(name)
+    attribute = program.attributes.get(name) if isinstance(name, str) else None
     if attribute is None or not attribute.arguments:
         return [ground(term_of(program, name))]
     sorts = [program.signature.sorts[sort] for sort in attribute.arguments]
+    count = prod(map(len, sorts))
+    if count > MOST_INPUTS:
+        raise TooLargeError(
+            f"{program.file}: {name} has {count} terms; at most {MOST_INPUTS} can be inputs,"
+            " so name those that are needed"
+        )
     return [f"{name}({','.join(arguments)})" for arguments in product(*sorts)]
 
 

@@ -134,7 +134,9 @@ def rules(draw: st.DrawFn, made: Made, known: list[Made]) -> str:
         ("r", "s"): ("f(V)", "V"),
         ("s", "r"): ("V", "f(V)"),
     }.get((made.sort, source.sort), ("V", "V") if made.sort == source.sort else (made.values[0], "_"))
-    compared = draw(st.sampled_from(["", "", ", V != 2", ", V < 3"])) if source.sort == "n" == made.sort else ""
+    compared = (
+        draw(st.sampled_from(["", "", ", V != 2", ", V < 3"])) if source.sort == "n" == made.sort else ""
+    )
     return f"{made.general}={value}{body or ' :- '}{', ' if body else ''}{term}={of}{compared}."
 
 

@@ -33,6 +33,9 @@ KEPT = 100_000
 CHUNK = 4_000_000
 """How many numbers one pass over a batch may keep in memory."""
 
+LOST = 1e-250
+"""Weights of evidence below this are not trusted: they may have lost their digits, or vanished."""
+
 Answer = Distribution | dict[str, Distribution]
 Answers = Array | dict[str, Array]
 
@@ -144,8 +147,9 @@ class Circuit:
         for query, weights in found.items():
             row = weights[0]
             total = row.sum()
-            if total == 0:
-                raise self._impossible(evidence)
+            if total < LOST:  # impossible, or too improbable for floating point
+                answers[query] = self._exactly(query, evidence)
+                continue
             if row[-1]:
                 raise self._no_value(query, row[-1] / total)
             answers[query] = Distribution(self.values[query], row[:-1] / total)
@@ -158,6 +162,10 @@ class Circuit:
         else:
             self._answers[tuple(map(evidence.get, self.inputs))] = len(evidence), answer
         return answer
+
+    def _exactly(self, query: str, evidence: Mapping[str, str]) -> Distribution:
+        exact = self._fractions(query, evidence)
+        return Distribution(tuple(exact), np.array([float(p) for p in exact.values()]))
 
     # many evidences
 
@@ -271,17 +279,18 @@ class Circuit:
             ProgramError, UndefinedError: as the call.
         """
         self._check(evidence)
-        answers: dict[str, dict[str, Fraction]] = {}
-        for query in self.queries:
-            weights = self.paths.exact(query, evidence)
-            total = sum(weights.values(), Fraction(0))
-            if total == 0:
-                raise self._impossible(evidence)
-            lost = weights.get("", Fraction(0))
-            if lost:
-                raise self._no_value(query, lost / total)
-            answers[query] = {v: weights.get(v, Fraction(0)) / total for v in self.values[query]}
+        answers = {query: self._fractions(query, evidence) for query in self.queries}
         return answers[self.queries[0]] if self.single else answers
+
+    def _fractions(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
+        weights = self.paths.exact(query, evidence)
+        total = sum(weights.values(), Fraction(0))
+        if total == 0:
+            raise self._impossible(evidence)
+        lost = weights.get("", Fraction(0))
+        if lost:
+            raise self._no_value(query, lost / total)
+        return {v: weights.get(v, Fraction(0)) / total for v in self.values[query]}
 
     def most_probable(self, evidence: Mapping[str, str], count: int = 1) -> tuple[World, ...]:
         """The most probable worlds that have the evidence, with their probabilities given it, best first.

@@ -107,6 +107,8 @@ class Stratified:
     def outcomes(self, many: Iterable[int]) -> Mapping[int, list[Outcome]]:
         """For each state of the bits the one outcome there is, or none where a term would have two values."""
         states = list(many)
+        if not states:
+            return {}
         truth, dead = self._truth(states)
         columns = {i: self._column(self.terms[i], truth, len(states)) for i in self.wanted}
         found: dict[int, list[Outcome]] = {}

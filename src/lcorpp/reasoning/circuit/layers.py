@@ -281,8 +281,8 @@ def _joint(layer: Layer, codes: Index, above: Array, below: Array, outcomes: int
     weights = np.zeros((len(codes), outcomes))
     for value, matrix in layer.matrices.items():
         weights[:, value] = (matrix.forward(above) * below).sum(axis=0)
-    for value in range(outcomes):
-        weights[(own >= 0) & (own != value), value] = 0.0
+    others = own[:, None] != np.arange(outcomes)
+    weights[(own >= 0)[:, None] & others] = 0.0
     return weights
 
 

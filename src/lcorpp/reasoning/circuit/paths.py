@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 from heapq import nlargest
 from itertools import accumulate
+from math import log
 from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.reasoning.circuit.trellis import Trellis, world_of
@@ -115,23 +116,24 @@ class Paths:
     def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[World, ...]:
         """The most probable worlds with the evidence, best first; none if it is impossible.
 
-        Source: the k-best form of Viterbi's algorithm, on weights scaled at each step.
+        Source: the k-best form of Viterbi's algorithm, on logarithms, as products of thousands vanish.
         """
         allowed = self._allowed(evidence)
         if allowed is None or not self.trellis.layers[0]:
             return ()
-        weights = [float(number) for _, number in self.trellis.moves]
-        best: list[list[tuple[float, int, int, int]]] = [[(1.0, -1, -1, -1)]]  # weight, source, rank, move
+        weights = [log(n.numerator) - log(n.denominator) if n else None for _, n in self.trellis.moves]
+        best: list[list[tuple[float, int, int, int]]] = [[(0.0, -1, -1, -1)]]  # log, source, rank, move
         history = []
         total = {0: Fraction(1)}
         for position in range(len(self.trellis.edges)):
             arriving: dict[int, list[tuple[float, int, int, int]]] = {}
             sums: dict[int, Fraction] = {}
             for source, target, move in self._edges(position, allowed):
-                if source >= len(best) or not best[source]:
+                weight = weights[move]
+                if weight is None or not best[source]:
                     continue
                 arriving.setdefault(target, []).extend(
-                    (entry[0] * weights[move], source, rank, move) for rank, entry in enumerate(best[source])
+                    (entry[0] + weight, source, rank, move) for rank, entry in enumerate(best[source])
                 )
                 if source in total:
                     number = self.trellis.moves[move][1]
@@ -142,9 +144,6 @@ class Paths:
                 nlargest(count, arriving.get(i, ()), key=lambda entry: entry[0])
                 for i in range(self.trellis.layers[position + 1])
             ]
-            largest = max((entry[0] for row in best for entry in row), default=0.0)
-            if 0 < largest < 1e-100:
-                best = [[(w / largest, s, r, m) for w, s, r, m in row] for row in best]
         history.append(best)
         mass = total.get(0, Fraction(0))
         if not mass:
@@ -161,9 +160,8 @@ class Paths:
             measure = Fraction(1)
             for move in moves:
                 measure *= self.trellis.moves[move][1]
-            if measure:
-                values = world_of(self.trellis.plan, [self.trellis.moves[move][0] for move in moves])
-                found.append(World(values, measure / mass))
+            values = world_of(self.trellis.plan, [self.trellis.moves[move][0] for move in moves])
+            found.append(World(values, measure / mass))
         return tuple(found)
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str] | None:
@@ -189,11 +187,14 @@ class Paths:
         allowed = self._allowed(given)
         if allowed is None or not self.trellis.layers[0]:
             return None
+        alive = self._reached(allowed)  # what cannot be reached must not make the rest look negligible
         below = {0: 1.0}
         tables: _Draw = []
         for position in range(len(self.trellis.edges) - 1, -1, -1):
             ways: dict[int, list[tuple[float, int, int]]] = {}
             for source, target, move in self._edges(position, allowed):
+                if source not in alive[position]:
+                    continue
                 weight = float(self.trellis.moves[move][1]) * below.get(target, 0.0)
                 if weight > 0:
                     ways.setdefault(source, []).append((weight, target, move))
@@ -211,6 +212,15 @@ class Paths:
             below = {source: total / largest for source, total in sums.items()}
         tables.reverse()
         return tables if 0 in below else None
+
+    def _reached(self, allowed: Mapping[int, list[tuple[int, int]]]) -> list[set[int]]:
+        """For each step, the states in which it may be met."""
+        reached = [{0}]
+        for position in range(len(self.trellis.edges) - 1):
+            before = reached[-1]
+            edges = self._edges(position, allowed)
+            reached.append({t for s, t, move in edges if s in before and self.trellis.moves[move][1]})
+        return reached
 
 
 def _scale(parts: Collection[dict[int, float]]) -> None:

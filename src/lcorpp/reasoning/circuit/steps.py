@@ -65,6 +65,7 @@ class SingleTerm:
         if self._term in self._ground.do or len(selected) > 1:
             return None
         parts: list[object] = [id(self._ground.values[self._term])]  # terms of an attribute share it
+        parts.append(tuple(self._always))
         for clause in clauses:
             if clause.kind is Kind.ASSIGN and selected:
                 about = _is_about(self._ground, clause, selected[0])
@@ -196,14 +197,10 @@ def _condition_1(ground: Ground, term: int, derived: set[int], selected: Sequenc
         here, there = statements[first.statement], statements[clause.statement]
         assert isinstance(here, Selection)
         assert isinstance(there, Selection)
-        same = (first.statement, first.instance, first.label) == (
-            clause.statement,
-            clause.instance,
-            clause.label,
-        )
-        if same or (
-            modern and (here.range, here.label, first.label) == (there.range, there.label, clause.label)
-        ):
+        alike = (first.instance, first.label) == (clause.instance, clause.label)
+        named = [statement.label.name if statement.label else "" for statement in (here, there)]
+        # 2018: random(label, term, range) is an atom, so that rules which give the same one are one selection
+        if alike and (here is there or (modern and named[0] == named[1] and here.range == there.range)):
             continue
         again = " with other values of its variables" if here is there else ""
         return Breach(
