@@ -19,7 +19,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -62,28 +61,23 @@ FAMILIES: dict[str, tuple[str, tuple[tuple[int, ...], ...]]] = {
 def measure(engine: str, family: str, sizes: Sequence[int], limit: float) -> list[Row]:
     """The measurements of one engine on one case; the last says so if it failed or one took too long."""
     command = [sys.executable, str(HERE / "plog_engines.py"), engine, family, *map(str, sizes)]
-    said, late = b"", False
+    said, ended = b"", False
     with tempfile.TemporaryFile() as errors:
         worker = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, start_new_session=True)
         assert worker.stdout is not None
         try:
-            while not late:
-                late = not select.select([worker.stdout], [], [], limit)[0]
-                chunk = b"" if late else os.read(worker.stdout.fileno(), 65536)
-                if not chunk:
-                    break
-                said += chunk
+            while not ended and select.select([worker.stdout], [], [], limit)[0]:
+                chunk = os.read(worker.stdout.fileno(), 65536)
+                said, ended = said + chunk, not chunk
         finally:
-            with suppress(subprocess.TimeoutExpired):
-                worker.wait(0 if late else 5)
-            if worker.returncode is None:
+            if not ended:
                 os.killpg(worker.pid, signal.SIGKILL)  # with whatever the peer started
             worker.stdout.close()
             code = worker.wait()
         errors.seek(0)
         reasons = errors.read().decode(errors="replace").strip().splitlines()
     rows = [json.loads(line) for line in said.decode().splitlines() if line.startswith("{")]
-    if late:
+    if not ended:
         rows.append({"failed": f"{'the next: ' if rows else ''}more than {limit:g} s"})
     elif code and "failed" not in (rows or [{}])[-1]:
         rows.append({"failed": (reasons or [f"exit code {code}"])[-1][:160]})
@@ -106,7 +100,7 @@ def family_rows(family: str, limit: float, console: Console) -> list[list[str]]:
         ours: dict[str, Row] = {}
         for engine in ENGINES:
             if not installed(engine):
-                found: list[Row] = [{"failed": "not installed"}]
+                found: list[Row] = [{"failed": "not installed"}] if sizes == FAMILIES[family][1][0] else []
             elif engine in stopped:
                 found = [{"failed": f"not run: {stopped[engine]}"}]
             else:
@@ -150,11 +144,14 @@ def _ratio(ratio: float) -> str:
 
 
 def slower(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Where a peer was right and took less wall time than lcorpp, as items of a list."""
+    """Where a peer was right and took less wall time than lcorpp, or lcorpp failed, as items of a list."""
     return [
-        f"- {' '.join(filter(None, row[:2]))}, {row[2]}: {row[3]}, {row[5]} of lcorpp's time"
+        f"- {' '.join(filter(None, row[:2]))}: {row[7]}"
+        if row[1] == "lcorpp"
+        else f"- {' '.join(filter(None, row[:2]))}, {row[2]}: {row[3]}, {row[5]} of lcorpp's time"
         for row in rows
-        if row[5] and float(row[5].replace(",", "")) < 1 and "WRONG" not in row[7]
+        if (row[1] == "lcorpp" and (not row[2] or "WRONG" in row[7]))
+        or (row[5] and float(row[5].replace(",", "")) < 1 and "WRONG" not in row[7])
     ]
 
 
@@ -175,7 +172,7 @@ def markdown(title: str, rows: Sequence[Sequence[str]]) -> str:
     """The same as Markdown."""
     lines = [f"## {title}", "", _line(COLUMNS), _line([*["---"] * 3, *["--:"] * 4, "---"])]
     lost = slower(rows)
-    found = ["lcorpp was slower here:", "", *lost] if lost else ["lcorpp was nowhere slower here."]
+    found = ["lcorpp lost here:", "", *lost] if lost else ["lcorpp was nowhere slower here."]
     return "\n".join([*lines, *map(_line, rows), "", *found, ""])
 
 

@@ -228,15 +228,15 @@ def blocks(n: int) -> Case:
     return Case(texts, sum(map(_open, ways)) / len(ways))
 
 
+NEAR = {i: {a + b - i for a, b in LEFT + BELOW if i in (a, b)} for i in range(1, 5 * ROWS + 1)}
+
+
 def _open(blocked: set[int]) -> bool:
     """Whether a way leads from 1 to 20."""
     reached = {1} - blocked
     todo = list(reached)
     while todo:
-        here = todo.pop()
-        for a, b in LEFT + BELOW:
-            for there in {a, b} - {here} if here in (a, b) else ():
-                if there not in blocked | reached:
-                    reached.add(there)
-                    todo.append(there)
+        new = NEAR[todo.pop()] - reached - blocked
+        reached |= new
+        todo += new
     return 20 in reached

@@ -232,6 +232,8 @@ class Join:
 
     def _domain(self, name: str) -> list[Value]:
         first, *others = (self._sort(sort) for sort in self._sorts[name])
+        if not others:
+            return list(first)
         return [member for member in first if all(member in other for other in others)]
 
     def _match_facts(self, literal: Literal) -> None:

@@ -122,7 +122,7 @@ def layered(paths: Trellis, labels: Mapping[int, int]) -> tuple[list[Layer], Arr
     Returns:
         (layers, ending): the layers in order, applied to the column [1], and the row that ends the product.
     """
-    weights = [float(weight) for _, weight in paths.moves]
+    weights = paths.floats()
     layers: list[Layer] = []
     width = 1
     carried: list[dict[int, float]] = [{0: 1.0}] if paths.layers[0] else []  # state -> input -> weight

@@ -70,7 +70,7 @@ class Paths:
 
     def weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, float]:
         """The same as `exact` in floating point; only the ratios mean something."""
-        return self._sums(query, evidence, [float(number) for _, number in self.trellis.moves], 1.0)
+        return self._sums(query, evidence, self.trellis.floats(), 1.0)
 
     def _sums(
         self, query: str, evidence: Mapping[str, str], numbers: Sequence[_Number], one: _Number

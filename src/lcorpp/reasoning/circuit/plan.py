@@ -39,7 +39,6 @@ class _Pending:
     group: the clauses that say the same of the same term; None for a constraint.
     """
 
-    clause: Clause
     group: _Group | None
     outer: dict[int, int]
     first: int
@@ -53,10 +52,10 @@ class _Group:
 
     clause: Clause
     owner: int
+    members: list[_Pending]
     always: bool = False
     true: int = 0
     begins: int = -1
-    members: list[_Pending] = field(default_factory=list)
 
 
 @dataclass(slots=True, eq=False)
@@ -102,19 +101,18 @@ class Step:
     def effect(self, values: Sequence[int]) -> Effect | None:
         """What an outcome does to a state; None if a constraint forbids it."""
         if len(self.terms) == 1:
-            key: object = values[0]
-        else:
-            key = tuple([values[i] for i in self._watched])
+            value = values[0]
+            if value not in self._effects:
+                self._effects[value] = self._effect(self._met.get(value, ()))
+            return self._effects[value]
+        key = tuple([values[i] for i in self._watched])
         if key not in self._effects:
-            if len(self.terms) == 1:
-                met: Iterable[_Pending] = self._met.get(values[0], ())
-            else:
-                has = {self.terms[i]: values[i] for i in self._watched}
-                met = [
-                    p
-                    for p in self._touching
-                    if all(allowed >> has[t] & 1 for t, allowed in p.outer.items() if t in has)
-                ]
+            has = {self.terms[i]: values[i] for i in self._watched}
+            met = [
+                p
+                for p in self._touching
+                if all(allowed >> has[t] & 1 for t, allowed in p.outer.items() if t in has)
+            ]
             self._effects[key] = self._effect(met)
         return self._effects[key]
 
@@ -124,10 +122,7 @@ class Step:
         for pending in met:
             if pending.last > self.position:
                 sets &= ~pending.denied
-        for pending in met:
-            if pending.last > self.position:
-                continue
-            if pending.group is None:
+            elif pending.group is None:
                 if not pending.denied:
                     return None
                 must |= pending.denied
@@ -332,14 +327,14 @@ def _grouped(
                     alone = Clause(
                         c.kind, c.term, c.value, tuple(inner), c.statement, c.label, c.instance, c.number
                     )
-                group = groups[key] = _Group(alone, own)
+                group = groups[key] = _Group(alone, own, [])
         if outer:
             if len(outer) == 1:
                 first = last = place[next(iter(outer))]
             else:
                 positions = [place[term] for term in outer]
                 first, last = min(positions), max(positions)
-            p = _Pending(clause, group, outer, first, last)
+            p = _Pending(group, outer, first, last)
             if group is None:
                 pending.append(p)
             elif not group.always:

@@ -53,26 +53,33 @@ class SingleTerm:
         self, ground: Ground, term: int, entries: Sequence[Entry], shared: dict[object, Any]
     ) -> None:
         self._ground, self._term, self._shared = ground, term, shared
-        self._always = [i for i, (bit, _) in enumerate(entries) if not bit]
-        self._numbers = {bit: i for i, (bit, _) in enumerate(entries) if bit}
         self._clauses = [clause for _, clause in entries]
-        self._shape = self._looks()
+        self._numbers: dict[int, int] = {}
+        self._always: list[int] = []
+        selected: list[Clause] = []
+        for number, (bit, clause) in enumerate(entries):
+            if bit:
+                self._numbers[bit] = number
+            else:
+                self._always.append(number)
+            if clause.kind is Kind.SELECT:
+                selected.append(clause)
+        self._shape: object = None
+        if len(selected) < 2 and term not in ground.do:
+            self._shape = self._looks(selected[0] if selected else None)
 
-    def _looks(self) -> object:
-        """All that its outcomes depend on, where that is little enough to be told; None elsewhere."""
-        clauses = self._clauses
-        selected = [clause for clause in clauses if clause.kind is Kind.SELECT]
-        if self._term in self._ground.do or len(selected) > 1:
-            return None
-        parts: list[object] = [id(self._ground.values[self._term])]  # terms of an attribute share it
-        parts.append(tuple(self._always))
-        for clause in clauses:
+    def _looks(self, selected: Clause | None) -> object:
+        """All that its outcomes depend on, in a number: terms that look the same have the same outcomes."""
+        # terms of an attribute share their values, clauses of a statement their number
+        parts: list[object] = [id(self._ground.values[self._term]), *self._always]
+        for clause in self._clauses:
             if clause.kind is Kind.ASSIGN and selected:
-                about = _is_about(self._ground, clause, selected[0])
+                about = _is_about(self._ground, clause, selected)
                 parts.append((clause.statement, clause.value, id(clause.number), about))
             elif clause.kind is Kind.RANGE:
-                same = bool(selected) and clause.instance == selected[0].instance
-                parts.append((clause.statement, clause.value, same))
+                parts.append(
+                    (clause.statement, clause.value, selected and clause.instance == selected.instance)
+                )
             else:
                 parts.append((clause.statement, clause.value))
         key = tuple(parts)
@@ -99,6 +106,8 @@ class SingleTerm:
     def _true(self, bits: int) -> tuple[int, ...]:
         """The clauses whose bits are set; there may be thousands, and few of them true."""
         numbers = self._numbers
+        if bits in numbers:
+            return (numbers[bits],)
         true = []
         while bits:
             lowest = bits & -bits

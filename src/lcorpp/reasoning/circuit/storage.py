@@ -13,6 +13,7 @@ import json
 import struct
 import zipfile
 import zlib
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,13 @@ import numpy.typing as npt
 
 from lcorpp.errors import DataError, LcorppError
 from lcorpp.files import read_bytes, write_atomically
+from lcorpp.reasoning.arithmetic import ground
 from lcorpp.reasoning.circuit.compiled import Circuit
 from lcorpp.reasoning.circuit.layers import Layer, Matrix
+from lcorpp.reasoning.circuit.trellis import MOST_EDGES
+from lcorpp.reasoning.names import interventions_of, term_of
 from lcorpp.reasoning.parser import parse_plog
-from lcorpp.reasoning.program import program_text
+from lcorpp.reasoning.program import Program, program_text
 
 FORMAT, VERSION = "lcorpp circuit", 1
 
@@ -79,7 +83,7 @@ def load_circuit(path: str | Path) -> Circuit:
             raise DataError(f"its format is {head['format']!r}")
         if head["version"] != VERSION:
             raise DataError(f"its version is {head['version']!r}; this lcorpp reads version {VERSION}")
-        program = parse_plog(head["program"], file=head["file"], semantics=head["semantics"])
+        program = _program(head)
         layers = []
         width = 1
         for number, layer in enumerate(head["layers"]):
@@ -90,12 +94,43 @@ def load_circuit(path: str | Path) -> Circuit:
         ending = np.asarray(arrays["ending"], dtype=np.float64)
         if ending.shape != (width,):
             raise DataError(f"its ending has the shape {ending.shape}, not ({width},)")
+        if not (np.isfinite(ending).all() and (ending >= 0).all()):
+            raise DataError("its ending has numbers that are no weights")
         query = head["queries"][0] if head["single"] else head["queries"]
-        return Circuit(program, head["inputs"], query, head["do"], layers, ending)
+        circuit = Circuit(program, head["inputs"], query, head["do"], layers, ending)
+        _check_labels(circuit)
+        return circuit
     except LcorppError as error:
         raise DataError(f"{path}: not a circuit that can be used: {error}") from None
     except DAMAGED as error:
         raise DataError(f"{path}: not a stored circuit, or a damaged one: {error}") from None
+
+
+def _program(head: dict[str, Any]) -> Program:
+    """The program, which must know all the terms of the circuit."""
+    if head["semantics"] not in ("2009", "2018") or not isinstance(head["file"], str):
+        raise DataError(f"its program is {head['file']!r} of {head['semantics']!r}")
+    program = parse_plog(head["program"], file=head["file"], semantics=head["semantics"])
+    for key in ("inputs", "queries"):
+        terms = [ground(term_of(program, name)) for name in head[key]]
+        if terms != head[key] or (key == "inputs" and len(set(terms)) < len(terms)):
+            raise DataError(f"its {key} are {head[key]}")
+    if not head["queries"]:
+        raise DataError("it asks for nothing")
+    interventions_of(program, head["do"])
+    return program
+
+
+def _check_labels(circuit: Circuit) -> None:
+    """Each term has one layer, with outcomes that it may have."""
+    names = dict.fromkeys((*circuit.inputs, *circuit.queries))
+    labels = sorted(layer.label for layer in circuit.layers if layer.label != -1)
+    if labels != list(range(len(names))):
+        raise DataError(f"its layers are those of {labels}, not of the {len(names)} terms")
+    outcomes = [len(circuit.values[name]) for name in names]
+    for layer in circuit.layers:
+        if any(not 0 <= o <= outcomes[layer.label] or layer.label < 0 for o in layer.matrices):
+            raise DataError(f"a layer has the outcomes {sorted(layer.matrices)}")
 
 
 def _table(matrix: Matrix) -> npt.NDArray[np.float64]:
@@ -105,13 +140,15 @@ def _table(matrix: Matrix) -> npt.NDArray[np.float64]:
 
 def _matrix(table: npt.NDArray[np.float64], shape: tuple[int, int]) -> Matrix:
     entries = {(int(t), int(s)): float(w) for t, s, w in table}
-    if not all(0 <= t < shape[0] and 0 <= s < shape[1] and w >= 0 for (t, s), w in entries.items()):
+    if not all(0 <= t < shape[0] and 0 <= s < shape[1] and 0 <= w < inf for (t, s), w in entries.items()):
         raise DataError(f"a matrix has entries outside of {shape}, or negative ones")
     return Matrix.of(shape, entries)
 
 
 def _layer(head: dict[str, Any], number: int, arrays: dict[str, Any]) -> Layer:
     shape = int(head["shape"][0]), int(head["shape"][1])
+    if not all(0 <= size <= MOST_EDGES for size in shape):
+        raise DataError(f"layer {number} has the shape {shape}")
     matrices = {int(o): _matrix(arrays[f"{number}/{o}"], shape) for o in head["outcomes"]}
     if not matrices:
         return Layer(int(head["label"]), {}, _matrix(arrays[f"{number}/every"], shape))

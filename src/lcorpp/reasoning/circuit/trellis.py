@@ -35,6 +35,17 @@ class Trellis:
     edges: list[tuple[list[int], list[int], list[int]]]
     moves: list[tuple[Sequence[int], Fraction]]
 
+    def floats(self) -> list[float]:
+        """The probability of each move in floating point."""
+        known: dict[int, float] = {}  # by identity, as moves share their numbers
+        found = []
+        for _, weight in self.moves:
+            number = known.get(id(weight))
+            if number is None:
+                number = known[id(weight)] = float(weight)
+            found.append(number)
+        return found
+
 
 def trellis(prepared: Plan, limit: int = MOST_EDGES) -> Trellis:
     """Go through all states of a program.

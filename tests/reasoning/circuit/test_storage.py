@@ -1,0 +1,175 @@
+"""Circuits in files."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lcorpp.errors import DataError, FileError, LcorppError
+from lcorpp.reasoning import load_circuit, parse_plog, read_plog
+
+PLOG = Path(__file__).parents[2] / "plog"
+
+
+@pytest.fixture
+def circuit():
+    return read_plog(PLOG / "lcorpp.plog").compile(["time", "location", "classifier"], ["intention", "identity"])
+
+
+def rewritten(path, change, arrays=None):
+    """The same file with its head changed."""
+    with np.load(path) as archive:
+        content = {name: archive[name] for name in archive.files}
+    head = json.loads(str(content["circuit"]))
+    change(head)
+    content |= arrays or {}
+    np.savez(path, **(content | {"circuit": np.array(json.dumps(head))}))
+
+
+def test_saved_and_loaded_it_answers_the_same(circuit, tmp_path):
+    circuit.save(tmp_path / "a.circuit")
+    again = load_circuit(tmp_path / "a.circuit")
+    assert (again.inputs, again.queries, again.single) == (circuit.inputs, circuit.queries, False)
+    codes = np.stack(np.meshgrid([-1, 0, 1, 2], [-1, 0, 1], [-1, 0, 1]), -1).reshape(-1, 3)
+    for query, rows in circuit(codes).items():
+        np.testing.assert_array_equal(again(codes)[query], rows)
+    evidence = {"time": "morning"}
+    assert again(evidence)["identity"]["visitor"] == circuit(evidence)["identity"]["visitor"]
+    assert again.exact(evidence) == circuit.exact(evidence)
+    assert [(w.values, w.measure) for w in again.most_probable(evidence, 3)] == [
+        (w.values, w.measure) for w in circuit.most_probable(evidence, 3)
+    ]
+    draws = [c.sample(np.random.default_rng(0), evidence) for c in (again, circuit)]
+    assert draws[0] == draws[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "inputs", "query", "do"),
+    [
+        ("p, q : boolean. random(p). random(q). pr(q|p)=1/3.", ["q"], "p", {"q": "true"}),
+        ("#semantics 2018. p, q : boolean. random(p). random(q) :- p.", [], "p", {"q": "true"}),
+        ("sorts #s = {f(a), b}. attributes x : #s. q : #boolean. statements random(x). q :- x = f(a).", ["x"], "x", {}),
+        ("p, q : boolean. random(p).", ["q"], "p", {}),
+        ("p : boolean. random(p). :- p. :- p=false.", ["p"], "p", {}),
+        ("n = {1..300}. x : n. random(x). y : n. y = V :- x = V.", ["x"], "y", {}),
+    ],
+)
+def test_all_kinds_of_circuits_can_be_saved(text, inputs, query, do, tmp_path):
+    circuit = parse_plog(text).compile(inputs, query, do)
+    circuit.save(tmp_path / "a")
+    again = load_circuit(tmp_path / "a")
+    assert again.single
+    codes = np.array([[-1] * len(inputs), [0] * len(inputs)], dtype=int)
+    np.testing.assert_array_equal(again(codes, undefined="nan"), circuit(codes, undefined="nan"))
+
+
+def test_it_is_small_and_nothing_that_runs(circuit, tmp_path):
+    path = tmp_path / "a"
+    circuit.save(path)
+    assert path.stat().st_size < 20_000
+    with zipfile.ZipFile(path) as archive:
+        assert all(b"pickle" not in archive.read(name)[:200] for name in archive.namelist())
+
+
+def test_where_it_cannot_be_written_or_read(circuit, tmp_path):
+    with pytest.raises(FileError):
+        circuit.save(tmp_path / "none" / "a")
+    with pytest.raises(FileError):
+        load_circuit(tmp_path / "a")
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"\x93NUMPY", b"hello", bytes(1000)])
+def test_foreign_files(content, tmp_path):
+    (tmp_path / "a").write_bytes(content)
+    with pytest.raises(DataError, match="not a stored circuit, or a damaged one"):
+        load_circuit(tmp_path / "a")
+
+
+def test_other_archives(circuit, tmp_path):
+    np.savez(tmp_path / "a.npz", ending=np.zeros(3))
+    with pytest.raises(DataError, match="not a stored circuit"):
+        load_circuit(tmp_path / "a.npz")
+    buffer = io.BytesIO()
+    np.savez(buffer, circuit=np.array([{"format": "lcorpp circuit"}], dtype=object))
+    (tmp_path / "b").write_bytes(buffer.getvalue())
+    with pytest.raises(DataError, match="not a stored circuit"):
+        load_circuit(tmp_path / "b")
+
+
+def test_truncated_and_damaged_files(circuit, tmp_path):
+    path = tmp_path / "a"
+    circuit.save(path)
+    content = path.read_bytes()
+    for end in range(0, len(content), 97):
+        path.write_bytes(content[:end])
+        with pytest.raises(DataError):
+            load_circuit(path)
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        damaged = bytearray(content)
+        for place in rng.integers(len(content), size=3):
+            damaged[place] = rng.integers(256)
+        path.write_bytes(damaged)
+        try:
+            load_circuit(path)({"time": "morning"})  # a change may meet a byte that says nothing
+        except LcorppError:
+            pass
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"format": "lcorpp policy"}, "its format is 'lcorpp policy'"),
+        ({"version": 2}, "its version is 2; this lcorpp reads version 1"),
+        ({"program": "p : boolean."}, "damaged"),
+        ({"program": "p"}, "not a circuit that can be used"),
+        ({"inputs": ["weather"]}, "damaged"),
+        ({"inputs": 3}, "damaged"),
+        ({"inputs": ["time", "time", "classifier"]}, "damaged|twice"),
+        ({"queries": []}, "asks for nothing|damaged"),
+        ({"queries": "intention"}, "damaged"),
+        ({"do": 3}, "damaged"),
+        ({"do": {"time": "noon"}}, "noon"),
+        ({"semantics": "1999"}, "semantics|damaged"),
+        ({"layers": []}, "its ending has the shape"),
+        ({"layers": None}, "damaged"),
+        ({"file": 3}, "damaged"),
+    ],
+)
+def test_a_head_that_does_not_fit(circuit, change, words, tmp_path):
+    circuit.save(tmp_path / "a.npz")
+    rewritten(tmp_path / "a.npz", lambda head: head.update(change))
+    with pytest.raises(DataError, match=words):
+        load_circuit(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"label": 17}, {"label": -7}, {"label": None}, {"label": "time"}, {"shape": [3]}, {"shape": [-1, 1]},
+        {"shape": [10**12, 1]}, {"outcomes": [0, 99]}, {"outcomes": [-1]}, {"outcomes": []},
+    ],
+)  # fmt: skip
+def test_layers_that_do_not_fit(circuit, change, tmp_path):
+    circuit.save(tmp_path / "a.npz")
+    rewritten(tmp_path / "a.npz", lambda head: head["layers"][0].update(change))
+    with pytest.raises(DataError):
+        load_circuit(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("number", [np.nan, -1.0, np.inf])
+def test_numbers_that_are_no_weights(circuit, number, tmp_path):
+    path = tmp_path / "a.npz"
+    circuit.save(path)
+    rewritten(path, lambda head: None, {"ending": np.full(circuit.ending.shape, number)})
+    with pytest.raises(DataError):
+        load_circuit(path)
+    circuit.save(path)
+    rewritten(path, lambda head: None, {"0/0": np.array([[0, 0, number]])})
+    with pytest.raises(DataError, match="a matrix has entries outside of"):
+        load_circuit(path)
