@@ -91,10 +91,10 @@ def test_parse_error_is_located(statement: str, place: str, words: str) -> None:
 
 def test_too_many_instances_are_refused_before_grounding() -> None:
     text = "n = {1..1000}. f : n, n, n -> boolean. f(X,Y,Z)."
-    outcomes = "n = {1..101}. f : n, n -> n. random(f(X,Y))."  # its instances are few, its outcomes are not
-    with pytest.raises(ProgramError, match="spans 1030301 ground instances"):
+    outcomes = "n = {1..127}. f : n, n -> n. random(f(X,Y))."  # its instances are few, its outcomes are not
+    with pytest.raises(ProgramError, match="spans 2048383 ground instances"):
         parse_plog(outcomes)
-    with pytest.raises(ProgramError, match="spans 1000000000 ground instances; at most 1000000 "):
+    with pytest.raises(ProgramError, match="spans 1000000000 ground instances; at most 2000000 "):
         parse_plog(text)
 
 

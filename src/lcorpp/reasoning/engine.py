@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
 from lcorpp.reasoning.arithmetic import ground
+from lcorpp.reasoning.circuit.collection import without_collection
 from lcorpp.reasoning.circuit.grounder import ASKED
 from lcorpp.reasoning.circuit.paths import Paths
 from lcorpp.reasoning.circuit.plan import plan
@@ -53,7 +54,7 @@ class Engine:
 
     def __init__(self, program: Program, *, samples: int = SAMPLES) -> None:
         self.program, self.samples = program, samples
-        self._circuits: dict[Hashable, Circuit] = {}
+        self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}
         self._paths: dict[Hashable, Paths] = {}
 
@@ -75,7 +76,10 @@ class Engine:
             UndefinedError: no possible world has the evidence.
         """
         asked = (attribute, tuple(evidence.items()), tuple(do.items()))
-        answer = self._answers.get(asked)
+        try:
+            answer = self._answers.get(asked)
+        except TypeError:  # what cannot be a key is no value either, and is told so
+            answer = None
         if answer is None:
             answer = self._posterior(attribute, evidence, do)
             _keep(self._answers, asked, answer)
@@ -87,14 +91,17 @@ class Engine:
         if self.program.has_cr_rules:
             return self._enumeration().posterior(term, facts, set_to)
         key = (term, frozenset(facts), frozenset(set_to.items()))
-        if key not in self._circuits:
+        circuit = self._circuits.get(key)
+        if circuit is None:
             try:
                 circuit = self.compile(sorted(facts), term, set_to)
             except TooLargeError as found:
-                self._say(found)
-                return self._estimated(term, facts, set_to)
+                circuit = found
             _keep(self._circuits, key, circuit)
-        return self._circuits[key](facts)  # type: ignore[return-value]
+        if isinstance(circuit, TooLargeError):
+            self._say(circuit)
+            return self._estimated(term, facts, set_to)
+        return circuit(facts)  # type: ignore[return-value]
 
     def compile(
         self, inputs: Sequence[str], query: str | Sequence[str], do: Mapping[str, str] = NOTHING
@@ -186,13 +193,15 @@ class Engine:
         prepared = plan(self.program, do, observed, (name,), checked.literals)
         conditions = _conditions(checked)
         try:
-            paths = Paths(trellis(prepared))
+            with without_collection():
+                paths = Paths(trellis(prepared))
+                found_sums = paths.exact(name, {}) if exact else paths.weights(name, {})
         except TooLargeError as error:
             if exact:
                 raise
             self._say(error)
             return _estimates(self.program, checked, estimate(prepared, name, {}, self.samples))
-        sums: Mapping[str, Fraction | float] = paths.exact(name, {}) if exact else paths.weights(name, {})
+        sums: Mapping[str, Fraction | float] = found_sums
         if checked.subject:
             return _marginal(self.program, checked.subject, sums, conditions)  # type: ignore[type-var]
         total = sum(sums.values())

@@ -13,8 +13,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from lcorpp.errors import ParseError, ProgramError, UndefinedError, expected
+from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning.arithmetic import ground
+from lcorpp.reasoning.names import facts_of, interventions_of, term_of
 from lcorpp.reasoning.offence import Offence
 from lcorpp.reasoning.parser import parse_term
 from lcorpp.reasoning.program import Program
@@ -99,8 +100,8 @@ class Enumeration:
         self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
     ) -> dict[str, Fraction]:
         """The same as `posterior`, as fractions by value in the order of the declaration."""
-        subject = self._term(attribute)
-        table = self._given(self._facts(evidence), self._set(do))
+        subject = term_of(self.program, attribute)
+        table = self._given(facts_of(self.program, evidence), interventions_of(self.program, do))
         return self._marginal(subject, table)
 
     def probability(self, query: Query) -> Fraction:
@@ -152,7 +153,7 @@ class Enumeration:
         key = frozenset(given.items())
         draw = self._draws.get(key)
         if draw is None:
-            table = self._given(self._facts(given), {})
+            table = self._given(facts_of(self.program, given), {})
             draw = ([weight / table.total for weight in accumulate(table.weights)], table.values)
             _keep(self._draws, key, draw, TABLES_KEPT)
         cumulative, worlds = draw
@@ -231,38 +232,6 @@ class Enumeration:
             table = _Table(tuple(values for values, _ in found), weights, sum(weights))
             _keep(self._tables, key, table, TABLES_KEPT)
         return self._tables[key]
-
-    def _facts(self, evidence: Mapping[str, str]) -> dict[str, str]:
-        facts: dict[str, str] = {}
-        for name, value in evidence.items():
-            term = self._term(name)
-            self._check_value(term, value)
-            if facts.setdefault(ground(term), value) != value:
-                raise ProgramError(f"the evidence gives {name} two values, {facts[ground(term)]} and {value}")
-        return facts
-
-    def _set(self, do: Mapping[str, str]) -> dict[str, str]:
-        for name in do:
-            if not self.program.is_random(self._term(name)):
-                raise ProgramError(f"do({name}=...): {name} has no random selection in {self.program.file}")
-        return self._facts(do)
-
-    def _check_value(self, term: Term, value: str) -> None:
-        values = self.program.attributes[term.name].values
-        if value not in values:
-            raise ProgramError(f"{value!r} is not a value of {term}; {expected(values)}")
-
-    def _term(self, name: str) -> Term:
-        """The term that a key of evidence names, checked against the program."""
-        try:
-            term = parse_term(name, "<term>")
-            if not isinstance(term, Term):
-                raise ProgramError(f"{name!r} is not an attribute; {expected(list(self.program.attributes))}")
-            term = self.program.signature.named(term)
-            self.program.check_query(Query(subject=term))
-        except (ParseError, Offence) as error:
-            raise ProgramError(f"{name!r}: {error.message}") from None
-        return term
 
 
 def _observed(term: str, value: str) -> Literal:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from lcorpp.errors import LcorppError, UndefinedError
 from lcorpp.reasoning.arithmetic import ground
 from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
-from lcorpp.reasoning.circuit.grounder import ASKED
+from lcorpp.reasoning.circuit.grounder import ASKED, ground_program
 from lcorpp.reasoning.circuit.paths import Paths
 from lcorpp.reasoning.circuit.plan import plan
 from lcorpp.reasoning.circuit.trellis import trellis
@@ -87,9 +87,9 @@ def _worlds(program: Program, query: Query, count: int) -> tuple[tuple[World, tu
     query = program.named(query)
     do = {ground(item.term): ground(item.value) for item in query.interventions}
     observed = [observation.literal for observation in query.observations]
-    prepared = plan(program, do, observed)
-    found = Paths(trellis(prepared)).most_probable({}, count)
-    return tuple([(world, _fired(prepared.ground, world.values)) for world in found])
+    found = Paths(trellis(plan(program, do, observed))).most_probable({}, count)
+    ground_rules = ground_program(program, do, observed)
+    return tuple([(world, _fired(ground_rules, world.values)) for world in found])
 
 
 def _fired(program: Ground, values: Mapping[str, str]) -> tuple[Fired, ...]:

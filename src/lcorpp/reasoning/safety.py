@@ -22,7 +22,7 @@ from lcorpp.reasoning.syntax import (
     Variable,
 )
 
-MOST_INSTANCES = 1_000_000
+MOST_INSTANCES = 2_000_000
 """How many ground instances the variables of one statement may span, each outcome of a selection counted."""
 
 

@@ -189,6 +189,22 @@ def test_doing_in_2009_and_in_2018():
         new.compile(["p"], "x", {"x": "a"})({"p": "false"})
 
 
+def test_two_values_set_at_once():
+    text = "p, q : boolean. random(p). random(q) :- p. do(q=true). q=false :- p=false."
+    old, new = (parse_plog(f"#semantics {year}. {text}") for year in (2009, 2018))
+    with pytest.raises(UndefinedError):
+        old.compile([], "p", {"q": "false"})({})
+    assert new.compile([], "p", {"q": "false"}).exact({})["true"] == 0  # only where q is selected
+
+
+def test_a_circle_that_no_world_reaches():
+    program = parse_plog(
+        "s = {u}. p : boolean. x : s. no : s -> boolean. random(x : {X : no(X)}). p :- p, x=u."
+    )
+    with pytest.raises(UndefinedError):
+        program.compile([], "p")({})
+
+
 @pytest.mark.parametrize("circular", ["", " r : boolean. r :- q, not r=false. q :- r, p=false."])
 def test_condition_1_in_2009_and_in_2018(circular):
     text = "p, q : boolean. random(p). random(q). q :- p." + circular

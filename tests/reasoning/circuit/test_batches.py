@@ -193,7 +193,7 @@ def test_a_query_without_value_is_an_error_that_names_the_row():
 @pytest.mark.parametrize(
     ("evidence", "words"),
     [
-        ({"weather": "wet"}, "'weather' is not an input of the circuit; expected one of time, location, classifier"),
+        ({"weather": "wet"}, "'weather' is not an input of the circuit; expected one of time, location"),
         ({"intention": "interested"}, "'intention' is not an input of the circuit"),
         ({"time": "noon"}, "'noon' is not a value of time; expected one of morning, afternoon, evening"),
         ({"time": ["morning", "noon"]}, "row 1: 'noon' is not a value of time"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,9 @@ PLOG = Path(__file__).parents[2] / "plog"
 
 @pytest.fixture
 def circuit():
-    return read_plog(PLOG / "lcorpp.plog").compile(["time", "location", "classifier"], ["intention", "identity"])
+    return read_plog(PLOG / "lcorpp.plog").compile(
+        ["time", "location", "classifier"], ["intention", "identity"]
+    )
 
 
 def rewritten(path, change, arrays=None):
@@ -53,7 +56,12 @@ def test_saved_and_loaded_it_answers_the_same(circuit, tmp_path):
     [
         ("p, q : boolean. random(p). random(q). pr(q|p)=1/3.", ["q"], "p", {"q": "true"}),
         ("#semantics 2018. p, q : boolean. random(p). random(q) :- p.", [], "p", {"q": "true"}),
-        ("sorts #s = {f(a), b}. attributes x : #s. q : #boolean. statements random(x). q :- x = f(a).", ["x"], "x", {}),
+        (
+            "sorts #s = {f(a), b}. attributes x : #s. q : #boolean. statements random(x). q :- x = f(a).",
+            ["x"],
+            "x",
+            {},
+        ),
         ("p, q : boolean. random(p).", ["q"], "p", {}),
         ("p : boolean. random(p). :- p. :- p=false.", ["p"], "p", {}),
         ("n = {1..300}. x : n. random(x). y : n. y = V :- x = V.", ["x"], "y", {}),
@@ -115,10 +123,8 @@ def test_truncated_and_damaged_files(circuit, tmp_path):
         for place in rng.integers(len(content), size=3):
             damaged[place] = rng.integers(256)
         path.write_bytes(damaged)
-        try:
-            load_circuit(path)({"time": "morning"})  # a change may meet a byte that says nothing
-        except LcorppError:
-            pass
+        with suppress(LcorppError):  # a change may meet a byte that says nothing
+            load_circuit(path)({"time": "morning"})
 
 
 @pytest.mark.parametrize(
@@ -126,19 +132,19 @@ def test_truncated_and_damaged_files(circuit, tmp_path):
     [
         ({"format": "lcorpp policy"}, "its format is 'lcorpp policy'"),
         ({"version": 2}, "its version is 2; this lcorpp reads version 1"),
-        ({"program": "p : boolean."}, "damaged"),
+        ({"program": "p : boolean."}, "time"),
         ({"program": "p"}, "not a circuit that can be used"),
-        ({"inputs": ["weather"]}, "damaged"),
+        ({"inputs": ["weather"]}, "weather"),
         ({"inputs": 3}, "damaged"),
-        ({"inputs": ["time", "time", "classifier"]}, "damaged|twice"),
-        ({"queries": []}, "asks for nothing|damaged"),
-        ({"queries": "intention"}, "damaged"),
+        ({"inputs": ["time", "time", "classifier"]}, "its inputs are"),
+        ({"queries": []}, "it asks for nothing"),
+        ({"queries": "intention"}, "'i'"),
         ({"do": 3}, "damaged"),
         ({"do": {"time": "noon"}}, "noon"),
-        ({"semantics": "1999"}, "semantics|damaged"),
-        ({"layers": []}, "its ending has the shape"),
+        ({"semantics": "1999"}, "its program is .* of '1999'"),
+        ({"layers": []}, "its layers are those of"),
         ({"layers": None}, "damaged"),
-        ({"file": 3}, "damaged"),
+        ({"file": 3}, "its program is 3 of"),
     ],
 )
 def test_a_head_that_does_not_fit(circuit, change, words, tmp_path):

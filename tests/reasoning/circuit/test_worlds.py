@@ -55,7 +55,11 @@ def test_the_most_probable_worlds_given_evidence():
         found = circuit.most_probable(evidence, count)
         assert [world.measure for world in found] == [measure for _, measure in expected][:count]
     best = circuit.most_probable(evidence)[0]
-    assert (best.values["identity"], best.values["time"], best.values["classifier"]) == ("professor", "morning", "one")
+    assert (best.values["identity"], best.values["time"], best.values["classifier"]) == (
+        "professor",
+        "morning",
+        "one",
+    )
 
 
 def test_ties_are_all_there_and_different():
@@ -113,7 +117,8 @@ def test_draws_of_what_is_improbable():
     """Only a fair coin can be drawn, though such a series is 2^2000 times likelier of the loaded one."""
     program = parse_plog(
         "i = {1..2000}. kind = {fair, loaded}. #domain i(I). coin : kind. random(coin)."
-        " heads : i -> boolean. random(heads(I)). pr(heads(I) | coin=loaded) = 1. free : boolean. random(free)."
+        " heads : i -> boolean. random(heads(I)). pr(heads(I) | coin=loaded) = 1. free : boolean."
+        " random(free)."
     )
     circuit = program.compile(["coin", "heads"], "free")
     seen = {"coin": "fair", **{f"heads({i})": "true" for i in range(1, 2001)}}

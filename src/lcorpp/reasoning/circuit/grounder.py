@@ -73,14 +73,18 @@ class _Grounder:
         self._sorts: dict[str, Mapping[Value, None]] = {}
         self._indexes: dict[str, dict[Value, int]] = {}
         self._do = dict(do)
+        self._torn: set[str] = set()
         for statement in program.statements:
             if isinstance(statement, Intervention):
                 self._set(ground(statement.term), ground(statement.value))
         self._facts = self._given()
 
     def _set(self, term: str, value: str) -> None:
-        if self._do.setdefault(term, value) != value:
-            self._add(Clause(Kind.FORBID, -1, 0, ()))  # two values set: no world has both
+        if self._do.setdefault(term, value) != value:  # two values set: no world has both
+            if self.ground.do_is_fact:
+                self._add(Clause(Kind.FORBID, -1, 0, ()))
+            else:
+                self._torn.add(term)
 
     def all(self, observed: Iterable[Literal], asked: Sequence[Literal]) -> Ground:
         for term, value in self._do.items():
@@ -98,6 +102,12 @@ class _Grounder:
                 self._forbid_unless(statement.literal)
         for literal in observed:
             self._forbid_unless(literal)
+        if self._torn:  # in 2018 only where the term is selected
+            names = self.ground.names
+            for c in [
+                c for c in self.ground.clauses if c.kind is Kind.SELECT and names[c.term] in self._torn
+            ]:
+                self._add(Clause(Kind.FORBID, -1, 0, c.body, c.statement))
         if asked:
             body = tuple([self._ground_literal(literal) for literal in asked])
             self._add(Clause(Kind.DERIVE, len(self.ground.names), 0, body))

@@ -138,7 +138,7 @@ class Step:
 class Plan:
     """A program made ready.
 
-    ground: its terms; `index` finds one by its text.
+    ground: its terms, without the clauses; `index` finds one by its text.
     consistent: False where it is plain that there is no world.
     """
 
@@ -187,6 +187,7 @@ def _plan(
     steps = _steps(ground, clauses, outcomes, joined, needed)
     if len(joined) < len(order) and any(isinstance(step.decision, Circle) for step in steps):
         steps = _steps(ground, clauses, outcomes, order, needed)  # what was joined could not be stratified
+    ground.clauses = []  # the steps have what they need of them
     return Plan(ground, steps, consistent, index)
 
 
@@ -288,6 +289,8 @@ def _steps(
         step.absorb = _absorbed(touching[position], position)
         step.keep = bits.live
         steps.append(step)
+    for group in groups:
+        group.members = []  # members know their group: no circles for Python's collector to find
     return steps
 
 

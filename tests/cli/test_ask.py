@@ -1,0 +1,100 @@
+"""`lcorpp ask`: answers, fractions, error bars and reasons."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+PLOG = Path(__file__).parents[1] / "plog"
+EVIDENCE = "obs(time=afternoon), obs(location=classroom), obs(classifier=zero)"
+
+COIN = """\
+p, q : boolean.
+random(p).
+random(q) :- p.
+q=false :- p=false.
+pr(q | p) = 3/4.
+? q | obs(p).
+"""
+
+
+@pytest.fixture
+def coin(tmp_path):
+    file = tmp_path / "coin.plog"
+    file.write_text(COIN)
+    return file
+
+
+def test_why_takes_the_answer_apart(lcorpp, coin):
+    ended = lcorpp("ask", coin, "?{q} | obs(p)", "--why", "--exact")
+    assert ended.code == 0, ended.err
+    assert [line.rstrip() for line in ended.out.splitlines() if line.strip()] == [
+        "?{q=true} | obs(p=true).",
+        "  3/4",
+        "  without obs(p=true):",
+        "  3/8",
+        "  world 1, probability 3/4:",
+        "  p=true, q=true",
+        "    line 2    p is random, here true       random(p).",
+        "    line 3    q is random, here true       random(q) :- p=true.",
+        "    line 5    q=true with probability 3/4  pr(q=true | p=true) = 3/4.",
+        "  world 2, probability 1/4:",
+        "  p=true, q=false",
+        "    line 2    p is random, here true   random(p).",
+        "    line 3    q is random, here false  random(q) :- p=true.",
+    ]
+
+
+def test_why_of_the_paper(lcorpp):
+    ended = lcorpp("ask", PLOG / "lcorpp.plog", f"intention=interested | {EVIDENCE}", "--why")
+    assert ended.code == 0
+    assert "0.220250" in ended.out
+    assert "without obs(time=afternoon):" in ended.out
+    assert ended.out.count("world ") == 3
+
+
+def test_why_an_impossible_question_says_what_can_be_left_out(lcorpp, coin):
+    ended = lcorpp("ask", coin, "?{q} | obs(p=false), obs(q)", "--why")
+    assert ended.code == 2
+    assert "without obs(p=false):\n  1.000000" in ended.out
+    assert "no possible world of positive measure has the evidence" in ended.err
+    assert "Traceback" not in ended.err
+
+
+def test_impossible_without_why(lcorpp, coin):
+    ended = lcorpp("ask", coin, "?{q} | obs(p=false), obs(q)")
+    assert ended.code == 2
+    assert "no possible world of positive measure has obs(p=false), obs(q=true)" in ended.err
+
+
+def test_cr_rules(lcorpp):
+    ended = lcorpp("ask", PLOG / "heart.plog", "?{active} | obs(slow)", "--exact", "--why")
+    assert ended.code == 0
+    assert "  40/43\n" in ended.out
+    assert "world 1" not in ended.out
+
+
+@pytest.mark.parametrize("query", ["intention", "?{intention=interested}"])
+def test_too_large_a_program_is_estimated_aloud(lcorpp, monkeypatch, query):
+    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.trellis.__defaults__", (1,))
+    ended = lcorpp("ask", PLOG / "lcorpp.plog", query)
+    assert ended.code == 0
+    assert "more than 1 edges in the circuit: estimated from 20000 worlds drawn at random" in ended.err
+    line = next(line for line in ended.out.splitlines() if "±" in line)
+    estimate, error = (float(word) for word in line.split() if word[0] == "0")
+    assert abs(estimate - 0.4) < 3 * error < 0.04
+    for option in ("--exact", "--why"):
+        ended = lcorpp("ask", PLOG / "lcorpp.plog", query, option)
+        assert ended.code == 2
+        assert "more than 1 edges in the circuit" in ended.err
+
+
+def test_a_condition_that_is_broken(lcorpp, coin):
+    coin.write_text(COIN + "pr(q) = 1/2.\n")
+    ended = lcorpp("ask", coin)
+    assert ended.code == 2
+    assert (
+        f"{coin}:7:1: Condition 2: q=true also has a pr-atom at {coin}:5:1, in the world {{p=true"
+        in ended.err
+    )
