@@ -106,7 +106,10 @@ def _number(probability: Answer, exact: bool) -> str:
     error = getattr(probability, "error", None)
     if error is not None:
         return f"{float(probability):.6f} ± {1.96 * error:.6f}"
-    return str(probability) if exact else f"{float(probability):.6f}"
+    if exact:
+        return str(probability)
+    small = 0 < probability < 5e-7  # what is possible is not shown as 0
+    return f"{float(probability):.6g}" if small else f"{float(probability):.6f}"
 
 
 def _bar(share: float, width: int = 30) -> str:

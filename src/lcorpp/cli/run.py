@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich import box
-from rich.table import Table
 
 from lcorpp.cli import show
 from lcorpp.errors import DomainError, FileError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from lcorpp.experiments.metrics import Estimate, Scores
 
 
@@ -104,6 +104,9 @@ def run(
 
 
 def _table(results: list[Scores], positive: str | None, trials: int | str) -> Table:
+    from rich import box
+    from rich.table import Table
+
     about = f"F1, precision and recall of {positive!r}" if positive else "averaged over all values"
     count = "exact values" if trials == "exact" else f"{trials} decisions, ± half of the 95% intervals"
     table = Table(title=f"{count}; {about}", title_style="", title_justify="left", box=box.SIMPLE_HEAD)

@@ -6,15 +6,31 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.text import Text
 
-console = Console(highlight=False, soft_wrap=True)
-messages = Console(stderr=True, highlight=False)
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
+
+    console: Console
+    messages: Console
+
+
+def __getattr__(name: str) -> Console:
+    """`console` and `messages`, made when first used: loading rich takes longer than some commands."""
+    from rich.console import Console
+
+    if name == "console":
+        made = Console(highlight=False, soft_wrap=True)
+    elif name == "messages":
+        made = Console(stderr=True, highlight=False)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = made
+    return made
+
 
 DomainArgument = Annotated[
     str, typer.Argument(metavar="DOMAIN", help="A domain folder, or the name of a shipped domain.")
@@ -53,11 +69,18 @@ class Advance(Protocol):
     def __call__(self, done: int, total: int | None = None, title: str | None = None) -> None: ...
 
 
+def _made(name: str) -> Console:
+    found: Console = globals().get(name) or __getattr__(name)
+    return found
+
+
 @contextmanager
 def progress(title: str, total: int | None = None) -> Iterator[Advance]:
     """A progress bar on standard error while something longer than a second goes on."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=messages, transient=True) as bars:
+    with Progress(*columns, console=_made("messages"), transient=True) as bars:
         task = bars.add_task(title, total=total)
 
         def advance(done: int, total: int | None = None, title: str | None = None) -> None:
@@ -70,15 +93,22 @@ def bar(share: float, width: int = 30) -> Text:
     """A probability as a bar."""
     eighths = round(share * width * 8)
     blocks = "█" * (eighths // 8) + (" ▏▎▍▌▋▊▉"[eighths % 8] if eighths % 8 else "")
+    from rich.text import Text
+
     return Text(blocks, style="cyan")
 
 
 def heading(number: int, title: str, aside: str = "") -> None:
     """A numbered heading."""
+    from rich.text import Text
+
+    console = _made("console")
     console.print()
     console.print(Text.assemble((f"{number}  {title}", "bold"), (f"   {aside}" if aside else "", "dim")))
 
 
 def line(name: str, share: float, width: int) -> None:
     """One named probability with its bar."""
-    console.print(Text.assemble(f"     {name:<{width}}  {share:8.6f}  ", bar(share)))
+    from rich.text import Text
+
+    _made("console").print(Text.assemble(f"     {name:<{width}}  {share:8.6f}  ", bar(share)))

@@ -99,8 +99,9 @@ class Engine:
                 circuit = found
             _keep(self._circuits, key, circuit)
         if isinstance(circuit, TooLargeError):
+            estimated = self._estimated(term, facts, set_to)
             self._say(circuit)
-            return self._estimated(term, facts, set_to)
+            return estimated
         return circuit(facts)  # type: ignore[return-value]
 
     def compile(
@@ -199,8 +200,9 @@ class Engine:
         except TooLargeError as error:
             if exact:
                 raise
+            estimated = _estimates(self.program, checked, estimate(prepared, name, {}, self.samples))
             self._say(error)
-            return _estimates(self.program, checked, estimate(prepared, name, {}, self.samples))
+            return estimated
         sums: Mapping[str, Fraction | float] = found_sums
         if checked.subject:
             return _marginal(self.program, checked.subject, sums, conditions)  # type: ignore[type-var]

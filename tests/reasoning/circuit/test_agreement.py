@@ -18,7 +18,7 @@ from lcorpp.reasoning.circuit.compiled import Circuit
 from lcorpp.reasoning.engine import Engine
 from lcorpp.values import Distribution
 
-SUITE = settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+SUITE = settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 def outcome(answer: Callable[[], object]) -> object:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from math import prod
 from operator import itemgetter
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -33,8 +34,13 @@ KEPT = 100_000
 CHUNK = 4_000_000
 """How many numbers one pass over a batch may keep in memory."""
 
+MOST_WORLDS = 100_000
+"""How many of the most probable worlds may be asked for."""
+
 LOST = 1e-250
 """Weights of evidence below this are not trusted: they may have lost their digits, or vanished."""
+
+_Column = TypeVar("_Column")
 
 Answer = Distribution | dict[str, Distribution]
 Answers = Array | dict[str, Array]
@@ -82,6 +88,7 @@ class Circuit:
         self.layers, self.ending = tuple(layers), ending
         self._labels = {name: i for i, name in enumerate(names)}
         self._codes = {n: {v: i for i, v in enumerate(self.values[n])} for n in self.inputs}
+        self._most = min(KEPT, 100 * KEPT // (len(self.inputs) + 1))  # each is kept with all its inputs
         self._columns = {name: i for i, name in enumerate(self.inputs)}
         self._answers: dict[tuple[str | None, ...], tuple[int, Answer]] = {}
         self._complete: dict[object, Answer] = {}
@@ -94,7 +101,8 @@ class Circuit:
         self._sizes = np.array(sizes, dtype=np.intp)
         self._tabulates = prod(sizes) <= TABLE
         strides = [prod(sizes[i + 1 :]) for i in range(len(sizes))] if self._tabulates else []
-        self._strides = np.array(strides, dtype=np.intp)
+        self._strides, self._steps = np.array(strides, dtype=np.intp), strides
+        self._rows: dict[tuple[str, ...], _Rows] = {}
 
     def save(self, path: str | Path) -> None:
         """Write the circuit to a file that `load_circuit` reads.
@@ -133,28 +141,32 @@ class Circuit:
             return self._batch(evidence, undefined)
         if not isinstance(evidence, Mapping):
             raise ProgramError(f"expected a mapping from inputs to values, or codes, not {evidence!r}")
+        if not self._columns.keys() >= evidence.keys():
+            evidence = self._canonical(evidence)
         if any(not isinstance(value, str) for value in evidence.values()):
-            return self._batch(self.codes(evidence), undefined)
+            return self._of_columns(evidence, undefined)
         return self._one(evidence)  # type: ignore[arg-type]
+
+    def _canonical(self, evidence: Mapping[str, _Column]) -> dict[str, _Column]:
+        """Evidence under the names of the inputs, which may be written in other ways: ``f( 1, 2 )``."""
+        found: dict[str, _Column] = {}
+        for name, value in evidence.items():
+            try:
+                own = name if name in self._columns else ground(term_of(self.program, name))
+            except ProgramError:
+                own = name
+            self._check_inputs((own,))
+            if own in found:
+                raise ProgramError(f"the evidence names {own} twice")
+            found[own] = value
+        return found
 
     def _one(self, evidence: Mapping[str, str]) -> Answer:
         self._check_inputs(evidence)
-        codes = np.full((1, len(self.inputs)), -1, dtype=np.intp)
-        for name, value in evidence.items():
-            codes[0, self._columns[name]] = self._code(name, value)
-        found = self._joint(codes)
-        answers: dict[str, Distribution] = {}
-        for query, weights in found.items():
-            row = weights[0]
-            total = row.sum()
-            if total < LOST:  # impossible, or too improbable for floating point
-                answers[query] = self._exactly(query, evidence)
-                continue
-            if row[-1]:
-                raise self._no_value(query, row[-1] / total)
-            answers[query] = Distribution(self.values[query], row[:-1] / total)
+        codes = {self._columns[name]: self._code(name, value) for name, value in evidence.items()}
+        answers = self._looked_up(codes, evidence) if self._tabulates else self._passed(codes, evidence)
         answer: Answer = answers[self.queries[0]] if self.single else answers
-        if len(self._answers) + len(self._complete) >= KEPT:
+        if len(self._answers) + len(self._complete) >= self._most:
             self._answers.clear()
             self._complete.clear()
         if len(evidence) == self._count:
@@ -163,11 +175,50 @@ class Circuit:
             self._answers[tuple(map(evidence.get, self.inputs))] = len(evidence), answer
         return answer
 
+    def _looked_up(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
+        tables, index = self._tables(), 0
+        for column, code in codes.items():
+            index += (code + 1) * self._steps[column]
+        if self._sound:
+            return {q: Distribution.trusted(self.values[q], table[index]) for q, table in tables.items()}
+        return {query: self._read(query, table[index], evidence) for query, table in tables.items()}
+
+    def _passed(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
+        row = np.full((1, len(self.inputs)), -1, dtype=np.intp)
+        for column, code in codes.items():
+            row[0, column] = code
+        found = self._joint(row)
+        return {
+            query: self._read(query, _normalised(weights)[0], evidence) for query, weights in found.items()
+        }
+
+    def _read(self, query: str, row: Array, evidence: Mapping[str, str]) -> Distribution:
+        """A normalised row of weights, the last for no value, as a distribution."""
+        if np.isnan(row[-1]):  # impossible, or too improbable for floating point
+            return self._exactly(query, evidence)
+        if row[-1]:
+            raise self._no_value(query, row[-1])
+        return Distribution(self.values[query], row[:-1])
+
     def _exactly(self, query: str, evidence: Mapping[str, str]) -> Distribution:
         exact = self._fractions(query, evidence)
         return Distribution(tuple(exact), np.array([float(p) for p in exact.values()]))
 
     # many evidences
+
+    def _of_columns(self, evidence: Mapping[str, str | Sequence[str]], undefined: str) -> Answers:
+        columns = [c.tolist() if isinstance(c, np.ndarray) else c for c in evidence.values()]
+        names = tuple(evidence)
+        if not self._tabulates or any(not isinstance(c, list) or len(c) != len(columns[0]) for c in columns):
+            return self._batch(self.codes(evidence), undefined)
+        try:
+            if names not in self._rows:
+                places = [(self._steps[self._columns[name]], self._codes[name]) for name in names]
+                self._rows[names] = _Rows(places)
+            index = np.fromiter(map(self._rows[names].__getitem__, zip(*columns, strict=True)), np.intp)
+        except (KeyError, TypeError):
+            return self._batch(self.codes(evidence), undefined)  # it says what is wrong
+        return self._at(index, undefined)
 
     def codes(self, evidence: Mapping[str, str | Sequence[str]]) -> Codes:
         """(B, inputs) the codes of a batch of evidence.
@@ -217,14 +268,20 @@ class Circuit:
             )
         codes = codes.astype(np.intp, copy=False)  # small integers would overflow
         if self._tabulates:
-            tables = self._tables()
             index = np.zeros(len(codes), dtype=np.intp)
-            for column, stride in zip(codes.T, self._strides.tolist(), strict=True):
-                index += (column + 1) * stride
-            answers = {query: table.take(index, axis=0) for query, table in tables.items()}
-        else:
-            answers = {query: _normalised(weights) for query, weights in self._joint(codes).items()}
-        if not (self._tabulates and self._sound):
+            for column, step in zip(codes.T, self._steps, strict=True):
+                index += (column + 1) * step
+            return self._at(index, undefined)
+        answers = {query: _normalised(weights) for query, weights in self._joint(codes).items()}
+        answers = {query: self._checked(query, rows, undefined) for query, rows in answers.items()}
+        return answers[self.queries[0]] if self.single else answers
+
+    def _at(self, index: Codes, undefined: str) -> Answers:
+        """The rows of the tables at some places."""
+        if undefined not in ("raise", "nan"):
+            raise ProgramError(f"undefined={undefined!r}; expected 'raise' or 'nan'")
+        answers = {query: table.take(index, axis=0) for query, table in self._tables().items()}
+        if not self._sound:
             answers = {query: self._checked(query, rows, undefined) for query, rows in answers.items()}
         return answers[self.queries[0]] if self.single else answers
 
@@ -234,9 +291,11 @@ class Circuit:
             grid = np.arange(self._sizes.prod())[:, None] // self._strides % self._sizes - 1
             found = {query: _normalised(weights) for query, weights in self._joint(grid).items()}
             self._sound = all(not rows[:, -1].any() for rows in found.values())  # NaN is true
-            self._table = (
-                {q: np.ascontiguousarray(rows[:, :-1]) for q, rows in found.items()} if self._sound else found
-            )
+            if self._sound:
+                found = {query: np.ascontiguousarray(rows[:, :-1]) for query, rows in found.items()}
+            for rows in found.values():
+                rows.setflags(write=False)
+            self._table = found
         return self._table
 
     def _joint(self, codes: Codes) -> dict[str, Array]:
@@ -299,8 +358,8 @@ class Circuit:
             ProgramError, UndefinedError: as the call.
         """
         self._check(evidence)
-        if count < 1:
-            raise ProgramError(f"expected a positive number of worlds, not {count}")
+        if not 1 <= count <= MOST_WORLDS:
+            raise ProgramError(f"expected 1 to {MOST_WORLDS} worlds, not {count}")
         found = self.paths.most_probable(evidence, count)
         if not found:
             raise self._impossible(evidence)
@@ -320,7 +379,7 @@ class Circuit:
 
     # errors
 
-    def _check_inputs(self, evidence: Mapping[str, object]) -> None:
+    def _check_inputs(self, evidence: Iterable[object]) -> None:
         for name in evidence:
             if name not in self._codes:
                 raise ProgramError(f"{name!r} is not an input of the circuit; {expected(self.inputs)}")
@@ -349,6 +408,21 @@ class Circuit:
             f"{self.program.file}: {where}{query} has no value with probability {share};"
             f" ask for {query}=value instead"
         )
+
+
+class _Rows(dict[tuple[str | None, ...], int]):
+    """Where the answer to some values stands in a table; found once for each combination."""
+
+    def __init__(self, places: Sequence[tuple[int, Mapping[str, int]]]) -> None:
+        super().__init__()
+        self._places = places
+
+    def __missing__(self, values: tuple[str | None, ...]) -> int:
+        index = 0
+        for value, (step, codes) in zip(values, self._places, strict=True):
+            index += 0 if value is None else (codes[value] + 1) * step
+        self[values] = index
+        return index
 
 
 def compiled(
@@ -396,5 +470,8 @@ def labelled_layers(built: Trellis, names: Sequence[str]) -> tuple[list[Layer], 
 
 def _normalised(weights: Array) -> Array:
     total = weights.sum(axis=1, keepdims=True)
-    with np.errstate(invalid="ignore"):
-        return weights / total  # type: ignore[no-any-return]
+    total[total < LOST] = 0.0
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rows: Array = weights / total
+    rows[total[:, 0] == 0] = np.nan
+    return rows

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import cast
 
-from lcorpp.errors import ProgramError
+from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.arithmetic import exact, ground, variables
 from lcorpp.reasoning.circuit.constants import Value, holds, split, value_of
 from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
@@ -38,6 +38,9 @@ Body = Sequence[Literal | Comparison]
 Key = Value | tuple[Value, ...]
 """The arguments of a term; one alone stands for itself."""
 
+
+MOST_BITS = 2**31
+"""How many bits the conditions of a program may take, one for each value that one may have."""
 
 _NONE = Source("()")
 
@@ -71,6 +74,7 @@ class _Grounder:
         self._ids: dict[str, dict[Key, int]] = {name: {} for name in self.signature.attributes}
         self._masks: dict[tuple[str, str, bool], dict[Value, int]] = {}
         self._sorts: dict[str, Mapping[Value, None]] = {}
+        self._bits = 0
         self._indexes: dict[str, dict[Value, int]] = {}
         self._do = dict(do)
         self._torn: set[str] = set()
@@ -346,6 +350,11 @@ class _Grounder:
 
     def _allowed(self, literal: Literal, value: Value) -> int:
         numbers, relation = self._numbers(literal.term.name), literal.relation
+        self._bits += len(numbers)
+        if self._bits > MOST_BITS:
+            raise TooLargeError(
+                f"{literal.at}: too many conditions on attributes with many values, here {len(numbers)}"
+            )
         allowed = 0
         if relation == "=":
             allowed = 1 << numbers[value] if value in numbers else 0

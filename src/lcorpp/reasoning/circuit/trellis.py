@@ -17,7 +17,7 @@ from lcorpp.reasoning.circuit.collection import without_collection
 from lcorpp.reasoning.circuit.plan import Plan, Step
 from lcorpp.reasoning.circuit.steps import Outcome
 
-MOST_EDGES = 4_000_000
+MOST_EDGES = 2_000_000
 """How many edges a trellis may have."""
 
 
