@@ -99,9 +99,7 @@ class Engine:
                 circuit = found
             _keep(self._circuits, key, circuit)
         if isinstance(circuit, TooLargeError):
-            estimated = self._estimated(term, facts, set_to)
-            self._say(circuit)
-            return estimated
+            return self._estimated(circuit, term, facts, set_to)
         return circuit(facts)  # type: ignore[return-value]
 
     def compile(
@@ -119,7 +117,7 @@ class Engine:
             rules.
             TooLargeError: the program has too many states.
         """
-        from lcorpp.reasoning.circuit.compiled import compiled  # here, as it takes time to load numpy
+        from lcorpp.reasoning.circuit.compilation import compiled  # here, as it takes time to load numpy
 
         return compiled(self.program, inputs, query, do)
 
@@ -200,9 +198,8 @@ class Engine:
         except TooLargeError as error:
             if exact:
                 raise
-            estimated = _estimates(self.program, checked, estimate(prepared, name, {}, self.samples))
             self._say(error)
-            return estimated
+            return _estimates(self.program, checked, estimate(prepared, name, {}, self.samples))
         sums: Mapping[str, Fraction | float] = found_sums
         if checked.subject:
             return _marginal(self.program, checked.subject, sums, conditions)  # type: ignore[type-var]
@@ -229,12 +226,16 @@ class Engine:
             f"{reason}: estimated from {self.samples} worlds drawn at random", ReasoningWarning, stacklevel=4
         )
 
-    def _estimated(self, term: str, facts: Mapping[str, str], do: Mapping[str, str]) -> Distribution:
+    def _estimated(
+        self, reason: TooLargeError, term: str, facts: Mapping[str, str], do: Mapping[str, str]
+    ) -> Distribution:
         import numpy as np
 
         from lcorpp.reasoning.estimated import EstimatedDistribution
 
-        found = estimate(plan(self.program, do), term, facts, self.samples)
+        prepared = plan(self.program, do)
+        self._say(reason)
+        found = estimate(prepared, term, facts, self.samples)
         if found.values[""][0]:
             raise _no_value(self.program, term, found.values[""][0])
         rows = [pair for value, pair in found.values.items() if value]

@@ -35,7 +35,7 @@ def evidences(circuit):
 def circuit(request, monkeypatch):
     """The paper's circuit, with all its answers computed at once and without."""
     if request.param == "passes":
-        monkeypatch.setattr("lcorpp.reasoning.circuit.compiled.TABLE", 0)
+        monkeypatch.setattr("lcorpp.reasoning.circuit.tables.TABLE", 0)
     return LCORPP.compile(INPUTS, "intention")
 
 

@@ -4,29 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from math import prod
 from operator import itemgetter
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from lcorpp.errors import ProgramError, UndefinedError, expected
 from lcorpp.reasoning.arithmetic import ground
-from lcorpp.reasoning.circuit.layers import Layer, evaluate, layered
+from lcorpp.reasoning.circuit.layers import Layer, evaluate
 from lcorpp.reasoning.circuit.paths import Paths
 from lcorpp.reasoning.circuit.plan import plan
-from lcorpp.reasoning.circuit.trellis import Trellis, trellis
-from lcorpp.reasoning.names import interventions_of, term_of, terms_of
+from lcorpp.reasoning.circuit.tables import Codes, Tables, normalised
+from lcorpp.reasoning.circuit.trellis import trellis
+from lcorpp.reasoning.names import term_of
 from lcorpp.reasoning.program import Program
 from lcorpp.reasoning.worlds import World
 from lcorpp.values import Array, Distribution
-
-Codes = npt.NDArray[np.intp]
-
-TABLE = 20_000
-"""Up to so many different evidences have all their answers computed at once."""
 
 KEPT = 100_000
 """How many answers are kept before they are forgotten."""
@@ -36,9 +30,6 @@ CHUNK = 4_000_000
 
 MOST_WORLDS = 100_000
 """How many of the most probable worlds may be asked for."""
-
-LOST = 1e-250
-"""Weights of evidence below this are not trusted: they may have lost their digits, or vanished."""
 
 _Column = TypeVar("_Column")
 
@@ -95,14 +86,9 @@ class Circuit:
         self._count = len(self.inputs) or -1
         self._take = itemgetter(*self.inputs) if self.inputs else itemgetter(0)
         self._paths = paths
-        self._table: dict[str, Array] | None = None
-        self._sound = False  # whether each entry of the table is a distribution
-        sizes = [len(self.values[name]) + 1 for name in self.inputs]
-        self._sizes = np.array(sizes, dtype=np.intp)
-        self._tabulates = prod(sizes) <= TABLE
-        strides = [prod(sizes[i + 1 :]) for i in range(len(sizes))] if self._tabulates else []
-        self._strides, self._steps = np.array(strides, dtype=np.intp), strides
-        self._rows: dict[tuple[str, ...], _Rows] = {}
+        self._sizes = [len(self.values[name]) + 1 for name in self.inputs]
+        self._tabulates = Tables.fit(self._sizes)
+        self._tables: Tables | None = None
 
     def save(self, path: str | Path) -> None:
         """Write the circuit to a file that `load_circuit` reads.
@@ -175,13 +161,18 @@ class Circuit:
             self._answers[tuple(map(evidence.get, self.inputs))] = len(evidence), answer
         return answer
 
+    @property
+    def _table(self) -> Tables:
+        if self._tables is None:
+            self._tables = Tables(self._sizes, self._joint)
+        return self._tables
+
     def _looked_up(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
-        tables, index = self._tables(), 0
-        for column, code in codes.items():
-            index += (code + 1) * self._steps[column]
-        if self._sound:
-            return {q: Distribution.trusted(self.values[q], table[index]) for q, table in tables.items()}
-        return {query: self._read(query, table[index], evidence) for query, table in tables.items()}
+        table = self._table
+        index = table.index(codes)
+        if table.sound:
+            return {q: Distribution.trusted(self.values[q], rows[index]) for q, rows in table.answers.items()}
+        return {query: self._read(query, rows[index], evidence) for query, rows in table.answers.items()}
 
     def _passed(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
         row = np.full((1, len(self.inputs)), -1, dtype=np.intp)
@@ -189,7 +180,7 @@ class Circuit:
             row[0, column] = code
         found = self._joint(row)
         return {
-            query: self._read(query, _normalised(weights)[0], evidence) for query, weights in found.items()
+            query: self._read(query, normalised(weights)[0], evidence) for query, weights in found.items()
         }
 
     def _read(self, query: str, row: Array, evidence: Mapping[str, str]) -> Distribution:
@@ -211,11 +202,9 @@ class Circuit:
         names = tuple(evidence)
         if not self._tabulates or any(not isinstance(c, list) or len(c) != len(columns[0]) for c in columns):
             return self._batch(self.codes(evidence), undefined)
+        places = tuple([self._columns[name] for name in names])
         try:
-            if names not in self._rows:
-                places = [(self._steps[self._columns[name]], self._codes[name]) for name in names]
-                self._rows[names] = _Rows(places)
-            index = np.fromiter(map(self._rows[names].__getitem__, zip(*columns, strict=True)), np.intp)
+            index = self._table.indexes_of(places, columns, [self._codes[name] for name in names])
         except (KeyError, TypeError):
             return self._batch(self.codes(evidence), undefined)  # it says what is wrong
         return self._at(index, undefined)
@@ -259,7 +248,8 @@ class Circuit:
             )
         if undefined not in ("raise", "nan"):
             raise ProgramError(f"undefined={undefined!r}; expected 'raise' or 'nan'")
-        wrong = (codes < -1) | (codes >= self._sizes - 1)
+        sizes = np.array(self._sizes, dtype=np.intp)
+        wrong = (codes < -1) | (codes >= sizes - 1)
         if wrong.any():
             row, column = (int(i) for i in np.argwhere(wrong)[0])
             raise ProgramError(
@@ -268,11 +258,8 @@ class Circuit:
             )
         codes = codes.astype(np.intp, copy=False)  # small integers would overflow
         if self._tabulates:
-            index = np.zeros(len(codes), dtype=np.intp)
-            for column, step in zip(codes.T, self._steps, strict=True):
-                index += (column + 1) * step
-            return self._at(index, undefined)
-        answers = {query: _normalised(weights) for query, weights in self._joint(codes).items()}
+            return self._at(self._table.indexes(codes), undefined)
+        answers = {query: normalised(weights) for query, weights in self._joint(codes).items()}
         answers = {query: self._checked(query, rows, undefined) for query, rows in answers.items()}
         return answers[self.queries[0]] if self.single else answers
 
@@ -280,23 +267,10 @@ class Circuit:
         """The rows of the tables at some places."""
         if undefined not in ("raise", "nan"):
             raise ProgramError(f"undefined={undefined!r}; expected 'raise' or 'nan'")
-        answers = {query: table.take(index, axis=0) for query, table in self._tables().items()}
-        if not self._sound:
+        answers = {query: table.take(index, axis=0) for query, table in self._table.answers.items()}
+        if not self._table.sound:
             answers = {query: self._checked(query, rows, undefined) for query, rows in answers.items()}
         return answers[self.queries[0]] if self.single else answers
-
-    def _tables(self) -> dict[str, Array]:
-        """The answers to all evidences, in the order of their codes."""
-        if self._table is None:
-            grid = np.arange(self._sizes.prod())[:, None] // self._strides % self._sizes - 1
-            found = {query: _normalised(weights) for query, weights in self._joint(grid).items()}
-            self._sound = all(not rows[:, -1].any() for rows in found.values())  # NaN is true
-            if self._sound:
-                found = {query: np.ascontiguousarray(rows[:, :-1]) for query, rows in found.items()}
-            for rows in found.values():
-                rows.setflags(write=False)
-            self._table = found
-        return self._table
 
     def _joint(self, codes: Codes) -> dict[str, Array]:
         """(B, outcomes) the weights of each query and the evidence, in chunks that fit into memory."""
@@ -408,70 +382,3 @@ class Circuit:
             f"{self.program.file}: {where}{query} has no value with probability {share};"
             f" ask for {query}=value instead"
         )
-
-
-class _Rows(dict[tuple[str | None, ...], int]):
-    """Where the answer to some values stands in a table; found once for each combination."""
-
-    def __init__(self, places: Sequence[tuple[int, Mapping[str, int]]]) -> None:
-        super().__init__()
-        self._places = places
-
-    def __missing__(self, values: tuple[str | None, ...]) -> int:
-        index = 0
-        for value, (step, codes) in zip(values, self._places, strict=True):
-            index += 0 if value is None else (codes[value] + 1) * step
-        self[values] = index
-        return index
-
-
-def compiled(
-    program: Program, inputs: Sequence[str], query: str | Sequence[str], do: Mapping[str, str]
-) -> Circuit:
-    """Compile a program.
-
-    Args:
-        inputs: the terms that evidence may name; an attribute with arguments stands for all its terms.
-        query: a term, or several.
-        do: interventions, term -> value.
-
-    Raises:
-        ProgramError: a name is unknown, a world breaks a condition of the language, or there are cr-rules.
-        TooLargeError: the program has too many states.
-    """
-    if program.has_cr_rules:
-        raise ProgramError(
-            f"{program.file}: a program with cr-rules cannot be compiled: an observation may create worlds;"
-            " ask for one posterior at a time"
-        )
-    names = list(dict.fromkeys(found for name in inputs for found in terms_of(program, name)))
-    queries = ground(term_of(program, query)) if isinstance(query, str) else [
-        ground(term_of(program, name)) for name in query
-    ]  # fmt: skip
-    do = interventions_of(program, do)
-    observed = dict.fromkeys((*names, *((queries,) if isinstance(queries, str) else queries)))
-    built: Trellis = trellis(plan(program, do, wanted=observed))
-    layers, ending = labelled_layers(built, list(observed))
-    return Circuit(program, names, queries, do, layers, ending, Paths(built))
-
-
-def labelled_layers(built: Trellis, names: Sequence[str]) -> tuple[list[Layer], Array]:
-    """The layers for some terms; a term that no rule speaks of never has a value, which is a layer too."""
-    index = built.plan.index
-    labels = {index[name]: i for i, name in enumerate(names) if name in index}
-    layers, ending = layered(built, labels)
-    missing = [i for i, name in enumerate(names) if name not in index]
-    never = [
-        Layer.never(i, len(built.plan.ground.program.attributes[names[i].partition("(")[0]].values))
-        for i in missing
-    ]
-    return [*never, *layers], ending
-
-
-def _normalised(weights: Array) -> Array:
-    total = weights.sum(axis=1, keepdims=True)
-    total[total < LOST] = 0.0
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rows: Array = weights / total
-    rows[total[:, 0] == 0] = np.nan
-    return rows
