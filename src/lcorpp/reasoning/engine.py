@@ -169,6 +169,7 @@ class Engine:
             raise _undefined(self.program, "")
         return paths.count()
 
+    @without_collection()
     def ask(self, query: Query, *, exact: bool = False) -> dict[str, Answer] | Answer:
         """The distribution that a query asks for, or its probability.
 
@@ -192,9 +193,8 @@ class Engine:
         prepared = plan(self.program, do, observed, (name,), checked.literals)
         conditions = _conditions(checked)
         try:
-            with without_collection():
-                paths = Paths(trellis(prepared))
-                found_sums = paths.exact(name, {}) if exact else paths.weights(name, {})
+            paths = Paths(trellis(prepared))
+            found_sums = paths.exact(name, {}) if exact else paths.weights(name, {})
         except TooLargeError as error:
             if exact:
                 raise

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.arithmetic import ground
+from lcorpp.reasoning.circuit.collection import without_collection
 from lcorpp.reasoning.circuit.compiled import Circuit
 from lcorpp.reasoning.circuit.layers import Layer, layered
 from lcorpp.reasoning.circuit.paths import Paths
@@ -16,6 +17,7 @@ from lcorpp.reasoning.program import Program
 from lcorpp.values import Array
 
 
+@without_collection()
 def compiled(
     program: Program, inputs: Sequence[str], query: str | Sequence[str], do: Mapping[str, str]
 ) -> Circuit:
