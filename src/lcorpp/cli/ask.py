@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -46,6 +47,12 @@ def ask(
     """Ask a P-log program for a probability, or for the distribution of an attribute."""
     from lcorpp.reasoning.parser import parse_query, read_plog
 
+    told = logging.getLogger("lcorpp.reasoning")
+    if not told.handlers:
+        handler = logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("lcorpp: %(message)s"))
+        told.addHandler(handler)
+        told.setLevel(logging.INFO)
     program = read_plog(file, strict=not lenient)
     queries = [parse_query(query, program)] if query is not None else list(program.queries)
     if not queries:

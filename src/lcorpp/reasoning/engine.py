@@ -7,6 +7,7 @@ its standard errors.
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from fractions import Fraction
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from lcorpp.reasoning.circuit.compiled import Circuit
     from lcorpp.reasoning.enumeration import Enumeration
     from lcorpp.values import Distribution
+
+LOG = logging.getLogger("lcorpp.reasoning")
 
 KEPT = 1000
 """How many circuits and answers a reasoner keeps before it begins anew."""
@@ -218,6 +221,8 @@ class Engine:
 
     def _enumeration(self) -> Enumeration:
         from lcorpp.reasoning.enumeration import Enumeration  # here, as it loads numpy and clingo
+
+        LOG.info("%s: a program with cr-rules is answered by enumeration", self.program.file)
 
         return Enumeration(self.program)
 

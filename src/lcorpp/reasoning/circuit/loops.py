@@ -10,6 +10,7 @@ of values has two stable models.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,6 +22,8 @@ from lcorpp.reasoning.circuit.fixpoints import Stratified
 from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind, Literal
 from lcorpp.reasoning.circuit.steps import ONE, Entry, Outcome, decide
 from lcorpp.reasoning.stable_models import stable_models
+
+LOG = logging.getLogger("lcorpp.reasoning")
 
 MOST_MODELS = 200_000
 """How many stable models a circle may have in one state."""
@@ -37,6 +40,7 @@ class Circle:
     terms: tuple[int, ...]
     entries: Sequence[Entry]
     shared: dict[object, Any]
+    said: bool = False
 
     def outcomes(self, many: Iterable[int]) -> Mapping[int, list[Outcome]]:
         """For each state of the bits, the joint outcomes of the terms."""
@@ -73,16 +77,25 @@ class Circle:
                 yield {term: guess}
 
     def _models(self, clauses: Sequence[Clause]) -> Iterator[dict[int, int]]:
+        if not self.said:
+            self.said = True
+            LOG.info(
+                "%s: %s depend on each other: their values are found by enumeration",
+                self.ground.program.file,
+                self._shown(),
+            )
         for count, atoms in enumerate(stable_models("\n".join(self._text(clauses)))):
             if count == MOST_MODELS:
-                names = ", ".join(self.ground.names[term] for term in self.terms[:5])
                 raise ProgramError(
-                    f"{self.ground.program.file}: more than {MOST_MODELS} ways to decide the circle of"
-                    f" {names}{', ...' if len(self.terms) > 5 else ''}"
+                    f"{self.ground.program.file}: more than {MOST_MODELS} ways to decide {self._shown()}"
                 )
             has = {term: len(self.ground.values[term]) for term in self.terms}
             has.update(atoms)
             yield has
+
+    def _shown(self) -> str:
+        names = ", ".join(self.ground.names[term] for term in self.terms[:5])
+        return f"{names}{', ...' if len(self.terms) > 5 else ''}"
 
     def _text(self, clauses: Sequence[Clause]) -> Iterator[str]:
         """The circle as an answer set program: h(term, value), sel(selection), pos(selection, ...)."""
