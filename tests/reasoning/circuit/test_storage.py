@@ -109,6 +109,15 @@ def test_other_archives(circuit, tmp_path):
         load_circuit(tmp_path / "b")
 
 
+def test_an_array_whose_head_is_cut(tmp_path):
+    """numpy reads heads as Python, and raises what Python's tokenizer raises."""
+    head = b"{'descr': '<f8', 'fortran_order': False, 'shape': (3L,\n"
+    with zipfile.ZipFile(tmp_path / "a", "w") as archive:
+        archive.writestr("ending.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head)
+    with pytest.raises(DataError, match="not a stored circuit, or a damaged one"):
+        load_circuit(tmp_path / "a")
+
+
 def test_truncated_and_damaged_files(circuit, tmp_path):
     path = tmp_path / "a"
     circuit.save(path)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import io
 import json
 import struct
+import tokenize
 import zipfile
 import zlib
 from math import inf
@@ -35,6 +36,7 @@ FORMAT, VERSION = "lcorpp circuit", 1
 DAMAGED = (
     *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError),
     *(EOFError, OSError, zipfile.BadZipFile, zlib.error, struct.error),
+    *(SyntaxError, tokenize.TokenError),  # numpy reads the heads of arrays as Python
 )
 """What numpy, zipfile and json raise when bytes are not what they seem."""
 
