@@ -20,6 +20,9 @@ from lcorpp.reasoning.circuit.steps import Outcome
 MOST_EDGES = 2_000_000
 """How many edges a trellis may have."""
 
+MOST_BITS = 2**32
+"""How many bits the states of one layer may take together, half a gigabyte."""
+
 
 @dataclass(slots=True, eq=False)
 class Trellis:
@@ -80,6 +83,7 @@ def _forward(prepared: Plan, limit: int) -> tuple[Trellis, dict[int, Breach]]:
         else:
             outcomes = step.decision.outcomes((0,) if current else ())
         ways = {bits: _ways(step, found, moves, breaches) for bits, found in outcomes.items()}
+        most = min(limit - total, MOST_BITS // max(keep.bit_length(), 1))
         following: dict[int, int] = {}
         sources: list[int] = []
         targets: list[int] = []
@@ -105,14 +109,14 @@ def _forward(prepared: Plan, limit: int) -> tuple[Trellis, dict[int, Breach]]:
                 sources.append(number)
                 targets.append(target)
                 taken.append(move)
-            if len(taken) > limit:
-                break
+            if len(taken) > most:
+                raise TooLargeError(
+                    f"{prepared.ground.program.file}: more than {total + most} edges in the circuit"
+                )
         edges.append((sources, targets, taken))
         layers.append(len(following))
         current = following
         total += len(sources)
-        if total > limit:
-            raise TooLargeError(f"{prepared.ground.program.file}: more than {limit} edges in the circuit")
     return Trellis(prepared, layers, edges, moves), breaches
 
 
