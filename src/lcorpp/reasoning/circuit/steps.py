@@ -117,20 +117,22 @@ class SingleTerm:
         return tuple(true)
 
     def _outcomes(self, true: Iterable[int]) -> list[Outcome]:
-        kinds: dict[Kind, list[Clause]] = {kind: [] for kind in Kind}
+        derived: set[int] = set()
+        selected: list[Clause] = []
+        ranged: list[Clause] = []
+        spoken: list[Clause] = []
         for number in sorted((*self._always, *true)):
             clause = self._clauses[number]
-            kinds[clause.kind].append(clause)
-        derived = {clause.value for clause in kinds[Kind.DERIVE]}
-        found = decide(
-            self._ground,
-            self._term,
-            derived,
-            kinds[Kind.SELECT],
-            kinds[Kind.RANGE],
-            kinds[Kind.ASSIGN],
-            self._shared,
-        )
+            kind = clause.kind
+            if kind is Kind.DERIVE:
+                derived.add(clause.value)
+            elif kind is Kind.SELECT:
+                selected.append(clause)
+            elif kind is Kind.RANGE:
+                ranged.append(clause)
+            else:
+                spoken.append(clause)
+        found = decide(self._ground, self._term, derived, selected, ranged, spoken, self._shared)
         return [Outcome((value,), weight, breach) for value, weight, breach in found]
 
 
