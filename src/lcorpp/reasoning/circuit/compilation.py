@@ -45,7 +45,9 @@ def compiled(
     observed = dict.fromkeys((*names, *((queries,) if isinstance(queries, str) else queries)))
     built: Trellis = trellis(plan(program, do, wanted=observed))
     layers, ending = labelled_layers(built, list(observed))
-    return Circuit(program, names, queries, do, layers, ending, Paths(built))
+    circuit = Circuit(program, names, queries, do, layers, ending, Paths(built))
+    circuit.prepare()
+    return circuit
 
 
 def labelled_layers(built: Trellis, names: Sequence[str]) -> tuple[list[Layer], Array]:

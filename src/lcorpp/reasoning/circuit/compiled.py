@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+from math import prod
 from operator import itemgetter
 from pathlib import Path
 from typing import TypeVar
@@ -24,6 +25,9 @@ from lcorpp.values import Array, Distribution
 
 KEPT = 100_000
 """How many answers are kept before they are forgotten."""
+
+EAGER = 1000
+"""Up to so many different evidences are answered when a circuit is made."""
 
 CHUNK = 4_000_000
 """How many numbers one pass over a batch may keep in memory."""
@@ -99,6 +103,11 @@ class Circuit:
         from lcorpp.reasoning.circuit.storage import save_circuit  # here, as it reads circuits
 
         save_circuit(self, path)
+
+    def prepare(self) -> None:
+        """Work out all answers if they are few; larger tables wait for the first call."""
+        if prod(self._sizes) <= EAGER:
+            _ = self._table
 
     # one evidence
 
