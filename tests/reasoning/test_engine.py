@@ -271,3 +271,24 @@ def test_sorts_of_one_member():
 def test_empty_sorts_are_refused():
     with pytest.raises(ProgramError, match="1:18: the sort none is empty"):
         parse_plog("sorts #n = 1..2. #none = #n - #n. attributes x : #none. statements random(x).")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x : n. random(x). random(x).",
+        "x : n. random(x). pr(x=1) = 1/2. pr(x=1) = 1/3.",
+        "x : n. ok : n -> boolean. ok(3). random(x : {V : ok(V)}). pr(x=1) = 1/2.",
+        "x : n. random(x). pr(x=1) = 3/4. pr(x=2) = 1/2.",
+        "x : n. random(x). pr(x=V) = 1/2.",
+    ],
+)
+def test_a_broken_condition_is_told_in_the_same_words_by_both_engines(text):
+    """A range such as {3} must not be taken for the place of a statement."""
+    program = parse_plog(f"n = {{1..3}}. {text}")
+    with pytest.raises(ProgramError) as counted:
+        Enumeration(program).posterior("x", {})
+    with pytest.raises(ProgramError) as compiled:
+        program.posterior("x")
+    told, also_told = (str(error.value).partition(", in the world ")[0] for error in (counted, compiled))
+    assert told == also_told

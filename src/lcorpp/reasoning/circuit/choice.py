@@ -9,16 +9,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
+from lcorpp.reasoning.syntax import Statement
+
 Spoken = tuple[int, Fraction, int]
 """What one pr-atom says: the value, its number, and the position of the statement."""
 
 
 class Breach(Exception):
-    """A condition of the language is broken; the message lacks the world in which it is."""
+    """A condition of the language is broken; in which world is not known yet, and statements are positions.
 
-    def __init__(self, statement: int, message: str) -> None:
-        self.statement, self.message = statement, message
+    Args:
+        statement: the one that breaks it.
+        message: how; where another statement has part in it, it stands between `message` and `after`.
+    """
+
+    def __init__(self, statement: int, message: str, other: int | None = None, after: str = "") -> None:
+        self.statement, self.message, self.other, self.after = statement, message, other, after
         super().__init__(message)
+
+    def told(self, statements: Sequence[Statement]) -> str:
+        """The message with the places of the statements."""
+        place = "" if self.other is None else f" {statements[self.other].at}"
+        return f"{statements[self.statement].at}: {self.message}{place}{self.after}"
 
 
 def choice(
@@ -43,8 +55,9 @@ def choice(
             same = by[value] == statement
             raise Breach(
                 statement,
-                f"Condition 2: {name}={values[value]} also has a pr-atom at {{{by[value]}}}"
-                f"{' with other values of its variables' if same else ''}",
+                f"Condition 2: {name}={values[value]} also has a pr-atom at",
+                by[value],
+                " with other values of its variables" if same else "",
             )
         if value not in possible:
             shown = ", ".join(values[v] for v in possible)

@@ -74,7 +74,7 @@ class Ground:
     @property
     def do_is_fact(self) -> bool:
         """Whether an intervention sets its term in every world."""
-        return getattr(self.program, "semantics", "2009") == "2009"
+        return self.program.semantics == "2009"
 
     def has_range(self, statement: int) -> bool:
         """Whether the selection at this position of the program has a dynamic range."""

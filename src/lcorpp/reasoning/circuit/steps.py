@@ -216,7 +216,9 @@ def _condition_1(ground: Ground, term: int, derived: set[int], selected: Sequenc
         again = " with other values of its variables" if here is there else ""
         return Breach(
             clause.statement,
-            f"Condition 1: {name} is also selected at random by the rule at {{{first.statement}}}{again}",
+            f"Condition 1: {name} is also selected at random by the rule at",
+            first.statement,
+            again,
         )
     if modern and derived:
         return Breach(first.statement, f"Condition 1: {name} is selected at random while a rule derives it")

@@ -60,12 +60,11 @@ def trellis(prepared: Plan, limit: int = MOST_EDGES) -> Trellis:
     with without_collection():
         built, breaches = _forward(prepared, limit)
         _prune(built)
-    for step, (_, _, moves) in enumerate(built.edges):
-        for number, move in enumerate(moves):
-            if move in breaches:
-                raise _broken(built, step, number, breaches[move])
-        if not breaches:
-            break
+    if breaches:  # those that no world meets were pruned
+        for step, (_, _, moves) in enumerate(built.edges):
+            for number, move in enumerate(moves):
+                if move in breaches:
+                    raise _broken(built, step, number, breaches[move])
     return built
 
 
@@ -174,12 +173,9 @@ def _broken(built: Trellis, step: int, edge: int, breach: Breach) -> ProgramErro
         found = sources_.index(state)
         chosen[position], state = moves_[found], targets_[found]
     world = world_of(built.plan, [built.moves[chosen[i]][0] for i in range(len(built.edges))])
-    statements = built.plan.ground.program.statements
-    message = breach.message
-    for number, statement in enumerate(statements):
-        message = message.replace(f"{{{number}}}", str(statement.at))
     shown = ", ".join(f"{term}={value}" for term, value in world.items())
-    return ProgramError(f"{statements[breach.statement].at}: {message}, in the world {{{shown}}}")
+    told = breach.told(built.plan.ground.program.statements)
+    return ProgramError(f"{told}, in the world {{{shown}}}")
 
 
 def world_of(prepared: Plan, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:

@@ -128,8 +128,8 @@ class _Draws:
         ways: list[_Way] = []
         for outcome in step.decision.outcomes((bits,))[bits]:
             if outcome.breach:
-                statement = self._plan.ground.program.statements[outcome.breach.statement]
-                raise ProgramError(f"{statement.at}: {outcome.breach.message}, in a world drawn at random")
+                told = outcome.breach.told(self._plan.ground.program.statements)
+                raise ProgramError(f"{told}, in a world drawn at random")
             if all(outcome.values[i] == value for i, value in self._given[position]):
                 effect = step.effect(outcome.values)
                 if effect is not None:
