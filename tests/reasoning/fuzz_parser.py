@@ -22,7 +22,7 @@ except ImportError:
 
 with atheris.instrument_imports(include=["lcorpp.reasoning"]):
     from lcorpp.errors import LcorppError
-    from lcorpp.reasoning.parser import parse_plog, parse_query
+    from lcorpp.reasoning.language.parser import parse_plog, parse_query
 
 LONGEST = 1.0
 """Seconds of CPU time that one input may take."""

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from lcorpp.errors import ParseError, ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, Program, parse_plog, parse_query, program_text
-from lcorpp.reasoning.syntax import Arithmetic, Number, Probability, Term, Variable
+from lcorpp.reasoning.language.syntax import Arithmetic, Number, Probability, Term, Variable
 
 World = dict[str, str]
 VALUES = ("u", "v", "w")

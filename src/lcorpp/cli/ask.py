@@ -14,8 +14,8 @@ from lcorpp.errors import ProgramError
 if TYPE_CHECKING:
     from lcorpp.reasoning.engine import Answer
     from lcorpp.reasoning.explanation import Result
+    from lcorpp.reasoning.language.syntax import Query
     from lcorpp.reasoning.program import Program
-    from lcorpp.reasoning.syntax import Query
 
 
 def ask(
@@ -45,7 +45,7 @@ def ask(
     ] = False,
 ) -> None:
     """Ask a P-log program for a probability, or for the distribution of an attribute."""
-    from lcorpp.reasoning.parser import parse_query, read_plog
+    from lcorpp.reasoning.language.parser import parse_query, read_plog
 
     told = logging.getLogger("lcorpp.reasoning")
     if not told.handlers:

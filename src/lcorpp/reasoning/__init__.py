@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from lcorpp.reasoning.enumeration import Enumeration
     from lcorpp.reasoning.estimated import EstimatedDistribution
     from lcorpp.reasoning.explanation import Explanation, explain
-    from lcorpp.reasoning.parser import parse_plog, parse_query, read_plog
+    from lcorpp.reasoning.language.parser import parse_plog, parse_query, read_plog
+    from lcorpp.reasoning.language.signature import Attribute
+    from lcorpp.reasoning.language.syntax import Query
     from lcorpp.reasoning.program import Program, program_text
-    from lcorpp.reasoning.signature import Attribute
-    from lcorpp.reasoning.syntax import Query
     from lcorpp.reasoning.worlds import World
 
 _HOMES = {
@@ -34,10 +34,10 @@ _HOMES = {
     "enumeration": ("Enumeration",),
     "estimated": ("EstimatedDistribution",),
     "explanation": ("Explanation", "explain"),
-    "parser": ("parse_plog", "parse_query", "read_plog"),
+    "language.parser": ("parse_plog", "parse_query", "read_plog"),
     "program": ("Program", "program_text"),
-    "signature": ("Attribute",),
-    "syntax": ("Query",),
+    "language.signature": ("Attribute",),
+    "language.syntax": ("Query",),
     "worlds": ("World",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

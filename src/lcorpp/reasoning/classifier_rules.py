@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lcorpp.errors import ProgramError, expected
-from lcorpp.reasoning.parser import parse_term
+from lcorpp.reasoning.language.parser import parse_term
+from lcorpp.reasoning.language.signature import Attribute
+from lcorpp.reasoning.language.syntax import Literal, Number, Probability, Selection, Statement, Term
 from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.signature import Attribute
-from lcorpp.reasoning.syntax import Literal, Number, Probability, Selection, Statement, Term
 from lcorpp.values import ConfusionMatrix
 
 

@@ -14,17 +14,17 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
-from lcorpp.reasoning.arithmetic import ground
 from lcorpp.reasoning.circuit.collection import without_collection
 from lcorpp.reasoning.circuit.grounder import ASKED
 from lcorpp.reasoning.circuit.paths import Paths
 from lcorpp.reasoning.circuit.plan import plan
 from lcorpp.reasoning.circuit.trellis import trellis
 from lcorpp.reasoning.circuit.weighting import SAMPLES, Estimates, estimate
+from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.syntax import Query, Term
 from lcorpp.reasoning.names import facts_of, interventions_of, term_of
-from lcorpp.reasoning.offence import Offence
 from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.syntax import Query, Term
 
 if TYPE_CHECKING:
     import numpy as np

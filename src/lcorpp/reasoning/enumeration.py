@@ -14,12 +14,12 @@ from typing import TypeVar
 import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning.arithmetic import ground
+from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.parser import parse_term
+from lcorpp.reasoning.language.syntax import Literal, Query, Term
 from lcorpp.reasoning.names import facts_of, interventions_of, term_of
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.parser import parse_term
 from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.syntax import Literal, Query, Term
 from lcorpp.reasoning.worlds import World, holds, measured_worlds
 from lcorpp.values import Distribution
 

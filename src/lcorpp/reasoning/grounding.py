@@ -25,11 +25,10 @@ import clingo
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.answer_set import AnswerSet
-from lcorpp.reasoning.arithmetic import ground, variables
-from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.safety import variable_sorts
-from lcorpp.reasoning.signature import Signature, Slot, expressions, pr_variables, scope
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.arithmetic import ground, variables
+from lcorpp.reasoning.language.safety import variable_sorts
+from lcorpp.reasoning.language.signature import Signature, Slot, expressions, pr_variables, scope
+from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Comparison,
     CrRule,
@@ -45,6 +44,7 @@ from lcorpp.reasoning.syntax import (
     Term,
     Variable,
 )
+from lcorpp.reasoning.program import Program
 
 
 def answer_sets(

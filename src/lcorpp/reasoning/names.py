@@ -7,11 +7,11 @@ from itertools import product
 from math import prod
 
 from lcorpp.errors import ParseError, ProgramError, TooLargeError, expected
-from lcorpp.reasoning.arithmetic import ground
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.parser import parse_term
+from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.parser import parse_term
+from lcorpp.reasoning.language.syntax import Query, Term
 from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.syntax import Query, Term
 
 MOST_INPUTS = 100_000
 """How many terms an attribute that is named without its arguments may have."""

@@ -8,11 +8,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.checker import check, check_query
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.renaming import renamed_query
-from lcorpp.reasoning.signature import Attribute, Signature
-from lcorpp.reasoning.syntax import CrRule, Query, Semantics, SortDefinition, Statement, Term
+from lcorpp.reasoning.language.checker import check, check_query
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.renaming import renamed_query
+from lcorpp.reasoning.language.signature import Attribute, Signature
+from lcorpp.reasoning.language.syntax import CrRule, Query, Semantics, SortDefinition, Statement, Term
 
 if TYPE_CHECKING:
     import numpy as np

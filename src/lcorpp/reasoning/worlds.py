@@ -14,11 +14,11 @@ from types import MappingProxyType
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.answer_set import AnswerSet, Assigned, Selected
-from lcorpp.reasoning.arithmetic import compare, exact, ground
-from lcorpp.reasoning.offence import Offence
+from lcorpp.reasoning.language.arithmetic import compare, exact, ground
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.signature import pr_variables, selection_of
+from lcorpp.reasoning.language.syntax import Literal, Probability, Selection
 from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.signature import pr_variables, selection_of
-from lcorpp.reasoning.syntax import Literal, Probability, Selection
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
-from lcorpp.reasoning.syntax import Statement
+from lcorpp.reasoning.language.syntax import Statement
 
 Spoken = tuple[int, Fraction, int]
 """What one pr-atom says: the value, its number, and the position of the statement."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.arithmetic import ground
 from lcorpp.reasoning.circuit.collection import without_collection
 from lcorpp.reasoning.circuit.compiled import Circuit
 from lcorpp.reasoning.circuit.layers import Layer, layered
 from lcorpp.reasoning.circuit.paths import Paths
 from lcorpp.reasoning.circuit.plan import plan
 from lcorpp.reasoning.circuit.trellis import Trellis, trellis
+from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.names import interventions_of, term_of, terms_of
 from lcorpp.reasoning.program import Program
 from lcorpp.values import Array

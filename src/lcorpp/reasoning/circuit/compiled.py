@@ -12,12 +12,12 @@ from typing import TypeVar
 import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError, expected
-from lcorpp.reasoning.arithmetic import ground
 from lcorpp.reasoning.circuit.layers import Layer, evaluate
 from lcorpp.reasoning.circuit.paths import Paths
 from lcorpp.reasoning.circuit.plan import plan
 from lcorpp.reasoning.circuit.tables import Codes, Tables, normalised
 from lcorpp.reasoning.circuit.trellis import trellis
+from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.names import term_of
 from lcorpp.reasoning.program import Program
 from lcorpp.reasoning.worlds import World

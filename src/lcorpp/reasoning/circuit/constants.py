@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from operator import ge, gt, le, lt
 
-from lcorpp.reasoning.arithmetic import ground, is_integer
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.syntax import Arithmetic, Expression, Place, Term, Variable
+from lcorpp.reasoning.language.arithmetic import ground, is_integer
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Place, Term, Variable
 
 Value = int | str
 """A value: integers as such, constants and records as text."""

@@ -12,15 +12,14 @@ from fractions import Fraction
 from typing import cast
 
 from lcorpp.errors import ProgramError, TooLargeError
-from lcorpp.reasoning.arithmetic import exact, ground, variables
 from lcorpp.reasoning.circuit.constants import Value, holds, split, value_of
 from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
 from lcorpp.reasoning.circuit.ground import Literal as GroundLiteral
 from lcorpp.reasoning.circuit.joins import Facts, Join, Part, Source
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.signature import expressions, pr_variables, scope
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.arithmetic import exact, ground, variables
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.signature import expressions, pr_variables, scope
+from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
     Intervention,
@@ -32,6 +31,7 @@ from lcorpp.reasoning.syntax import (
     Selection,
     Term,
 )
+from lcorpp.reasoning.program import Program
 
 Body = Sequence[Literal | Comparison]
 

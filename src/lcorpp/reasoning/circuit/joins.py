@@ -9,11 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from lcorpp.reasoning.arithmetic import ground, variables
 from lcorpp.reasoning.circuit.constants import Value, divide, holds, matches, value_of
-from lcorpp.reasoning.safety import variable_sorts
-from lcorpp.reasoning.signature import Signature, Slot
-from lcorpp.reasoning.syntax import Arithmetic, Comparison, Expression, Literal, Number, Term, Variable
+from lcorpp.reasoning.language.arithmetic import ground, variables
+from lcorpp.reasoning.language.safety import variable_sorts
+from lcorpp.reasoning.language.signature import Signature, Slot
+from lcorpp.reasoning.language.syntax import (
+    Arithmetic,
+    Comparison,
+    Expression,
+    Literal,
+    Number,
+    Term,
+    Variable,
+)
 
 Facts = Mapping[str, Mapping[tuple[Value, ...], Value]]
 """Attribute -> arguments -> value, of the attributes that are given by facts alone."""

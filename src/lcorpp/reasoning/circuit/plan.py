@@ -20,8 +20,8 @@ from lcorpp.reasoning.circuit.loops import Circle, circle
 from lcorpp.reasoning.circuit.ordering import ordered
 from lcorpp.reasoning.circuit.simplification import simplified
 from lcorpp.reasoning.circuit.steps import Decision, Entry, SingleTerm
+from lcorpp.reasoning.language.syntax import Literal as SyntaxLiteral
 from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.syntax import Literal as SyntaxLiteral
 
 Effect = tuple[int, int, int, Mapping[int, int]]
 """What an outcome does to a state: bits that it sets, denied bits without which there is no world, the denied

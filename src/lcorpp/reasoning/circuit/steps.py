@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from lcorpp.reasoning.circuit.choice import Breach, Spoken, choice
 from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
-from lcorpp.reasoning.syntax import Probability, Selection
+from lcorpp.reasoning.language.syntax import Probability, Selection
 
 Entry = tuple[int, Clause]
 """A clause and its bit, which is set where its body is true; bit 0 stands for a body that is always true."""

@@ -23,12 +23,12 @@ import numpy.typing as npt
 
 from lcorpp.errors import DataError, LcorppError
 from lcorpp.files import read_bytes, write_atomically
-from lcorpp.reasoning.arithmetic import ground
 from lcorpp.reasoning.circuit.compiled import Circuit
 from lcorpp.reasoning.circuit.layers import Layer, Matrix
 from lcorpp.reasoning.circuit.trellis import MOST_EDGES
+from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.names import interventions_of, term_of
-from lcorpp.reasoning.parser import parse_plog
 from lcorpp.reasoning.program import Program, program_text
 
 FORMAT, VERSION = "lcorpp circuit", 1

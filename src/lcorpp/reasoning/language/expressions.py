@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from lcorpp.reasoning.lexer import DECIMAL, DEEPEST, INTEGER, NAME, VARIABLE, Cursor
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.lexer import DECIMAL, DEEPEST, INTEGER, NAME, VARIABLE, Cursor
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Body,
     Comparison,

@@ -10,8 +10,8 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterable
 
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.syntax import Expression, Place
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.syntax import Expression, Place
 
 NAME, VARIABLE, INTEGER, DECIMAL, HASH_NAME, UNKNOWN, END = (
     "a name",

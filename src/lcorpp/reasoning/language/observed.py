@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.renaming import changed, literals
-from lcorpp.reasoning.signature import BOOLEAN
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.renaming import changed, literals
+from lcorpp.reasoning.language.signature import BOOLEAN
+from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     Expression,
     Literal,

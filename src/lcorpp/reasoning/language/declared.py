@@ -6,10 +6,17 @@ from collections.abc import Iterable, Sequence
 from types import MappingProxyType
 
 from lcorpp.errors import expected
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.signature import BOOLEAN, Attribute, Signature, selection_of
-from lcorpp.reasoning.sorts import BOOLEANS, Sorts, records_of
-from lcorpp.reasoning.syntax import AttributeDeclaration, Domain, Place, Selection, SortDefinition, Statement
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.signature import BOOLEAN, Attribute, Signature, selection_of
+from lcorpp.reasoning.language.sorts import BOOLEANS, Sorts, records_of
+from lcorpp.reasoning.language.syntax import (
+    AttributeDeclaration,
+    Domain,
+    Place,
+    Selection,
+    SortDefinition,
+    Statement,
+)
 
 
 def declarations(statements: Sequence[Statement]) -> Signature:

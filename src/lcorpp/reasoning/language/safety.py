@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from lcorpp.errors import expected
-from lcorpp.reasoning.arithmetic import LARGEST, ground, is_integer, variables
-from lcorpp.reasoning.offence import Misfit, Offence
-from lcorpp.reasoning.signature import Signature, Slot
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.arithmetic import LARGEST, ground, is_integer, variables
+from lcorpp.reasoning.language.offence import Misfit, Offence
+from lcorpp.reasoning.language.signature import Signature, Slot
+from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Comparison,
     Expression,

@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from lcorpp.reasoning.arithmetic import ground, variables
-from lcorpp.reasoning.renaming import changed, literals
-from lcorpp.reasoning.signature import BOOLEAN, overloaded
-from lcorpp.reasoning.sorts import BOOLEANS, Sorts
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.arithmetic import ground, variables
+from lcorpp.reasoning.language.renaming import changed, literals
+from lcorpp.reasoning.language.signature import BOOLEAN, overloaded
+from lcorpp.reasoning.language.sorts import BOOLEANS, Sorts
+from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     Domain,
     Expression,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.syntax import (
     Body,
     Comparison,
     CrRule,

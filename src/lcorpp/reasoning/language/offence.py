@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lcorpp.reasoning.syntax import Place
+from lcorpp.reasoning.language.syntax import Place
 
 
 class Offence(Exception):

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from lcorpp.reasoning.observed import with_records
-from lcorpp.reasoning.signature import BOOLEAN
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.observed import with_records
+from lcorpp.reasoning.language.signature import BOOLEAN
+from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     Domain,
     Literal,
@@ -33,7 +33,9 @@ def completed(statements: Sequence[Statement], dialect: Semantics) -> tuple[Stat
         Offence: a rule asks for a record that cannot be.
     """
     if any(isinstance(statement, Domain) for statement in statements):
-        from lcorpp.reasoning.undeclared import with_declarations  # here, as most programs do without
+        from lcorpp.reasoning.language.undeclared import (
+            with_declarations,  # here, as most programs do without
+        )
 
         statements = with_declarations(statements)
     if dialect == "2018":

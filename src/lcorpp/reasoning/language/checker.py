@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from lcorpp.errors import expected
-from lcorpp.reasoning.arithmetic import ground, variables
-from lcorpp.reasoning.declared import declarations
-from lcorpp.reasoning.offence import Misfit, Offence
-from lcorpp.reasoning.safety import check_order, check_scope, check_slots
-from lcorpp.reasoning.signature import Signature, expressions, scope, selection_of
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.arithmetic import ground, variables
+from lcorpp.reasoning.language.declared import declarations
+from lcorpp.reasoning.language.offence import Misfit, Offence
+from lcorpp.reasoning.language.safety import check_order, check_scope, check_slots
+from lcorpp.reasoning.language.signature import Signature, expressions, scope, selection_of
+from lcorpp.reasoning.language.syntax import (
     Comparison,
     CrRule,
     Intervention,

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from lcorpp.reasoning.checker import check_attribute, check_statement
-from lcorpp.reasoning.declared import declarations
-from lcorpp.reasoning.offence import Misfit
-from lcorpp.reasoning.safety import check_slots
-from lcorpp.reasoning.signature import Signature, body_of
-from lcorpp.reasoning.syntax import CrRule, Literal, Probability, Rule, Selection, Statement
+from lcorpp.reasoning.language.checker import check_attribute, check_statement
+from lcorpp.reasoning.language.declared import declarations
+from lcorpp.reasoning.language.offence import Misfit
+from lcorpp.reasoning.language.safety import check_slots
+from lcorpp.reasoning.language.signature import Signature, body_of
+from lcorpp.reasoning.language.syntax import CrRule, Literal, Probability, Rule, Selection, Statement
 
 
 def fitting(statements: Sequence[Statement]) -> tuple[Statement, ...]:

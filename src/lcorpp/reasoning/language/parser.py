@@ -14,16 +14,16 @@ from typing import NoReturn, TypeVar
 
 from lcorpp.errors import ParseError, ProgramError
 from lcorpp.files import read_text
-from lcorpp.reasoning.completion import completed
-from lcorpp.reasoning.declared import check_names
-from lcorpp.reasoning.expressions import value
-from lcorpp.reasoning.leniency import fitting
-from lcorpp.reasoning.lexer import END, Cursor
-from lcorpp.reasoning.offence import Offence
+from lcorpp.reasoning.language.completion import completed
+from lcorpp.reasoning.language.declared import check_names
+from lcorpp.reasoning.language.expressions import value
+from lcorpp.reasoning.language.leniency import fitting
+from lcorpp.reasoning.language.lexer import END, Cursor
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.queries import question
+from lcorpp.reasoning.language.statements import statements
+from lcorpp.reasoning.language.syntax import Expression, Query, Semantics
 from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.queries import question
-from lcorpp.reasoning.statements import statements
-from lcorpp.reasoning.syntax import Expression, Query, Semantics
 
 _Read = TypeVar("_Read")
 

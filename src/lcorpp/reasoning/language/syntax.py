@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal as OneOf
 
-from lcorpp.reasoning.nodes import (
+from lcorpp.reasoning.language.nodes import (
     NOWHERE,
     Arithmetic,
     Comparison,
@@ -22,7 +22,7 @@ from lcorpp.reasoning.nodes import (
     Variable,
     depth,
 )
-from lcorpp.reasoning.sort_nodes import (
+from lcorpp.reasoning.language.sort_nodes import (
     Connective,
     Interval,
     RecordSort,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lcorpp.reasoning.arithmetic import exact, variables
-from lcorpp.reasoning.declarations import (
+from lcorpp.reasoning.language.arithmetic import exact, variables
+from lcorpp.reasoning.language.declarations import (
     attribute,
     constant,
     domains,
@@ -14,17 +14,17 @@ from lcorpp.reasoning.declarations import (
     plain_sort,
     semantics,
 )
-from lcorpp.reasoning.expressions import (
+from lcorpp.reasoning.language.expressions import (
     body,
     literal,
     literal_from,
     operand,
     value,
 )
-from lcorpp.reasoning.lexer import END, HASH_NAME, NAME, VARIABLE, Cursor
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.queries import intervention, observation, outcome, query_statement
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.lexer import END, HASH_NAME, NAME, VARIABLE, Cursor
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.queries import intervention, observation, outcome, query_statement
+from lcorpp.reasoning.language.syntax import (
     Body,
     Comparison,
     CrRule,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.syntax import Arithmetic, Expression, Number, Term, Variable
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Number, Term, Variable
 
 LARGEST = 2**31 - 1
 """ASP computes with 32 bits; nothing here may leave them, so that nothing wraps around."""

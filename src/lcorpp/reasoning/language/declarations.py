@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import TypeGuard
 
-from lcorpp.reasoning.arithmetic import ground
-from lcorpp.reasoning.expressions import Minus, value
-from lcorpp.reasoning.lexer import HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.sort_expressions import sort_expression, sort_name
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.expressions import Minus, value
+from lcorpp.reasoning.language.lexer import HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.sort_expressions import sort_expression, sort_name
+from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     Domain,
     Expression,

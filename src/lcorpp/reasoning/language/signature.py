@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from lcorpp.reasoning.arithmetic import variables
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.arithmetic import variables
+from lcorpp.reasoning.language.syntax import (
     Comparison,
     CrRule,
     Expression,

@@ -12,9 +12,9 @@ from itertools import product
 from math import prod
 
 from lcorpp.errors import expected
-from lcorpp.reasoning.arithmetic import compare, ground, is_integer
-from lcorpp.reasoning.offence import Offence
-from lcorpp.reasoning.syntax import (
+from lcorpp.reasoning.language.arithmetic import compare, ground, is_integer
+from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.syntax import (
     Comparison,
     Connective,
     Expression,
