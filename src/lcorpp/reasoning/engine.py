@@ -18,6 +18,7 @@ from lcorpp.reasoning.circuit.collection import without_collection
 from lcorpp.reasoning.circuit.grounder import ASKED
 from lcorpp.reasoning.circuit.paths import Paths
 from lcorpp.reasoning.circuit.plan import plan
+from lcorpp.reasoning.circuit.refusals import impossible, no_value, shown
 from lcorpp.reasoning.circuit.trellis import trellis
 from lcorpp.reasoning.circuit.weighting import SAMPLES, Estimates, estimate
 from lcorpp.reasoning.language.arithmetic import ground
@@ -137,7 +138,7 @@ class Engine:
         if self.program.has_cr_rules:
             return self._enumeration().exact(ground(term), facts, set_to)
         sums = self._worlds(set_to, (ground(term), *facts)).exact(ground(term), facts)
-        return _marginal(self.program, term, sums, _shown(facts, set_to))
+        return _marginal(self.program, term, sums, shown(facts, set_to))
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NOTHING) -> dict[str, str]:
         """Draw one world with its probability given some evidence.
@@ -154,7 +155,7 @@ class Engine:
         facts = facts_of(self.program, given)
         found = self._worlds({}, tuple(facts)).sample(rng, facts)
         if found is None:
-            raise UndefinedError(f"{self.program.file}: no possible world{_shown(given, {})}")
+            raise UndefinedError(f"{self.program.file}: no possible world{shown(given, {})}")
         return found
 
     def count(self) -> int:
@@ -169,7 +170,7 @@ class Engine:
             return len(self._enumeration().worlds)
         paths = self._worlds({}, ())
         if not sum(paths.weights("", {}).values()):
-            raise _undefined(self.program, "")
+            raise impossible(self.program, "")
         return paths.count()
 
     @without_collection()
@@ -208,7 +209,7 @@ class Engine:
             return _marginal(self.program, checked.subject, sums, conditions)  # type: ignore[type-var]
         total = sum(sums.values())
         if not total:
-            raise _undefined(self.program, conditions)
+            raise impossible(self.program, conditions)
         return sums.get("true", 0 * total) / total
 
     # the other engines
@@ -242,7 +243,7 @@ class Engine:
         self._say(reason)
         found = estimate(prepared, term, facts, self.samples)
         if found.values[""][0]:
-            raise _no_value(self.program, term, found.values[""][0])
+            raise no_value(self.program, term, found.values[""][0])
         rows = [pair for value, pair in found.values.items() if value]
         values = tuple(value for value in found.values if value)
         p = np.array([pair[0] for pair in rows])
@@ -285,12 +286,6 @@ def _conditions(query: Query) -> str:
     return f" has {', '.join(parts)}" if parts else ""
 
 
-def _shown(facts: Mapping[str, str], do: Mapping[str, str]) -> str:
-    parts = [f"{term}={value}" for term, value in facts.items()]
-    parts += [f"do({term}={value})" for term, value in do.items()]
-    return f" has {', '.join(parts)}" if parts else ""
-
-
 _Number = TypeVar("_Number", Fraction, float)
 
 
@@ -299,21 +294,11 @@ def _marginal(
 ) -> dict[str, _Number]:
     total = sum(sums.values())
     if not total:
-        raise _undefined(program, conditions)
+        raise impossible(program, conditions)
     if sums.get(""):
-        raise _no_value(program, ground(term), sums[""] / total)
+        raise no_value(program, ground(term), sums[""] / total)
     zero = 0 * total
     return {v: sums.get(v, zero) / total for v in program.attributes[term.name].values}
-
-
-def _undefined(program: Program, conditions: str) -> UndefinedError:
-    return UndefinedError(f"{program.file}: no possible world of positive measure{conditions}")
-
-
-def _no_value(program: Program, term: str, share: object) -> ProgramError:
-    return ProgramError(
-        f"{program.file}: {term} has no value with probability {share}; ask for {term}=value instead"
-    )
 
 
 def _floats(found: dict[str, Fraction] | Fraction) -> dict[str, float] | float:
@@ -326,7 +311,7 @@ def _estimates(program: Program, query: Query, found: Estimates) -> dict[str, An
         return made.get("true", Estimate(0.0, 0.0))
     lost = made.pop("")
     if lost:
-        raise _no_value(program, ground(query.subject), lost)
+        raise no_value(program, ground(query.subject), lost)
     return dict(made)
 
 

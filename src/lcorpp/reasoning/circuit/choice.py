@@ -20,28 +20,32 @@ class Breach(Exception):
 
     Args:
         statement: the one that breaks it.
-        message: how; where another statement has part in it, it stands between `message` and `after`.
+        message: how, in parts between which the name of the term stands: terms of which the same is said
+            share their breaches.
+        other: where another statement has part in it, it stands between `message` and `after`.
     """
 
-    def __init__(self, statement: int, message: str, other: int | None = None, after: str = "") -> None:
+    def __init__(
+        self, statement: int, message: tuple[str, ...], other: int | None = None, after: str = ""
+    ) -> None:
         self.statement, self.message, self.other, self.after = statement, message, other, after
-        super().__init__(message)
+        self.which = 0
+        """Which of the terms of its step it is about."""
+        super().__init__(statement)
 
-    def told(self, statements: Sequence[Statement]) -> str:
-        """The message with the places of the statements."""
+    def told(self, statements: Sequence[Statement], names: Sequence[str]) -> str:
+        """The message with the places of the statements and the name of its term, one of those of a step."""
         place = "" if self.other is None else f" {statements[self.other].at}"
-        return f"{statements[self.statement].at}: {self.message}{place}{self.after}"
+        return f"{statements[self.statement].at}: {names[self.which].join(self.message)}{place}{self.after}"
 
 
-def choice(
-    possible: Sequence[int], spoken: Sequence[Spoken], name: str, values: Sequence[str]
-) -> list[Fraction]:
+def choice(possible: Sequence[int], spoken: Sequence[Spoken], values: Sequence[str]) -> list[Fraction]:
     """The probability of each possible value, in their order.
 
     Args:
         possible: the dynamic range.
         spoken: the pr-atoms that are about this selection.
-        name, values: the term and its whole range, for messages.
+        values: the whole range of the term, for messages.
 
     Raises:
         Breach: two pr-atoms for one value, one outside of the range, or numbers that are no probabilities.
@@ -50,12 +54,12 @@ def choice(
     by: dict[int, int] = {}
     for value, number, statement in spoken:
         if not 0 <= number <= 1:
-            raise Breach(statement, f"the probability {number} is not between 0 and 1")
+            raise Breach(statement, (f"the probability {number} is not between 0 and 1",))
         if value in numbers:
             same = by[value] == statement
             raise Breach(
                 statement,
-                f"Condition 2: {name}={values[value]} also has a pr-atom at",
+                ("Condition 2: ", f"={values[value]} also has a pr-atom at"),
                 by[value],
                 " with other values of its variables" if same else "",
             )
@@ -63,7 +67,10 @@ def choice(
             shown = ", ".join(values[v] for v in possible)
             raise Breach(
                 statement,
-                f"Condition 3: {name}={values[value]} has a pr-atom outside of its dynamic range {{{shown}}}",
+                (
+                    "Condition 3: ",
+                    f"={values[value]} has a pr-atom outside of its dynamic range {{{shown}}}",
+                ),
             )
         numbers[value], by[value] = number, statement
     if not numbers:
@@ -73,7 +80,7 @@ def choice(
     if total > 1 or (total != 1 and not rest):
         raise Breach(
             min(by.values()),
-            f"not unitary: the probabilities of {name} sum to {total}, not {'at most ' if rest else ''}1",
+            ("not unitary: the probabilities of ", f" sum to {total}, not {'at most ' if rest else ''}1"),
         )
     share = (1 - total) / rest if rest else Fraction(0)
     return [numbers.get(value, share) for value in possible]

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from math import prod
 from operator import itemgetter
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, UndefinedError, expected
-from lcorpp.reasoning.circuit.layers import Layer, evaluate
+from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.reasoning.circuit.inputs import Inputs
+from lcorpp.reasoning.circuit.layers import Layer
+from lcorpp.reasoning.circuit.passes import evaluate
 from lcorpp.reasoning.circuit.paths import Paths
 from lcorpp.reasoning.circuit.plan import plan
+from lcorpp.reasoning.circuit.refusals import impossible, no_value, shown
 from lcorpp.reasoning.circuit.tables import Codes, Tables, normalised
 from lcorpp.reasoning.circuit.trellis import trellis
-from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.names import term_of
 from lcorpp.reasoning.program import Program
 from lcorpp.reasoning.worlds import World
 from lcorpp.values import Array, Distribution
@@ -29,13 +29,8 @@ KEPT = 100_000
 EAGER = 1000
 """Up to so many different evidences are answered when a circuit is made."""
 
-CHUNK = 4_000_000
-"""How many numbers one pass over a batch may keep in memory."""
-
 MOST_WORLDS = 100_000
 """How many of the most probable worlds may be asked for."""
-
-_Column = TypeVar("_Column")
 
 Answer = Distribution | dict[str, Distribution]
 Answers = Array | dict[str, Array]
@@ -74,24 +69,20 @@ class Circuit:
     ) -> None:
         self.program, self.do = program, dict(do)
         self.inputs = tuple(inputs)
+        self._given = Inputs(program, self.inputs)
         self.queries = (query,) if isinstance(query, str) else tuple(query)
         self.single = isinstance(query, str)
         names = dict.fromkeys((*self.inputs, *self.queries))
-        self.values: dict[str, tuple[str, ...]] = {
-            name: program.attributes[name.partition("(")[0]].values for name in names
-        }
+        self.values = {name: program.attributes[name.partition("(")[0]].values for name in names}
         self.layers, self.ending = tuple(layers), ending
         self._labels = {name: i for i, name in enumerate(names)}
-        self._codes = {n: {v: i for i, v in enumerate(self.values[n])} for n in self.inputs}
         self._most = min(KEPT, 100 * KEPT // (len(self.inputs) + 1))  # each is kept with all its inputs
-        self._columns = {name: i for i, name in enumerate(self.inputs)}
         self._answers: dict[tuple[str | None, ...], tuple[int, Answer]] = {}
         self._complete: dict[object, Answer] = {}
         self._count = len(self.inputs) or -1
         self._take = itemgetter(*self.inputs) if self.inputs else itemgetter(0)
         self._paths = paths
-        self._sizes = [len(self.values[name]) + 1 for name in self.inputs]
-        self._tabulates = Tables.fit(self._sizes)
+        self._tabulates = Tables.fit(self._given.sizes)
         self._tables: Tables | None = None
 
     def save(self, path: str | Path) -> None:
@@ -106,7 +97,7 @@ class Circuit:
 
     def prepare(self) -> None:
         """Work out all answers if they are few; larger tables wait for the first call."""
-        if prod(self._sizes) <= EAGER:
+        if prod(self._given.sizes) <= EAGER:
             _ = self._table
 
     # one evidence
@@ -136,29 +127,15 @@ class Circuit:
             return self._batch(evidence, undefined)
         if not isinstance(evidence, Mapping):
             raise ProgramError(f"expected a mapping from inputs to values, or codes, not {evidence!r}")
-        if not self._columns.keys() >= evidence.keys():
-            evidence = self._canonical(evidence)
+        if not self._given.columns.keys() >= evidence.keys():
+            evidence = self._given.canonical(evidence)
         if any(not isinstance(value, str) for value in evidence.values()):
             return self._of_columns(evidence, undefined)
         return self._one(evidence)  # type: ignore[arg-type]
 
-    def _canonical(self, evidence: Mapping[str, _Column]) -> dict[str, _Column]:
-        """Evidence under the names of the inputs, which may be written in other ways: ``f( 1, 2 )``."""
-        found: dict[str, _Column] = {}
-        for name, value in evidence.items():
-            try:
-                own = name if name in self._columns else ground(term_of(self.program, name))
-            except ProgramError:
-                own = name
-            self._check_inputs((own,))
-            if own in found:
-                raise ProgramError(f"the evidence names {own} twice")
-            found[own] = value
-        return found
-
     def _one(self, evidence: Mapping[str, str]) -> Answer:
-        self._check_inputs(evidence)
-        codes = {self._columns[name]: self._code(name, value) for name, value in evidence.items()}
+        self._given.check_names(evidence)
+        codes = {self._given.columns[name]: self._given.code(name, value) for name, value in evidence.items()}
         answers = self._looked_up(codes, evidence) if self._tabulates else self._passed(codes, evidence)
         answer: Answer = answers[self.queries[0]] if self.single else answers
         if len(self._answers) + len(self._complete) >= self._most:
@@ -173,7 +150,7 @@ class Circuit:
     @property
     def _table(self) -> Tables:
         if self._tables is None:
-            self._tables = Tables(self._sizes, self._joint)
+            self._tables = Tables(self._given.sizes, self._joint)
         return self._tables
 
     def _looked_up(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
@@ -197,7 +174,7 @@ class Circuit:
         if np.isnan(row[-1]):  # impossible, or too improbable for floating point
             return self._exactly(query, evidence)
         if row[-1]:
-            raise self._no_value(query, row[-1])
+            raise no_value(self.program, query, row[-1])
         return Distribution(self.values[query], row[:-1])
 
     def _exactly(self, query: str, evidence: Mapping[str, str]) -> Distribution:
@@ -208,14 +185,13 @@ class Circuit:
 
     def _of_columns(self, evidence: Mapping[str, str | Sequence[str]], undefined: str) -> Answers:
         columns = [c.tolist() if isinstance(c, np.ndarray) else c for c in evidence.values()]
-        names = tuple(evidence)
         if not self._tabulates or any(not isinstance(c, list) or len(c) != len(columns[0]) for c in columns):
-            return self._batch(self.codes(evidence), undefined)
-        places = tuple([self._columns[name] for name in names])
+            return self._batch(self._given.codes(evidence), undefined)
+        places = tuple([self._given.columns[name] for name in evidence])
         try:
-            index = self._table.indexes_of(places, columns, [self._codes[name] for name in names])
+            index = self._table.indexes_of(places, columns, [self._given.numbers(name) for name in evidence])
         except (KeyError, TypeError):
-            return self._batch(self.codes(evidence), undefined)  # it says what is wrong
+            return self._batch(self._given.codes(evidence), undefined)  # it says what is wrong
         return self._at(index, undefined)
 
     def codes(self, evidence: Mapping[str, str | Sequence[str]]) -> Codes:
@@ -227,45 +203,12 @@ class Circuit:
         Raises:
             ProgramError: an input or value is unknown, or the columns have different lengths.
         """
-        self._check_inputs(evidence)
-        for name, column in evidence.items():
-            if not hasattr(column, "__len__"):
-                self._code(name, column)
-        sizes = {len(column) for column in evidence.values() if not isinstance(column, str)}
-        if len(sizes) != 1:
-            raise ProgramError(f"the columns of a batch have one length, not {sorted(sizes) or 'none'}")
-        size = sizes.pop()
-        codes = np.full((size, len(self.inputs)), -1, dtype=np.intp)
-        for name, column in evidence.items():
-            values: list[str | None] = [column] * size if isinstance(column, str) else list(column)
-            table: dict[str | None, int] = {None: -1}
-            table.update(self._codes[name])
-            try:
-                found = np.fromiter(map(table.__getitem__, values), np.intp, size)
-            except (KeyError, TypeError):
-                for row, value in enumerate(values):
-                    if value is not None:
-                        self._code(name, value, f"row {row}: ")
-                raise
-            codes[:, self._columns[name]] = found
-        return codes
+        return self._given.codes(evidence)
 
     def _batch(self, codes: Codes, undefined: str) -> Answers:
-        if codes.ndim != 2 or codes.shape[1] != len(self.inputs) or codes.dtype.kind not in "iu":
-            raise ProgramError(
-                f"expected integer codes of shape (B, {len(self.inputs)}), not {codes.dtype} {codes.shape}"
-            )
+        codes = self._given.checked(codes)
         if undefined not in ("raise", "nan"):
             raise ProgramError(f"undefined={undefined!r}; expected 'raise' or 'nan'")
-        sizes = np.array(self._sizes, dtype=np.intp)
-        wrong = (codes < -1) | (codes >= sizes - 1)
-        if wrong.any():
-            row, column = (int(i) for i in np.argwhere(wrong)[0])
-            raise ProgramError(
-                f"row {row}: code {codes[row, column]} of {self.inputs[column]};"
-                f" expected -1 to {self._sizes[column] - 2}"
-            )
-        codes = codes.astype(np.intp, copy=False)  # small integers would overflow
         if self._tabulates:
             return self._at(self._table.indexes(codes), undefined)
         answers = {query: normalised(weights) for query, weights in self._joint(codes).items()}
@@ -282,24 +225,19 @@ class Circuit:
         return answers[self.queries[0]] if self.single else answers
 
     def _joint(self, codes: Codes) -> dict[str, Array]:
-        """(B, outcomes) the weights of each query and the evidence, in chunks that fit into memory."""
+        """(B, outcomes) the weights of each query and the evidence."""
         open_queries = np.full((len(codes), len(self._labels) - len(self.inputs)), -1, dtype=np.intp)
         labels = np.concatenate([codes, open_queries], axis=1)
         asked = {self._labels[query]: len(self.values[query]) + 1 for query in self.queries}
-        width = sum(layer.every.shape[1] for layer in self.layers) + 1
-        size = max(1, CHUNK // width)
-        chunks = [
-            evaluate(self.layers, self.ending, labels[i : i + size], asked)
-            for i in range(0, max(len(labels), 1), size)
-        ]
-        return {q: np.concatenate([chunk[self._labels[q]] for chunk in chunks]) for q in self.queries}
+        found = evaluate(self.layers, self.ending, labels, asked)
+        return {query: found[self._labels[query]] for query in self.queries}
 
     def _checked(self, query: str, rows: Array, undefined: str) -> Array:
         lost = rows[:, -1]
         if lost.any() or np.isnan(lost).any():
             bad = np.flatnonzero(lost > 0)
             if len(bad):
-                raise self._no_value(query, lost[bad[0]], f"row {bad[0]}: ")
+                raise no_value(self.program, query, lost[bad[0]], f"row {bad[0]}: ")
             if undefined == "raise":
                 row = int(np.flatnonzero(np.isnan(lost))[0])
                 raise UndefinedError(f"{self.program.file}: row {row}: no possible world has this evidence")
@@ -320,7 +258,7 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as the call.
         """
-        self._check(evidence)
+        self._given.check(evidence)
         answers = {query: self._fractions(query, evidence) for query in self.queries}
         return answers[self.queries[0]] if self.single else answers
 
@@ -328,10 +266,10 @@ class Circuit:
         weights = self.paths.exact(query, evidence)
         total = sum(weights.values(), Fraction(0))
         if total == 0:
-            raise self._impossible(evidence)
+            raise impossible(self.program, shown(evidence, self.do))
         lost = weights.get("", Fraction(0))
         if lost:
-            raise self._no_value(query, lost / total)
+            raise no_value(self.program, query, lost / total)
         return {v: weights.get(v, Fraction(0)) / total for v in self.values[query]}
 
     def most_probable(self, evidence: Mapping[str, str], count: int = 1) -> tuple[World, ...]:
@@ -340,12 +278,12 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as the call.
         """
-        self._check(evidence)
+        self._given.check(evidence)
         if not 1 <= count <= MOST_WORLDS:
             raise ProgramError(f"expected 1 to {MOST_WORLDS} worlds, not {count}")
         found = self.paths.most_probable(evidence, count)
         if not found:
-            raise self._impossible(evidence)
+            raise impossible(self.program, shown(evidence, self.do))
         return found
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str]:
@@ -354,40 +292,8 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as the call.
         """
-        self._check(given)
+        self._given.check(given)
         found = self.paths.sample(rng, given)
         if found is None:
-            raise self._impossible(given)
+            raise impossible(self.program, shown(given, self.do))
         return found
-
-    # errors
-
-    def _check_inputs(self, evidence: Iterable[object]) -> None:
-        for name in evidence:
-            if name not in self._codes:
-                raise ProgramError(f"{name!r} is not an input of the circuit; {expected(self.inputs)}")
-
-    def _check(self, evidence: Mapping[str, object]) -> None:
-        self._check_inputs(evidence)
-        for name, value in evidence.items():
-            self._code(name, value)
-
-    def _code(self, name: str, value: object, where: str = "") -> int:
-        found = self._codes[name].get(value) if isinstance(value, str) else None
-        if found is None:
-            raise ProgramError(f"{where}{value!r} is not a value of {name}; {expected(self.values[name])}")
-        return found
-
-    def _impossible(self, evidence: Mapping[str, str]) -> UndefinedError:
-        shown = [f"{term}={value}" for term, value in evidence.items()]
-        shown += [f"do({term}={value})" for term, value in self.do.items()]
-        return UndefinedError(
-            f"{self.program.file}: no possible world of positive measure"
-            f"{' has ' if shown else ''}{', '.join(shown)}"
-        )
-
-    def _no_value(self, query: str, share: object, where: str = "") -> ProgramError:
-        return ProgramError(
-            f"{self.program.file}: {where}{query} has no value with probability {share};"
-            f" ask for {query}=value instead"
-        )

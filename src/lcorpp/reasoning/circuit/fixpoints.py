@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lcorpp.reasoning.circuit.components import components
+from lcorpp.reasoning.circuit.decisions import ONE, Entry, Outcome
 from lcorpp.reasoning.circuit.ground import Ground, Kind
-from lcorpp.reasoning.circuit.steps import ONE, Entry, Outcome
 
 Atom = tuple[int, int]
 """A term and one of its values."""

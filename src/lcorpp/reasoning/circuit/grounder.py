@@ -11,14 +11,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import cast
 
-from lcorpp.errors import ProgramError, TooLargeError
-from lcorpp.reasoning.circuit.constants import Value, holds, split, value_of
+from lcorpp.errors import ProgramError
+from lcorpp.reasoning.circuit.constants import Value, split, value_of
 from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
 from lcorpp.reasoning.circuit.ground import Literal as GroundLiteral
 from lcorpp.reasoning.circuit.joins import Facts, Join, Part, Source
+from lcorpp.reasoning.circuit.parts import Parts, key_of
 from lcorpp.reasoning.language.arithmetic import exact, ground, variables
 from lcorpp.reasoning.language.offence import Offence
-from lcorpp.reasoning.language.signature import expressions, pr_variables, scope
+from lcorpp.reasoning.language.signature import expressions, scope
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
@@ -29,18 +30,10 @@ from lcorpp.reasoning.language.syntax import (
     Probability,
     Rule,
     Selection,
-    Term,
 )
 from lcorpp.reasoning.program import Program
 
 Body = Sequence[Literal | Comparison]
-
-Key = Value | tuple[Value, ...]
-"""The arguments of a term; one alone stands for itself."""
-
-
-MOST_BITS = 2**31
-"""How many bits the conditions of a program may take, one for each value that one may have."""
 
 _NONE = Source("()")
 
@@ -71,11 +64,9 @@ class _Grounder:
     def __init__(self, program: Program, do: Mapping[str, str]) -> None:
         self.program, self.signature = program, program.signature
         self.ground = Ground(program)
-        self._ids: dict[str, dict[Key, int]] = {name: {} for name in self.signature.attributes}
-        self._masks: dict[tuple[str, str, bool], dict[Value, int]] = {}
+        self.parts = Parts(self.ground)
+        self._add = self.ground.clauses.append
         self._sorts: dict[str, Mapping[Value, None]] = {}
-        self._bits = 0
-        self._indexes: dict[str, dict[Value, int]] = {}
         self._do = dict(do)
         self._torn: set[str] = set()
         for statement in program.statements:
@@ -93,7 +84,7 @@ class _Grounder:
     def all(self, observed: Iterable[Literal], asked: Sequence[Literal]) -> Ground:
         for term, value in self._do.items():
             name = term.partition("(")[0]
-            found = self.term(name, _key([value_of(a) for a in split(term)[1]]))
+            found = self.parts.number(name, key_of([value_of(a) for a in split(term)[1]]))
             self.ground.do[found] = self.signature.attributes[name].values.index(value)
         for index, statement in enumerate(self.program.statements):
             if isinstance(statement, Rule):
@@ -113,26 +104,11 @@ class _Grounder:
             ]:
                 self._add(Clause(Kind.FORBID, -1, 0, c.body, c.statement))
         if asked:
-            body = tuple([self._ground_literal(literal) for literal in asked])
+            body = tuple([self.parts.ground_literal(literal) for literal in asked])
             self._add(Clause(Kind.DERIVE, len(self.ground.names), 0, body))
             self.ground.names.append(ASKED)
             self.ground.values.append(("true",))
         return self.ground
-
-    def term(self, attribute: str, key: Key) -> int:
-        """The number of a term, a new one if it was not met before."""
-        ids = self._ids[attribute]
-        found = ids.get(key)
-        if found is None:
-            found = ids[key] = len(self.ground.values)
-            arguments = key if isinstance(key, tuple) else (key,)
-            text = f"{attribute}({','.join(map(str, arguments))})" if arguments else attribute
-            self.ground.names.append(text)
-            self.ground.values.append(self.signature.attributes[attribute].values)
-        return found
-
-    def _add(self, clause: Clause) -> None:
-        self.ground.clauses.append(clause)
 
     # facts
 
@@ -184,7 +160,10 @@ class _Grounder:
         if rule.head is None:
             self._emit(join, Kind.FORBID, -1, 0, rule.body, index)
         else:
-            term, value = self._term(join, rule.head.term), self._value(join, rule.head.term, rule.head.value)
+            term, value = (
+                self.parts.term(join, rule.head.term),
+                self.parts.value(join, rule.head.term, rule.head.value),
+            )
             self._emit(join, Kind.DERIVE, term, value, rule.body, index)
 
     def _selection(self, index: int, selection: Selection) -> None:
@@ -193,13 +172,13 @@ class _Grounder:
         label = selection.label.arguments if selection.label else ()
         told = _names((*inner, selection.term, *label))
         shared = sorted(told & _names(scope(selection)))
-        term = self._term(join, selection.term)
+        term = self.parts.term(join, selection.term)
         instances: dict[tuple[Value, ...], int] = {}
         instance = _tuple(shared)
         if selection.range:
             join.add(f"instances[{instance}] = {join.written(term)}")
         self._emit(
-            join, Kind.SELECT, term, 0, selection.body, index, self._label(join, label), instance,
+            join, Kind.SELECT, term, 0, selection.body, index, self.parts.label(join, label), instance,
             instances=instances,
         )  # fmt: skip
         if selection.range:
@@ -213,7 +192,7 @@ class _Grounder:
         slots = list(self.signature.range_slots(selection))
         used = [variable, *expressions(condition)]
         join = Join(self.signature, self._sort, slots, used, condition, self._facts, shared)
-        value = self._value(join, selection.term, variable)
+        value = self.parts.value(join, selection.term, variable)
         run = self._function(
             join, Kind.RANGE, Source("instances[" + _tuple(shared) + "]"), value, condition, index, "",
             _tuple(shared), instances=instances,
@@ -223,25 +202,16 @@ class _Grounder:
 
     def _probability(self, index: int, atom: Probability) -> None:
         join = self._join(atom, atom.condition, self._facts)
-        term, value = self._term(join, atom.term), self._value(join, atom.term, atom.value)
-        names = pr_variables(atom)
-        number: Source | Fraction
-        if isinstance(atom.number, Number):
-            number = atom.number.value
-        else:
-            given = ", ".join(f"{name!r}: str(v_{name})" for name in names)
-            number = Source(f"{join.name(exact)}({join.name(atom.number)}, {{{given}}})")
-        label = self._label(join, atom.label.arguments if atom.label else ())
-        self._emit(join, Kind.ASSIGN, term, value, atom.condition, index, label, _tuple(names), number)
+        term, value = self.parts.term(join, atom.term), self.parts.value(join, atom.term, atom.value)
+        written = atom.number
+        number = written.value if isinstance(written, Number) else _computed(join, written)
+        label = self.parts.label(join, atom.label.arguments if atom.label else ())
+        self._emit(join, Kind.ASSIGN, term, value, atom.condition, index, label, number=number)
 
     def _forbid_unless(self, literal: Literal) -> None:
-        term, allowed, negated = self._ground_literal(literal)
+        term, allowed, negated = self.parts.ground_literal(literal)
         everything = (1 << len(self.ground.values[term]) + 1) - 1
         self._add(Clause(Kind.FORBID, -1, 0, ((term, everything & ~allowed, not negated),)))
-
-    def _ground_literal(self, literal: Literal) -> GroundLiteral:
-        term = self.term(literal.term.name, _key([value_of(ground(a)) for a in literal.term.arguments]))
-        return term, self._allowed(literal, value_of(ground(literal.value))), literal.negated
 
     # clauses
 
@@ -295,83 +265,34 @@ class _Grounder:
         )
         return join.function(add=self._add, Clause=Clause, **names)
 
-    # parts of clauses
-
-    def _term(self, join: Join, term: Term) -> Part:
-        parts = [join.part(argument) for argument in term.arguments]
-        if not any(isinstance(part, Source) for part in parts):
-            return self.term(term.name, _key(parts))
-        inner = ", ".join(map(join.written, parts))
-        found = join.name(None)
-        key = inner if len(parts) == 1 else f"({inner})"
-        join.add(f"{found} = {join.name(self._ids[term.name].get)}(k := {key})")
-        join.add(f"if {found} is None: {found} = {join.name(self.term)}({term.name!r}, k)")
-        return found
-
-    def _value(self, join: Join, term: Term, value: Expression) -> Part:
-        numbers, part = self._numbers(term.name), join.part(value)
-        return Source(f"{join.name(numbers)}[{part}]") if isinstance(part, Source) else numbers[part]
-
-    def _label(self, join: Join, arguments: Sequence[Expression]) -> Part:
-        parts = [join.part(argument) for argument in arguments]
-        if not any(isinstance(part, Source) for part in parts):
-            return ",".join(map(str, parts))
-        return Source(" + ',' + ".join(f"str({join.written(part)})" for part in parts))
-
     def _body(self, join: Join, body: Body) -> list[tuple[Part, Part, bool]]:
         return [
-            self._literal(join, literal)
+            self.parts.literal(join, literal)
             for literal in body
             if isinstance(literal, Literal)
             and not self.signature.is_sort(literal)
             and literal.term.name not in self._facts
         ]
 
-    def _literal(self, join: Join, literal: Literal) -> tuple[Part, Part, bool]:
-        value = join.part(literal.value)
-        if not isinstance(value, Source):
-            return self._term(join, literal.term), self._allowed(literal, value), literal.negated
-        known = self._masks.setdefault((literal.term.name, literal.relation, literal.negated), {})
 
-        def make(value: Value) -> int:
-            allowed = known[value] = self._allowed(literal, value)
-            return allowed
-
-        term, allowed = self._term(join, literal.term), join.name(None)
-        join.add(f"{allowed} = {join.name(known.get)}(k := {value})")
-        join.add(f"if {allowed} is None: {allowed} = {join.name(make)}(k)")
-        return term, allowed, literal.negated
-
-    def _numbers(self, attribute: str) -> dict[Value, int]:
-        if attribute not in self._indexes:
-            values = self.signature.attributes[attribute].values
-            self._indexes[attribute] = {value_of(value): i for i, value in enumerate(values)}
-        return self._indexes[attribute]
-
-    def _allowed(self, literal: Literal, value: Value) -> int:
-        numbers, relation = self._numbers(literal.term.name), literal.relation
-        self._bits += len(numbers)
-        if self._bits > MOST_BITS:
-            raise TooLargeError(
-                f"{literal.at}: too many conditions on attributes with many values, here {len(numbers)}"
-            )
-        allowed = 0
-        if relation == "=":
-            allowed = 1 << numbers[value] if value in numbers else 0
-        else:
-            for has, i in numbers.items():
-                if holds(has, relation, value):
-                    allowed |= 1 << i
-        return ((1 << len(numbers) + 1) - 1) & ~allowed if literal.negated else allowed
+def _names(parts: Iterable[Expression]) -> set[str]:
+    return {variable.name for part in parts for variable in variables(part)}
 
 
 def _tuple(names: Iterable[str]) -> Source:
     return Source("(" + "".join(f"v_{name}, " for name in names) + ")")
 
 
-def _key(arguments: Sequence[Value]) -> Key:
-    return arguments[0] if len(arguments) == 1 else tuple(arguments)
+def _computed(join: Join, number: Expression) -> Source:
+    """The number of a pr-atom that depends on variables, made once for the same values of them."""
+    names = sorted(_names([number]))
+    known: dict[tuple[Value, ...], Fraction] = {}
 
+    def make(values: tuple[Value, ...]) -> Fraction:
+        found = known[values] = exact(number, dict(zip(names, map(str, values), strict=True)))
+        return found
 
-def _names(parts: Iterable[Expression]) -> set[str]:
-    return {variable.name for part in parts for variable in variables(part)}
+    found = join.name(None)
+    join.add(f"{found} = {join.name(known.get)}(k := {_tuple(names)})")
+    join.add(f"if {found} is None: {found} = {join.name(make)}(k)")
+    return found

@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from lcorpp.reasoning.circuit.constants import Value, divide, holds, matches, value_of
+from lcorpp.reasoning.circuit.patterns import computed, matched, names_of, nested, plain_names
 from lcorpp.reasoning.language.arithmetic import ground, variables
 from lcorpp.reasoning.language.safety import variable_sorts
 from lcorpp.reasoning.language.signature import Signature, Slot
 from lcorpp.reasoning.language.syntax import (
-    Arithmetic,
     Comparison,
     Expression,
     Literal,
@@ -66,7 +66,7 @@ class Join:
         self._depth = 1
         self._names: dict[str, Any] = {"divide": divide, "holds": holds}
         self._tests: list[tuple[set[str], Callable[[], str]]] = []
-        self._equations: list[tuple[str, Expression]] = []
+        self._equations: list[tuple[str, Expression, Callable[[], str]]] = []
         self._records: list[tuple[Term, str]] = []
         self._given: list[Literal] = []
         if not used:
@@ -138,7 +138,7 @@ class Join:
         for expression, sort in slots:
             if isinstance(expression, Variable) or not any(variables(expression)):
                 continue
-            self._tests.append((_names(expression), self._member(expression, sort, "in")))
+            self._tests.append((names_of(expression), self._member(expression, sort, "in")))
             if isinstance(expression, Term):
                 self._records.append((expression, sort))
         for literal in body:
@@ -147,7 +147,7 @@ class Join:
             elif self._signature.is_sort(literal):
                 inner = literal.term.arguments[0]
                 relation = "not in" if literal.negated else "in"
-                self._tests.append((_names(inner), self._member(inner, literal.term.name, relation)))
+                self._tests.append((names_of(inner), self._member(inner, literal.term.name, relation)))
             elif literal.term.name in self._facts:
                 self._fact(literal)
 
@@ -165,11 +165,11 @@ class Join:
             test: Callable[[], str] = lambda: f"{self.source(left)} {sign} {self.source(right)}"  # noqa: E731
         else:
             test = lambda: f"holds({self.source(left)}, {relation!r}, {self.source(right)})"  # noqa: E731
-        self._tests.append((_names(left) | _names(right), test))
+        self._tests.append((names_of(left) | names_of(right), test))
         if relation == "=":
             for side, other in ((left, right), (right, left)):
                 if isinstance(side, Variable):
-                    self._equations.append((side.name, other))
+                    self._equations.append((side.name, other, test))
 
     def _fact(self, literal: Literal) -> None:
         table = self._facts[literal.term.name]
@@ -181,7 +181,7 @@ class Join:
             said = f"(h := {has}) is not None and holds(h, {literal.relation!r}, {value})"
             return f"not ({said})" if literal.negated else said
 
-        self._tests.append((_names(literal.term) | _names(literal.value), test))
+        self._tests.append((names_of(literal.term) | names_of(literal.value), test))
         if not literal.negated and literal.relation == "=":
             self._given.append(literal)
 
@@ -209,13 +209,14 @@ class Join:
         self._depth += 1
 
     def _bind_next(self) -> None:
-        for name, other in self._equations:
-            if name not in self._known and _names(other) <= self._known:
+        for name, other, test in self._equations:
+            if name not in self._known and names_of(other) <= self._known:
+                self._tests = [pair for pair in self._tests if pair[1] is not test]  # it holds from now on
                 self.add(f"v_{name} = {self.source(other)}")
                 self._learn([name])
                 return
         for literal in self._given:
-            if _plain_names(literal) - self._known and _computed(literal) <= self._known:
+            if plain_names(literal) - self._known and computed(literal) <= self._known:
                 self._match_facts(literal)
                 return
         free = [name for name in self._sorts if name not in self._known]
@@ -229,14 +230,14 @@ class Join:
             self._learn([name], checked=True)
             return
         for term, sort in self._records:
-            if _names(term) - self._known and _nested(term) <= self._known:
+            if names_of(term) - self._known and nested(term) <= self._known:
                 self._match_records(term, sort)
                 return
         raise AssertionError("the checker lets no unsafe variable pass")
 
     def _waits(self, name: str) -> bool:
         """Whether an equation gives this variable once others are bound."""
-        return any(target == name and not _names(other) <= {name} for target, other in self._equations)
+        return any(target == name and not names_of(other) <= {name} for target, other, _ in self._equations)
 
     def _domain(self, name: str) -> list[Value]:
         first, *others = (self._sort(sort) for sort in self._sorts[name])
@@ -247,7 +248,7 @@ class Join:
     def _match_facts(self, literal: Literal) -> None:
         """Bind variables to the facts that agree with what is bound, found by an index over those places."""
         parts = (*literal.term.arguments, literal.value)
-        known = [i for i, part in enumerate(parts) if _names(part) <= self._known]
+        known = [i for i, part in enumerate(parts) if names_of(part) <= self._known]
         free: dict[str, int] = {}
         again: list[tuple[int, str]] = []
         for i, part in enumerate(parts):
@@ -269,7 +270,7 @@ class Join:
 
     def _match_records(self, term: Term, sort: str) -> None:
         """Bind the variables of a record to those members of a sort that have its shape."""
-        names = sorted(_names(term))
+        names = sorted(names_of(term))
         free = [name for name in names if name not in self._known]
         known = [name for name in names if name in self._known]
         index: dict[tuple[Value, ...], list[tuple[Value, ...]]] = {}
@@ -279,43 +280,7 @@ class Join:
                 told = [name for name in known if name in seen]
                 key = tuple([seen[name] for name in told])
                 index.setdefault(key, []).append(tuple([seen[name] for name in free]))
-        told = [name for name in known if name in _matched(term)]
+        told = [name for name in known if name in matched(term)]
         key_source = "".join(f"v_{name}, " for name in told)
         self._loop("".join(f"v_{name}, " for name in free), f"{self.name(index)}.get(({key_source}), ())")
         self._learn(free)
-
-
-def _names(expression: Expression) -> set[str]:
-    return {variable.name for variable in variables(expression)}
-
-
-def _plain_names(literal: Literal) -> set[str]:
-    return {part.name for part in (*literal.term.arguments, literal.value) if isinstance(part, Variable)}
-
-
-def _computed(literal: Literal) -> set[str]:
-    """The variables under arithmetic or in records: matching a fact cannot give them."""
-    parts = (*literal.term.arguments, literal.value)
-    return {name for part in parts if not isinstance(part, Variable) for name in _names(part)}
-
-
-def _nested(term: Term) -> set[str]:
-    """The variables under arithmetic in a record: matching cannot give them."""
-    found: set[str] = set()
-    for part in term.arguments:
-        if isinstance(part, Arithmetic):
-            found |= _names(part)
-        elif isinstance(part, Term):
-            found |= _nested(part)
-    return found
-
-
-def _matched(term: Term) -> set[str]:
-    """The variables that matching a record gives."""
-    found: set[str] = set()
-    for part in term.arguments:
-        if isinstance(part, Variable):
-            found.add(part.name)
-        elif isinstance(part, Term):
-            found |= _matched(part)
-    return found

@@ -122,15 +122,15 @@ def layered(paths: Trellis, labels: Mapping[int, int]) -> tuple[list[Layer], Arr
     Returns:
         (layers, ending): the layers in order, applied to the column [1], and the row that ends the product.
     """
-    weights = paths.floats()
+    weights, asked = paths.floats(), set(labels)
     layers: list[Layer] = []
     width = 1
     carried: list[dict[int, float]] = [{0: 1.0}] if paths.layers[0] else []  # state -> input -> weight
     spent = 0
     for position, (sources, targets, moves) in enumerate(paths.edges):
-        terms = paths.plan.steps[position].terms
+        terms = paths.plan.order[position]
         count = paths.layers[position + 1]
-        own = [i for i, term in enumerate(terms) if term in labels]
+        own = [] if asked.isdisjoint(terms) else [i for i, term in enumerate(terms) if term in asked]
         spent += len(sources)
         if own:
             nodes = [
@@ -177,7 +177,10 @@ def _carried_on(
     for source, target, move in edges:
         weight, into = weights[move], following[target]
         for start, carry in carried[source].items():
-            into[start] = into.get(start, 0.0) + carry * weight
+            if start in into:
+                into[start] += carry * weight
+            else:
+                into[start] = carry * weight
     return following
 
 
@@ -223,72 +226,3 @@ def _scale(carried: list[dict[int, float]]) -> None:
         for row in carried:
             for start in row:
                 row[start] /= largest
-
-
-def evaluate(
-    layers: Sequence[Layer], ending: Array, codes: npt.NDArray[np.intp], asked: Mapping[int, int]
-) -> dict[int, Array]:
-    """The joint weights of the evidence and each outcome of the terms asked for, one pass up and one down.
-
-    Args:
-        codes: (B, observed) the outcome of each observed term, -1 where it is left open.
-        asked: position of the term -> how many outcomes it has.
-
-    Returns:
-        Position -> (B, outcomes) weights; only the ratios within a row mean something. A row of zeros says
-        that the evidence is impossible.
-    """
-    up = [np.ones((1, len(codes)))]
-    for layer in layers:
-        up.append(_normal(_apply(layer, codes, up[-1], Matrix.forward)))
-    found: dict[int, Array] = {}
-    down = np.repeat(ending[:, None], len(codes), axis=1)
-    wanted = set(asked)
-    for number in range(len(layers) - 1, -1, -1):
-        layer = layers[number]
-        if layer.label in wanted:
-            found[layer.label] = _joint(layer, codes, up[number], down, asked[layer.label])
-            wanted.discard(layer.label)
-        if not wanted:
-            break
-        down = _normal(_apply(layer, codes, down, Matrix.backward))
-    return found
-
-
-def _apply(layer: Layer, codes: Index, columns: Array, product) -> Array:  # type: ignore[no-untyped-def]
-    """The product with the matrices that the evidence chooses, column by column."""
-    if layer.label < 0:
-        return product(layer.every, columns)  # type: ignore[no-any-return]
-    own = codes[:, layer.label]
-    values = np.unique(own) if len(own) > 1 else own
-    parts = []
-    for value in values.tolist():
-        matrix = layer.every if value < 0 else layer.matrices.get(value)
-        here = columns if len(values) == 1 else columns[:, own == value]
-        parts.append((value, product(matrix, here) if matrix else None))
-    height = layer.every.shape[0 if product is Matrix.forward else 1]
-    if len(parts) == 1 and parts[0][1] is not None:
-        return parts[0][1]  # type: ignore[no-any-return]
-    result = np.zeros((height, len(codes)))
-    for value, part in parts:
-        if part is not None:
-            result[:, own == value] = part
-    return result
-
-
-def _joint(layer: Layer, codes: Index, above: Array, below: Array, outcomes: int) -> Array:
-    own = codes[:, layer.label]
-    weights = np.zeros((len(codes), outcomes))
-    for value, matrix in layer.matrices.items():
-        weights[:, value] = (matrix.forward(above) * below).sum(axis=0)
-    others = own[:, None] != np.arange(outcomes)
-    weights[(own >= 0)[:, None] & others] = 0.0
-    return weights
-
-
-def _normal(columns: Array) -> Array:
-    """Columns scaled to a sum of 1, so that no product vanishes; those of zeros stay."""
-    total = columns.sum(axis=0)
-    total[total == 0] = 1.0
-    columns /= total
-    return columns

@@ -18,9 +18,9 @@ from typing import Any
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.circuit.choice import Breach
+from lcorpp.reasoning.circuit.decisions import ONE, Entry, Outcome, decide
 from lcorpp.reasoning.circuit.fixpoints import Stratified
 from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind, Literal
-from lcorpp.reasoning.circuit.steps import ONE, Entry, Outcome, decide
 from lcorpp.reasoning.stable_models import stable_models
 
 LOG = logging.getLogger("lcorpp.reasoning")
@@ -147,7 +147,7 @@ class Circle:
                 about[clause.term][clause.kind].append(clause)
         weight: Fraction = ONE
         breach: Breach | None = None
-        for term in self.terms:
+        for which, term in enumerate(self.terms):
             kinds = about[term]
             derived = {clause.value for clause in kinds[Kind.DERIVE]}
             select, ranged, assign = kinds[Kind.SELECT], kinds[Kind.RANGE], kinds[Kind.ASSIGN]
@@ -156,7 +156,9 @@ class Circle:
             if here is None:
                 return None
             weight *= here[1]
-            breach = breach or here[2]
+            if here[2] and not breach:
+                breach = here[2]
+                breach.which = which
         return Outcome(tuple([model[term] for term in self.terms]), weight, breach)
 
 

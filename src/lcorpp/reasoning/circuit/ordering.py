@@ -8,7 +8,7 @@ for.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from heapq import heapify, heappop, heappush
 from math import log2
 
@@ -30,22 +30,28 @@ def ordered(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list[tuple[in
     needs: list[set[int]] = [set() for _ in range(count)]
     joint: set[frozenset[int]] = set()  # the terms of a constraint stay on the frontier until all are decided
     for clause in clauses:
+        body = clause.body
         if clause.term >= 0:
-            needs[clause.term].update([literal[0] for literal in clause.body])
-        elif len(clause.body) > 1:
-            joint.add(frozenset([literal[0] for literal in clause.body]))
-    found = components(needs)
-    of: dict[int, int] = {}
-    if len(found) == count:  # no circles: terms in the order of the program, which often is a good one
-        found, of, inner = [(term,) for term in range(count)], {}, needs
-    else:
-        found.sort()
-        of = {term: i for i, terms in enumerate(found) for term in terms}
-        inner = [{of[need] for term in terms for need in needs[term]} for terms in found]
-    for i, needed in enumerate(inner):
-        needed.discard(i)
-    groups = {frozenset([of[term] for term in group]) for group in joint} if of else joint
-    sizes = [sum([log2(outcomes[t].bit_count() or 1) for t in terms]) for terms in found]
+            for literal in body:
+                needs[clause.term].add(literal[0])
+        elif len(body) > 1:
+            joint.add(frozenset([literal[0] for literal in body]))
+    for term, needed in enumerate(needs):
+        needed.discard(term)
+    found: list[tuple[int, ...]] = [(term,) for term in range(count)]
+    inner = needs
+    groups: Iterable[frozenset[int]] = joint
+    if any(needed and max(needed) > term for term, needed in enumerate(needs)):  # there may be circles
+        parts = components(needs)
+        if len(parts) < count:
+            found = sorted(parts)
+            of = {term: i for i, terms in enumerate(found) for term in terms}
+            inner = [
+                {of[need] for term in terms for need in needs[term]} - {i} for i, terms in enumerate(found)
+            ]
+            groups = {frozenset([of[term] for term in group]) for group in joint}
+    size = {bits: log2(bits.bit_count() or 1) for bits in set(outcomes)}
+    sizes = [sum([size[outcomes[term]] for term in terms]) for terms in found]
     return [found[i] for i in _greedy(inner, sorted([sorted(g) for g in groups if len(g) > 1]), sizes)]
 
 
@@ -55,20 +61,22 @@ def _greedy(needs: Sequence[set[int]], groups: Sequence[Sequence[int]], sizes: S
     for user, needed in enumerate(needs):
         for need in needed:
             users[need].append(user)
-    joint: list[list[int]] = [[] for _ in range(count)]
+    joint: dict[int, list[int]] = {}
     for number, group in enumerate(groups):
         for member in group:
-            joint[member].append(number)
+            joint.setdefault(member, []).append(number)
     open_groups = [len(group) for group in groups]
     waits = [len(needed) for needed in needs]
-    wanted = [len(users[i]) + len(joint[i]) for i in range(count)]  # how much keeps it on the frontier
+    wanted = [
+        len(users[i]) + len(joint.get(i, ())) for i in range(count)
+    ]  # how much keeps it on the frontier
 
     def score(i: int) -> float:
         grows = sizes[i] if wanted[i] else 0.0
         for need in needs[i]:
             if wanted[need] == 1:
                 grows -= sizes[need]
-        for number in joint[i]:
+        for number in joint.get(i, ()):
             if open_groups[number] == 1:  # deciding i closes the constraint
                 grows -= sum([sizes[m] for m in groups[number] if m != i and wanted[m] == 1])
         return grows
@@ -81,14 +89,15 @@ def _greedy(needs: Sequence[set[int]], groups: Sequence[Sequence[int]], sizes: S
         given, i = heappop(heap)
         if done[i]:
             continue
-        now = score(i)
-        if now > given + 1e-9:  # it got worse meanwhile
-            heappush(heap, (now, i))
-            continue
+        if groups:  # without constraints a score only gets better, and is then given anew
+            now = score(i)
+            if now > given + 1e-9:
+                heappush(heap, (now, i))
+                continue
         done[i] = True
         order.append(i)
         better: list[int] = []
-        for number in joint[i]:
+        for number in joint.get(i, ()):
             open_groups[number] -= 1
             if not open_groups[number]:
                 for member in groups[number]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
+from functools import cached_property
 from heapq import nlargest
 from itertools import accumulate
 from math import log
@@ -35,12 +36,16 @@ class Paths:
 
     def __init__(self, trellis: Trellis) -> None:
         self.trellis = trellis
-        self._place = {
-            term: (position, i)
-            for position, step in enumerate(trellis.plan.steps)
-            for i, term in enumerate(step.terms)
-        }
         self._draws: dict[frozenset[tuple[str, str]], _Draw | None] = {}
+
+    @cached_property
+    def _place(self) -> dict[int, tuple[int, int]]:
+        """Term -> the step that decides it, and which of its terms it is."""
+        return {
+            term: (position, i)
+            for position, terms in enumerate(self.trellis.plan.order)
+            for i, term in enumerate(terms)
+        }
 
     def _allowed(self, evidence: Mapping[str, str]) -> dict[int, list[tuple[int, int]]] | None:
         """Step -> (which of its terms, outcome); None where a term never has a value."""

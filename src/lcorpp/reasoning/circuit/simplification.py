@@ -7,12 +7,15 @@ world.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
 
 SUPPORTS = (Kind.DERIVE, Kind.SELECT)
 """The kinds of clauses that give values to terms."""
+
+PLAIN = (Kind.DERIVE, Kind.FORBID)
+"""The kinds of clauses that say nothing more than their body and value."""
 
 
 def simplified(ground: Ground) -> tuple[list[Clause], list[int]]:
@@ -22,8 +25,7 @@ def simplified(ground: Ground) -> tuple[list[Clause], list[int]]:
         (clauses, outcomes); outcomes[t] has bit i for value i of term t and a last bit for having no value.
     """
     possible = _possible(ground)
-    clauses = [clause for clause in _distinct(ground.clauses) if _can_hold(clause, possible)]
-    clauses = _without_the_forbidden(ground, clauses)
+    clauses = _without_the_forbidden(ground, _held(ground.clauses, possible))
     outcomes = _outcomes(ground, clauses, possible)
     while True:
         changed = _simplify(clauses, outcomes)
@@ -36,16 +38,26 @@ def simplified(ground: Ground) -> tuple[list[Clause], list[int]]:
         outcomes = again
 
 
-def _distinct(clauses: Sequence[Clause]) -> Iterator[Clause]:
-    """Each rule and constraint once; variables that may change places say the same thing many times."""
+def _held(clauses: Sequence[Clause], possible: Sequence[int]) -> list[Clause]:
+    """The clauses of which no literal needs a value that nothing gives.
+
+    Rules and constraints stay once; variables that may change places say the same thing many times.
+    """
+    kept: list[Clause] = []
     met: set[object] = set()
     for clause in clauses:
-        if len(clause.body) > 1 and clause.kind in (Kind.DERIVE, Kind.FORBID):
-            key = clause.term, clause.value, frozenset(clause.body)
-            if key in met:
-                continue
-            met.add(key)
-        yield clause
+        body = clause.body
+        for term, allowed, negated in body:
+            if not negated and not allowed & possible[term]:
+                break
+        else:
+            if len(body) > 1 and clause.kind in PLAIN:
+                key = clause.term, clause.value, frozenset(body)
+                if key in met:
+                    continue
+                met.add(key)
+            kept.append(clause)
+    return kept
 
 
 def _without_the_forbidden(ground: Ground, clauses: list[Clause]) -> list[Clause]:
@@ -88,14 +100,6 @@ def _all(ground: Ground, term: int) -> int:
     return (1 << len(ground.values[term]) + 1) - 1
 
 
-def _can_hold(clause: Clause, possible: Sequence[int]) -> bool:
-    """Whether no literal of the body needs a value that nothing gives."""
-    for term, allowed, negated in clause.body:  # noqa: SIM110  # a hot loop
-        if not negated and not allowed & possible[term]:
-            return False
-    return True
-
-
 def _possible(ground: Ground) -> list[int]:
     """For each term, as bits, the values that it may have in some world: the least fixed point."""
     possible = [0] * len(ground.values)
@@ -103,6 +107,7 @@ def _possible(ground: Ground) -> list[int]:
         for term, value in ground.do.items():
             possible[term] |= 1 << value
     waiting: dict[int, list[Clause]] = {}
+    derive = Kind.DERIVE  # to look up a member of an Enum takes time
     ready = [clause for clause in ground.clauses if clause.kind in SUPPORTS]
     while ready:
         grown: list[int] = []
@@ -116,7 +121,7 @@ def _possible(ground: Ground) -> list[int]:
                 waiting.setdefault(missing, []).append(clause)
                 continue
             head = clause.term
-            if clause.kind is Kind.DERIVE:
+            if clause.kind is derive:
                 gives = 1 << clause.value
             else:
                 gives = 1 << ground.do[head] if head in ground.do else (1 << len(ground.values[head])) - 1
@@ -129,20 +134,23 @@ def _possible(ground: Ground) -> list[int]:
 
 def _outcomes(ground: Ground, clauses: Sequence[Clause], possible: Sequence[int]) -> list[int]:
     """The outcomes of each term, given the clauses that are left; `possible` bounds the values."""
+    derive = Kind.DERIVE
     found = [0] * len(ground.values)
     certain: set[int] = set()
     facts: dict[int, int] = {}
     for clause in clauses:
-        if clause.kind is Kind.DERIVE:
-            found[clause.term] |= 1 << clause.value
-        elif clause.kind is Kind.SELECT:
-            found[clause.term] |= 1 << ground.do[clause.term] if clause.term in ground.do else -1
-        else:
+        kind = clause.kind
+        if kind not in SUPPORTS:
             continue
+        term = clause.term
+        gives = 1 << clause.value
+        if kind is not derive:
+            gives = 1 << ground.do[term] if term in ground.do else -1
+        found[term] |= gives
         if not clause.body:
-            certain.add(clause.term)
-            if clause.kind is Kind.DERIVE:  # any other value would contradict it
-                facts[clause.term] = facts.get(clause.term, 0) | 1 << clause.value
+            certain.add(term)
+            if kind is derive:  # any other value would contradict it
+                facts[term] = facts.get(term, 0) | gives
     if ground.do_is_fact:
         for term, value in ground.do.items():
             found[term] = 1 << value

@@ -1,238 +1,129 @@
-"""What may come of deciding one term, given which of the clauses about it have a true body."""
+"""What deciding a component does to the state.
+
+A state says of the clauses that are touched but not finished whether their bodies can still be true. It has
+two kinds of bits: *denied*, for a body of which some literal was found false, and *true*, for a body, or
+one of several bodies that say the same, that was found true. Two ways that lead to the same bits have the
+same future, and are one state from there on; so it does not matter which die showed the six, or which block
+stands where.
+"""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from fractions import Fraction
-from typing import Any, Protocol
 
-from lcorpp.reasoning.circuit.choice import Breach, Spoken, choice
-from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
-from lcorpp.reasoning.language.syntax import Probability, Selection
+from lcorpp.reasoning.circuit.decisions import Decision
+from lcorpp.reasoning.circuit.heads import Conditions, Group, Stage
 
-Entry = tuple[int, Clause]
-"""A clause and its bit, which is set where its body is true; bit 0 stands for a body that is always true."""
+Effect = tuple[int, int, int, Mapping[int, int]]
+"""What an outcome does to a state: bits that it sets, denied bits without which there is no world, the denied
+bits of the bodies that are finished by it, and the bit to set for each of them that is not denied."""
 
+MOST_ABSORBED = 64
+"""How many groups of clauses a step looks through for bits that no longer matter; beyond, states may be
+told apart needlessly, which costs time and changes no answer."""
 
-@dataclass(slots=True)
-class Outcome:
-    """What may come of a step.
-
-    values: the outcome of each term of the step; a sequence that may be worked out when it is looked at.
-    weight: its probability, where terms are truly random.
-    breach: the condition of the language that it breaks, if it does.
-    """
-
-    values: Sequence[int]
-    weight: Fraction
-    breach: Breach | None = None
+_Touched = tuple[int, bool, int]
+"""A body that an outcome does not deny: its bit for *denied* (0 if it needs none), whether it is finished,
+and the bit for *true*, 0 for a constraint."""
 
 
-class Decision(Protocol):
-    """Knows what may come of a step, given the bits of its clauses."""
-
-    def outcomes(self, many: Iterable[int]) -> Mapping[int, list[Outcome]]:
-        """For each of many states of the bits all outcomes; none if there is no world."""
-
-
-ONE = Fraction(1)
-
-
-class SingleTerm:
-    """The decision of one term that does not depend on itself.
+class Step:
+    """The decision of one component, or of several that look the same, and what it does to the state.
 
     Args:
-        entries: its clauses with their bits.
-        shared: what terms have in common: distributions and, for terms that look the same, whole outcomes.
+        count: how many terms are decided.
+        mask: the bits of their clauses.
+        touched: what later heads have to do with it, each with the bits in its slots.
+        keep: the bits that are needed afterwards.
+
+    absorb: pairs (true, denied): once a body of a group is true, whether the others are denied is no matter.
+    again: whether more than one position of the plan has this step.
     """
 
-    __slots__ = ("_always", "_clauses", "_ground", "_numbers", "_shape", "_shared", "_term")
+    __slots__ = ("_effects", "_met", "_open", "_touching", "_watched", "absorb", "again", "decision", "keep",
+                 "mask")  # fmt: skip
 
     def __init__(
-        self, ground: Ground, term: int, entries: Sequence[Entry], shared: dict[object, Any]
+        self,
+        count: int,
+        decision: Decision,
+        mask: int,
+        touched: Sequence[tuple[Stage, Sequence[int]]],
+        keep: int,
     ) -> None:
-        self._ground, self._term, self._shared = ground, term, shared
-        self._clauses = [clause for _, clause in entries]
-        self._numbers: dict[int, int] = {}
-        self._always: list[int] = []
-        selected: list[Clause] = []
-        for number, (bit, clause) in enumerate(entries):
-            if bit:
-                self._numbers[bit] = number
+        self.decision, self.mask, self.keep, self.again = decision, mask, keep, False
+        self.absorb = _absorbed(touched)
+        self._open = 0
+        self._effects: dict[object, Effect | None] = {}
+        self._met: defaultdict[int, list[_Touched]] = defaultdict(list)
+        self._touching: list[tuple[Conditions, _Touched]] = []
+        self._watched: tuple[int, ...] | None = None
+        for stage, bits in touched:
+            for conditions, denied, closes, true in stage.touches:
+                body = bits[denied], closes, bits[true]
+                if not closes:
+                    self._open |= body[0]
+                if count > 1:
+                    self._touching.append((conditions, body))
+                    continue
+                allowed = conditions[0][1]
+                while allowed:
+                    lowest = allowed & -allowed
+                    self._met[lowest.bit_length() - 1].append(body)
+                    allowed ^= lowest
+        if count > 1:
+            self._watched = tuple(sorted({i for conditions, _ in self._touching for i, _ in conditions}))
+
+    def effect(self, values: Sequence[int]) -> Effect | None:
+        """What an outcome does to a state; None if a constraint forbids it."""
+        if self._watched is None:
+            value = values[0]
+            if value not in self._effects:
+                self._effects[value] = self._effect(self._met.get(value, ()))
+            return self._effects[value]
+        key = tuple([values[i] for i in self._watched])
+        if key not in self._effects:
+            has = dict(zip(self._watched, key, strict=True))
+            self._effects[key] = self._effect(
+                [
+                    body
+                    for conditions, body in self._touching
+                    if all(allowed >> has[i] & 1 for i, allowed in conditions)
+                ]
+            )
+        return self._effects[key]
+
+    def _effect(self, met: Iterable[_Touched]) -> Effect | None:
+        sets, must, finished = self._open, 0, 0
+        true_of: dict[int, int] = {}
+        for denied, closes, true in met:
+            if not closes:
+                sets &= ~denied
+            elif not true:
+                if not denied:
+                    return None
+                must |= denied
+            elif not denied:
+                sets |= true
             else:
-                self._always.append(number)
-            if clause.kind is Kind.SELECT:
-                selected.append(clause)
-        self._shape: object = None
-        if len(selected) < 2 and term not in ground.do:
-            self._shape = self._looks(selected[0] if selected else None)
-
-    def _looks(self, selected: Clause | None) -> object:
-        """All that its outcomes depend on, in a number: terms that look the same have the same outcomes."""
-        # terms of an attribute share their values, clauses of a statement their number
-        parts: list[object] = [id(self._ground.values[self._term]), *self._always]
-        for clause in self._clauses:
-            if clause.kind is Kind.ASSIGN and selected:
-                about = _is_about(self._ground, clause, selected)
-                parts.append((clause.statement, clause.value, id(clause.number), about))
-            elif clause.kind is Kind.RANGE:
-                parts.append(
-                    (clause.statement, clause.value, selected and clause.instance == selected.instance)
-                )
-            else:
-                parts.append((clause.statement, clause.value))
-        key = tuple(parts)
-        return self._shared.setdefault(key, len(self._shared))
-
-    def outcomes(self, many: Iterable[int]) -> Mapping[int, list[Outcome]]:
-        """For each state of the bits, the outcomes of the term."""
-        found = {}
-        shape, shared = self._shape, self._shared
-        for bits in many:
-            true = self._true(bits)
-            if shape is None:
-                found[bits] = self._outcomes(true)
-                continue
-            key = shape, true
-            known = shared.get(key)
-            if known is None:
-                known = self._outcomes(true)
-                if not any(outcome.breach for outcome in known):  # its message names the term
-                    shared[key] = known
-            found[bits] = known
-        return found
-
-    def _true(self, bits: int) -> tuple[int, ...]:
-        """The clauses whose bits are set; there may be thousands, and few of them true."""
-        numbers = self._numbers
-        if bits in numbers:
-            return (numbers[bits],)
-        true = []
-        while bits:
-            lowest = bits & -bits
-            true.append(numbers[lowest])
-            bits ^= lowest
-        true.sort()
-        return tuple(true)
-
-    def _outcomes(self, true: Iterable[int]) -> list[Outcome]:
-        derived: set[int] = set()
-        selected: list[Clause] = []
-        ranged: list[Clause] = []
-        spoken: list[Clause] = []
-        for number in sorted((*self._always, *true)):
-            clause = self._clauses[number]
-            kind = clause.kind
-            if kind is Kind.DERIVE:
-                derived.add(clause.value)
-            elif kind is Kind.SELECT:
-                selected.append(clause)
-            elif kind is Kind.RANGE:
-                ranged.append(clause)
-            else:
-                spoken.append(clause)
-        found = decide(self._ground, self._term, derived, selected, ranged, spoken, self._shared)
-        return [Outcome((value,), weight, breach) for value, weight, breach in found]
+                finished |= denied
+                true_of[denied] = true
+        return sets, must, finished, true_of
 
 
-def decide(
-    ground: Ground,
-    term: int,
-    derived: set[int],
-    selected: Sequence[Clause],
-    ranged: Sequence[Clause],
-    spoken: Sequence[Clause],
-    shared: dict[object, Any],
-) -> list[tuple[int, Fraction, Breach | None]]:
-    """The outcomes of a term, given the clauses about it whose bodies are true.
-
-    Args:
-        derived: the values that rules give it.
-        selected, ranged, spoken: the clauses of kind SELECT, RANGE, ASSIGN.
-        shared: the distributions met so far, by what they depend on.
-    """
-    do = ground.do.get(term)
-    if do is not None and ground.do_is_fact:
-        return [(do, ONE, None)] if derived <= {do} else []
-    if len(derived) > 1:
+def _absorbed(touched: Sequence[tuple[Stage, Sequence[int]]]) -> list[tuple[int, int]]:
+    """For the groups that a step touches: the bits of bodies still open, which a true body makes idle."""
+    begun = [(g, stage.rank, bits) for stage, bits in touched for g in stage.groups if bits[g.true]]
+    if len(begun) > MOST_ABSORBED:
         return []
-    if not selected:
-        return [(next(iter(derived)) if derived else len(ground.values[term]), ONE, None)]
-    possible = _possible(ground, term, selected, ranged)
-    if do is not None:
-        return [(do, ONE, None)] if do in possible and derived <= {do} else []
-    breach = _condition_1(ground, term, derived, selected) if derived or len(selected) > 1 else None
-    taken = [value for value in possible if value in derived] if derived else possible
-    if not taken:
-        return []
-    if breach is not None:
-        return [(value, ONE, breach) for value in taken]
-    about = [clause for clause in spoken if _is_about(ground, clause, selected[0])]
-    # clauses of a statement share their number, so that its identity, quick to compare, is enough
-    key = (tuple(possible), tuple([(c.value, id(c.number), c.statement) for c in about]))
-    numbers = shared.get(key)
-    if numbers is None:
-        said: list[Spoken] = [(c.value, c.number or Fraction(0), c.statement) for c in about]
-        try:
-            numbers = choice(possible, said, ground.names[term], ground.values[term])
-        except Breach as found:
-            return [(value, ONE, found) for value in taken]
-        shared[key] = numbers
-    if not derived:
-        return [(value, number, None) for value, number in zip(possible, numbers, strict=True)]
-    return [(value, numbers[possible.index(value)], None) for value in taken]
+    pairs = [(bits[group.true], _idle(group, rank, bits)) for group, rank, bits in begun]
+    return [pair for pair in pairs if pair[1]]
 
 
-def _possible(ground: Ground, term: int, selected: Sequence[Clause], ranged: Sequence[Clause]) -> list[int]:
-    """The dynamic range, in the order of the declaration; that of all selections, should there be several."""
-    possible = list(range(len(ground.values[term])))
-    for clause in selected:
-        statement = ground.program.statements[clause.statement]
-        assert isinstance(statement, Selection)
-        if statement.range:
-            own = {
-                r.value for r in ranged if (r.statement, r.instance) == (clause.statement, clause.instance)
-            }
-            possible = [value for value in possible if value in own]
-    return possible
-
-
-def _condition_1(ground: Ground, term: int, derived: set[int], selected: Sequence[Clause]) -> Breach | None:
-    """Whether more than one selection applies to a term, or (2018) a rule gives a value to a random term."""
-    statements = ground.program.statements
-    name = ground.names[term]
-    modern = not ground.do_is_fact
-    first = selected[0]
-    for clause in selected[1:]:
-        here, there = statements[first.statement], statements[clause.statement]
-        assert isinstance(here, Selection)
-        assert isinstance(there, Selection)
-        alike = (first.instance, first.label) == (clause.instance, clause.label)
-        named = [statement.label.name if statement.label else "" for statement in (here, there)]
-        # 2018: random(label, term, range) is an atom, so that rules which give the same one are one selection
-        if alike and (here is there or (modern and named[0] == named[1] and here.range == there.range)):
-            continue
-        again = " with other values of its variables" if here is there else ""
-        return Breach(
-            clause.statement,
-            f"Condition 1: {name} is also selected at random by the rule at",
-            first.statement,
-            again,
-        )
-    if modern and derived:
-        return Breach(first.statement, f"Condition 1: {name} is selected at random while a rule derives it")
-    return None
-
-
-def _is_about(ground: Ground, atom: Clause, selected: Clause) -> bool:
-    """Whether a pr-atom speaks of this selection: it has no label, or the label of the selection."""
-    statements = ground.program.statements
-    said, made = statements[atom.statement], statements[selected.statement]
-    if isinstance(said, Probability) and said.label is None:
-        return True
-    assert isinstance(said, Probability)
-    assert isinstance(made, Selection)
-    if made.label is None or said.label is None or made.label.name != said.label.name:
-        return False
-    return not said.label.arguments or atom.label == selected.label
+def _idle(group: Group, rank: int, bits: Sequence[int]) -> int:
+    idle = 0
+    for body in group.bodies:
+        if body.first <= rank < body.last:
+            idle |= bits[body.denied]
+    return idle

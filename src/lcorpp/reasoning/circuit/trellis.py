@@ -14,8 +14,8 @@ from fractions import Fraction
 from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.circuit.choice import Breach
 from lcorpp.reasoning.circuit.collection import without_collection
-from lcorpp.reasoning.circuit.plan import Plan, Step
-from lcorpp.reasoning.circuit.steps import Outcome
+from lcorpp.reasoning.circuit.plan import Plan
+from lcorpp.reasoning.circuit.steps import Step
 
 MOST_EDGES = 2_000_000
 """How many edges a trellis may have."""
@@ -24,18 +24,24 @@ MOST_BITS = 2**32
 """How many bits the states of one layer may take together, half a gigabyte."""
 
 
+Edges = tuple[list[int], list[int], list[int]]
+"""The edges of a step, three lists of equal length: source, target, move."""
+
+_Way = tuple[int, int, int, Mapping[int, int], int]
+
+
 @dataclass(slots=True, eq=False)
 class Trellis:
     """Layers of states, one layer before each step and one after the last.
 
     layers: how many states each layer has; states are numbered within their layer.
-    edges: for each step, three lists of equal length: source, target, move.
+    edges: those of each step; steps that are the same share theirs.
     moves: for each move the outcomes of the terms of its step, and its probability.
     """
 
     plan: Plan
     layers: list[int]
-    edges: list[tuple[list[int], list[int], list[int]]]
+    edges: list[Edges]
     moves: list[tuple[Sequence[int], Fraction]]
 
     def floats(self) -> list[float]:
@@ -69,25 +75,47 @@ def trellis(prepared: Plan, limit: int = MOST_EDGES) -> Trellis:
 
 
 def _forward(prepared: Plan, limit: int) -> tuple[Trellis, dict[int, Breach]]:
-    moves: list[tuple[Sequence[int], Fraction]] = []
-    breaches: dict[int, Breach] = {}
     layers: list[int] = [1 if prepared.consistent else 0]
-    edges: list[tuple[list[int], list[int], list[int]]] = []
-    current: dict[int, int] = {0: 0} if prepared.consistent else {}
+    edges: list[Edges] = []
+    states: tuple[int, ...] = (0,) if prepared.consistent else ()
+    walk = _Walk()
+    known: dict[tuple[Step, tuple[int, ...]], tuple[Edges, tuple[int, ...]]] = {}
     total = 0
     for step in prepared.steps:
+        most = min(limit - total, MOST_BITS // max(step.keep.bit_length(), 1))
+        found = known.get((step, states)) if step.again else None
+        if found is None:
+            found = walk.on(step, states, most)
+            if step.again:
+                known[step, states] = found
+        if len(found[0][0]) > most:
+            raise TooLargeError(
+                f"{prepared.ground.program.file}: more than {total + most} edges in the circuit"
+            )
+        edges.append(found[0])
+        states = found[1]
+        layers.append(len(states))
+        total += len(found[0][0])
+    return Trellis(prepared, layers, edges, walk.moves), walk.breaches
+
+
+class _Walk:
+    """From the states before a step to those after it."""
+
+    def __init__(self) -> None:
+        self.moves: list[tuple[Sequence[int], Fraction]] = []
+        self.breaches: dict[int, Breach] = {}
+        self._known: dict[Step, dict[int, list[_Way]]] = {}
+
+    def on(self, step: Step, states: Sequence[int], most: int) -> tuple[Edges, tuple[int, ...]]:
+        """The edges of a step and the states that they lead to; it stops soon after the limit on edges."""
         mask, keep, absorb = step.mask, step.keep, step.absorb
-        if mask:
-            outcomes = step.decision.outcomes({state & mask for state in current})
-        else:
-            outcomes = step.decision.outcomes((0,) if current else ())
-        ways = {bits: _ways(step, found, moves, breaches) for bits, found in outcomes.items()}
-        most = min(limit - total, MOST_BITS // max(keep.bit_length(), 1))
+        ways = self._ways(step, {state & mask for state in states})
         following: dict[int, int] = {}
         sources: list[int] = []
         targets: list[int] = []
         taken: list[int] = []
-        for state, number in current.items():
+        for number, state in enumerate(states):
             for sets, must, finished, true_of, move in ways[state & mask]:
                 if must and state & must != must:
                     continue
@@ -109,32 +137,26 @@ def _forward(prepared: Plan, limit: int) -> tuple[Trellis, dict[int, Breach]]:
                 targets.append(target)
                 taken.append(move)
             if len(taken) > most:
-                raise TooLargeError(
-                    f"{prepared.ground.program.file}: more than {total + most} edges in the circuit"
-                )
-        edges.append((sources, targets, taken))
-        layers.append(len(following))
-        current = following
-        total += len(sources)
-    return Trellis(prepared, layers, edges, moves), breaches
+                break
+        return (sources, targets, taken), tuple(following)
 
-
-def _ways(
-    step: Step,
-    outcomes: Iterable[Outcome],
-    moves: list[tuple[Sequence[int], Fraction]],
-    breaches: dict[int, Breach],
-) -> list[tuple[int, int, int, Mapping[int, int], int]]:
-    """What a step may do under some bits: its effect on a state (see `Effect`) and the number of the move."""
-    ways = []
-    for outcome in outcomes:
-        effect = step.effect(outcome.values)
-        if effect is not None:
-            if outcome.breach:
-                breaches[len(moves)] = outcome.breach
-            ways.append((*effect, len(moves)))
-            moves.append((outcome.values, outcome.weight))
-    return ways
+    def _ways(self, step: Step, bits: set[int]) -> Mapping[int, list[_Way]]:
+        """What a step may do under some bits: its `Effect` on a state and the number of the move."""
+        ways = self._known.get(step, {})
+        if not ways.keys() >= bits:
+            for own, outcomes in step.decision.outcomes(bits.difference(ways)).items():
+                found: list[_Way] = []
+                for outcome in outcomes:
+                    effect = step.effect(outcome.values)
+                    if effect is not None:
+                        if outcome.breach:
+                            self.breaches[len(self.moves)] = outcome.breach
+                        found.append((*effect, len(self.moves)))
+                        self.moves.append((outcome.values, outcome.weight))
+                ways[own] = found
+            if step.again:
+                self._known[step] = ways
+        return ways
 
 
 def _prune(built: Trellis) -> None:
@@ -174,7 +196,8 @@ def _broken(built: Trellis, step: int, edge: int, breach: Breach) -> ProgramErro
         chosen[position], state = moves_[found], targets_[found]
     world = world_of(built.plan, [built.moves[chosen[i]][0] for i in range(len(built.edges))])
     shown = ", ".join(f"{term}={value}" for term, value in world.items())
-    told = breach.told(built.plan.ground.program.statements)
+    names = [built.plan.ground.names[term] for term in built.plan.order[step]]
+    told = breach.told(built.plan.ground.program.statements, names)
     return ProgramError(f"{told}, in the world {{{shown}}}")
 
 
@@ -182,8 +205,8 @@ def world_of(prepared: Plan, outcomes: Iterable[Sequence[int]]) -> dict[str, str
     """The terms and values of a world, given the outcomes of all steps, sorted by term."""
     ground = prepared.ground
     found = {}
-    for step, values in zip(prepared.steps, outcomes, strict=True):
-        for term, value in zip(step.terms, values, strict=True):
+    for terms, values in zip(prepared.order, outcomes, strict=True):
+        for term, value in zip(terms, values, strict=True):
             if value < len(ground.values[term]):
                 found[ground.names[term]] = ground.values[term][value]
     return dict(sorted(found.items()))

@@ -19,8 +19,9 @@ from math import sqrt
 from random import Random
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning.circuit.plan import Effect, Plan
-from lcorpp.reasoning.circuit.steps import Outcome
+from lcorpp.reasoning.circuit.decisions import Outcome
+from lcorpp.reasoning.circuit.plan import Plan
+from lcorpp.reasoning.circuit.steps import Effect
 
 SAMPLES = 20_000
 """How many worlds are drawn if nobody says otherwise."""
@@ -90,8 +91,7 @@ class _Draws:
             else:
                 given[term] = prepared.ground.values[term].index(value)
         self._given = [
-            [(i, given[term]) for i, term in enumerate(step.terms) if term in given]
-            for step in prepared.steps
+            [(i, given[term]) for i, term in enumerate(terms) if term in given] for terms in prepared.order
         ]
 
     def world(self, asked: int | None) -> tuple[float, int] | None:
@@ -99,7 +99,7 @@ class _Draws:
         if not self._possible:
             return None
         state, weight, value = 0, 1.0, -1
-        for position, step in enumerate(self._plan.steps):
+        for position, (step, terms) in enumerate(zip(self._plan.steps, self._plan.order, strict=True)):
             bits = state & step.mask
             known = self._known[position].get(bits)
             if known is None:
@@ -119,8 +119,8 @@ class _Draws:
                 reached |= true_of[lowest]
                 open_bodies ^= lowest
             state = reached & step.keep
-            if asked is not None and asked in step.terms:
-                value = outcome.values[step.terms.index(asked)]
+            if asked is not None and asked in terms:
+                value = outcome.values[terms.index(asked)]
         return weight, value
 
     def _ways(self, position: int, bits: int) -> tuple[list[float], list[_Way]]:
@@ -128,7 +128,8 @@ class _Draws:
         ways: list[_Way] = []
         for outcome in step.decision.outcomes((bits,))[bits]:
             if outcome.breach:
-                told = outcome.breach.told(self._plan.ground.program.statements)
+                names = [self._plan.ground.names[term] for term in self._plan.order[position]]
+                told = outcome.breach.told(self._plan.ground.program.statements, names)
                 raise ProgramError(f"{told}, in a world drawn at random")
             if all(outcome.values[i] == value for i, value in self._given[position]):
                 effect = step.effect(outcome.values)
