@@ -12,17 +12,20 @@ PIP    := $(BIN)/pip install --quiet --disable-pip-version-check --no-compile
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
+# The C++ kernels are built when the package is installed; their objects are kept in build/ for the next time.
+NATIVE := pyproject.toml CMakeLists.txt $(wildcard native/*)
+
 # The demo trains its classifier once and loads it the next time; `make clean` forgets it.
 TRAINED := $(wildcard out/demo/classifier.npz)
 
-.PHONY: demo test check lint format check-slow bench clean help
+.PHONY: demo test check lint format check-slow sanitize bench clean help
 
 help:
 	@echo "make demo        set up, then run the paper's comparison with a trained classifier"
 	@echo "make test        set up, then run the tests"
 	@echo "make check       lint, types, import rules and tests"
 	@echo "make check-slow  the checks that take minutes"
-	@echo "make bench       compare the reasoner with plingo, ProbLog and plog 2.0 (some 20 minutes)"
+	@echo "make bench       compare with plingo, ProbLog, plog 2.0 and APPL, those that are there (some 30 minutes)"
 	@echo "make format      format the code"
 	@echo "make clean       remove the environment and what was made"
 
@@ -31,7 +34,7 @@ demo: $(VENV)/.runtime
 	$(BIN)/lcorpp run intention --trials 1000 --out out/demo $(if $(TRAINED),--classifier $(TRAINED),--epochs 12)
 
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow" -n 2
 
 check: lint test
 
@@ -44,10 +47,25 @@ lint: $(VENV)/.dev
 check-slow: $(VENV)/.dev
 	$(BIN)/python -m pip install --quiet atheris || echo "atheris cannot be installed here: the parser will not be fuzzed"
 	$(BIN)/python -m pytest -m slow
+	$(MAKE) sanitize
+
+# The C++ kernels under the address and undefined-behaviour sanitizers, in an environment of their own.
+sanitize: $(VENV)-sanitize/.installed
+	LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" ASAN_OPTIONS=detect_leaks=0 \
+	  $(VENV)-sanitize/bin/python -m pytest -m "not slow" tests/planning
+
+$(VENV)-sanitize/.installed: $(NATIVE)
+	$(PYTHON) -m venv $(VENV)-sanitize
+	$(VENV)-sanitize/bin/pip install --quiet --disable-pip-version-check -C cmake.define.LCORPP_SANITIZE=ON . pytest hypothesis
+	touch $@
+
+# Models that the planner's benchmark solves, and pomdpsol, too, where it is on the PATH.
+MODELS ?= $(wildcard src/lcorpp/domains/*/*.pomdp ../shared/pomdp/*.pomdp ../shared/pomdp/*.pomdpx)
 
 # The peers go to an environment of their own, so that theirs are not the versions that the tests see.
 bench: $(VENV)-bench/.peers
 	$(VENV)-bench/bin/python benchmarks/plog.py
+	$(VENV)-bench/bin/python benchmarks/sarsop.py $(MODELS)
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
@@ -58,14 +76,17 @@ $(VENV)/.python:
 	$(PYTHON) -m venv $(VENV)
 	touch $@
 
-$(VENV)/.runtime: pyproject.toml | $(VENV)/.python
+$(VENV)/.torch: | $(VENV)/.python
 	$(PIP) $(TORCH)
+	touch $@
+
+$(VENV)/.runtime: $(NATIVE) | $(VENV)/.torch
 	$(PIP) -e '.[torch]'
 	touch $@
 
-$(VENV)/.dev: $(VENV)/.runtime
+$(VENV)/.dev: $(NATIVE) | $(VENV)/.torch
 	$(PIP) -e '.[torch,dev]'
-	touch $@
+	touch $@ $(VENV)/.runtime
 
 $(VENV)-bench/.peers: pyproject.toml
 	$(PYTHON) -m venv $(VENV)-bench
@@ -73,4 +94,4 @@ $(VENV)-bench/.peers: pyproject.toml
 	touch $@
 
 clean:
-	rm -rf $(VENV) $(VENV)-bench out build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(VENV)-bench $(VENV)-sanitize out build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

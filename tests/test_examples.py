@@ -18,6 +18,7 @@ def test_example_runs(script):
     words = {
         "01_one_decision.py": ("[0.22 0.78 0.   0.   0.  ]", "0.989", "report:    interested"),
         "02_your_own_domain.py": ("tea     0.523", "LCORPP"),
+        "03_factored.py": ("8 states, 6 observations", "go_east\n", "voice=near (0.69): deliver"),
     }
     for word in words[script.name]:
         assert word in done.stdout

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from lcorpp.cli.main import main
+from tests.planning.models import TIGER
 
 
 @dataclass(frozen=True)
@@ -34,3 +35,11 @@ def lcorpp(monkeypatch, capsys):
         return Ended(code, captured.out, captured.err)
 
     return run
+
+
+@pytest.fixture
+def tiger(tmp_path):
+    """The tiger problem as a file."""
+    file = tmp_path / "tiger.pomdp"
+    file.write_text(TIGER)
+    return file

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import parse_pomdp
-from lcorpp.planning.pomdp import check_size
+from lcorpp.planning import Pomdp, Rows, parse_pomdp, solve, update
 from tests.planning.models import TIGER
 
 tiger = parse_pomdp(TIGER)
@@ -23,14 +22,14 @@ def test_lookups_know_the_names():
 
 
 def test_a_bad_row_is_named():
-    table = tiger.observation.copy()
+    table = tiger.observation.dense.copy()
     table[0, 0] = 0.85, 0.10
     with pytest.raises(ModelError, match=r"observation row for 'listen', 'tiger-left' sums to 0\.95, not 1"):
         replace(tiger, observation=table)
 
 
 def test_a_negative_probability_is_named():
-    table = tiger.transition.copy()
+    table = tiger.transition.dense.copy()
     table[1, 1] = -0.5, 1.5
     with pytest.raises(ModelError, match=r"transition row for 'open-left', 'tiger-right' has a negative"):
         replace(tiger, transition=table)
@@ -54,9 +53,14 @@ def test_broken_laws(change, message):
         replace(tiger, **change)
 
 
-def test_a_huge_model_is_refused_with_its_size():
-    with pytest.raises(ModelError, match=r"29\.8 GiB"):
-        check_size(20_000, 10, 5)
+@pytest.mark.parametrize("field", ["transition", "observation"])
+def test_a_number_that_is_not_finite(field):
+    table = getattr(tiger, field).dense.copy()
+    table[0, 0, 0] = np.nan
+    with pytest.raises(ModelError, match=f"{field} holds a number that is not finite"):
+        replace(tiger, **{field: table})
+    with pytest.raises(ModelError, match=rf"{field} has shape \(3, 1, 2\), not \(3, 2, 2\)"):
+        replace(tiger, **{field: table[:, :1]})
 
 
 def test_tables_are_frozen_copies():
@@ -72,3 +76,25 @@ def test_the_fingerprint_sees_numbers_but_not_the_start():
     assert replace(tiger, start=np.array([1.0, 0.0])).fingerprint == tiger.fingerprint
     assert replace(tiger, reward=tiger.reward + 1).fingerprint != tiger.fingerprint
     assert replace(tiger, states=("a", "b")).fingerprint != tiger.fingerprint
+
+
+def test_a_hundred_thousand_states():
+    """A ring: nothing dense is made."""
+    size = 100_000
+    ring = (np.arange(size + 1), np.roll(np.arange(size), -1), np.ones(size))
+    pomdp = Pomdp(
+        tuple(map(str, range(size))),
+        ("on",),
+        ("seen",),
+        Rows((1, size, size), *ring),
+        Rows((1, size, 1), np.arange(size + 1), np.zeros(size), np.ones(size)),
+        np.ones((1, size)),
+        0.9,
+        np.eye(1, size)[0],
+    )
+    after = update(pomdp, pomdp.start, 0, 0)
+    assert np.flatnonzero(after).tolist() == [1]
+    solution = solve(pomdp, precision=1e-3, time_limit=30)
+    assert solution.lower == pytest.approx(10, abs=1e-3)
+    with pytest.raises(ModelError, match=r"written out takes 74\.5 GiB; at most 2 GiB are made"):
+        _ = pomdp.transition.dense

@@ -7,20 +7,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import show
+from lcorpp.cli import models, show
 from lcorpp.errors import DataError, FileError
 
 if TYPE_CHECKING:
     from lcorpp.planning import Pomdp
 
-KINDS = "a .plog, .pomdp or .policy file, a domain folder or its domain.toml, a folder of recorded tracks"
+KINDS = (
+    "a .plog, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its domain.toml, a folder of"
+    " recorded tracks"
+)
 
 
 def check(
     path: Annotated[Path, typer.Argument(metavar="FILE|FOLDER", help=f"What to check: {KINDS}.")],
     model: Annotated[
         Path | None,
-        typer.Option("--model", metavar="FILE.pomdp", help="The model that a .policy belongs to."),
+        typer.Option("--model", metavar="MODEL", help="The model that a policy belongs to."),
     ] = None,
 ) -> None:
     """Check a file or a folder and say what it holds; the first thing that is wrong ends in exit code 2."""
@@ -35,11 +38,11 @@ def check(
         _domain(SHIPPED / path)
     elif suffix == ".plog":
         _program(path)
-    elif suffix == ".pomdp":
+    elif suffix in models.MODELS:
         _model(path)
-    elif suffix == ".policy" and model is not None:
+    elif suffix in models.POLICIES and model is not None:
         _policy(path, model)
-    elif suffix == ".policy":
+    elif suffix in models.POLICIES:
         raise FileError(f"{path}: a policy is checked against its model; give --model FILE.pomdp")
     else:
         raise FileError(f"{path}: cannot tell what this is; expected {KINDS}")
@@ -93,7 +96,5 @@ def _size(pomdp: Pomdp) -> str:
 
 
 def _policy(path: Path, model: Path) -> None:
-    from lcorpp.planning import read_policy, read_pomdp
-
-    policy = read_policy(path, read_pomdp(model))
-    show.console.print(f"{path}: {len(policy.actions)} vectors for {model}: right")
+    policy = models.read_policy(path, *models.read_model(model))
+    show.console.print(f"{path}: {len(policy)} vectors for {model}: right")

@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from lcorpp.cli import ask, check, explain, learn, run, solve
+from lcorpp.cli import ask, check, explain, learn, run, show_model, simulate, solve
 from lcorpp.errors import LcorppError
 
 app = typer.Typer(
@@ -21,6 +21,8 @@ app.command()(run.run)
 app.command()(explain.explain)
 app.command()(ask.ask)
 app.command()(solve.solve)
+app.command()(simulate.simulate)
+app.command("show")(show_model.show_model)
 app.command()(learn.learn)
 app.command()(check.check)
 

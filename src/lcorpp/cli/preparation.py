@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lcorpp import planning
-from lcorpp.cli import show
+from lcorpp.cli import models, show
 from lcorpp.decision import Robot
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
@@ -131,13 +131,13 @@ def planner(domain: Domain, policy: Path | None = None) -> planning.Planner:
     """The policy of a domain's model: read from a file, else solved."""
     pomdp = domain.pomdp
     if policy is not None:
-        return planning.Planner(pomdp, planning.read_policy(policy, pomdp))
+        return planning.Planner(pomdp, models.read_policy(policy, pomdp))
     starts = domain.starts()
     with show.progress("solving the POMDP"):
         solution = planning.solve(pomdp, starts)
-    lower, upper = solution.policy.value(pomdp.start), solution.upper_bound.value(pomdp.start)
+    lower, gap = solution.policy.value(pomdp.start), solution.gap(pomdp.start)
     show.console.print(
-        f"SARSOP: {lower:.3f} to {upper:.3f} at the model's start; {solution.vectors} vectors for"
+        f"SARSOP: {lower:.3f} to {lower + gap:.3f} at the model's start; {solution.vectors} vectors for"
         f" {len(starts)} priors, {solution.seconds:.1f} s"
     )
     return planning.Planner(pomdp, solution.policy)

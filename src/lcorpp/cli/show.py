@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
@@ -58,6 +60,10 @@ DataOption = Annotated[
 OutOption = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
 
 
+PATIENCE = 0.3
+"""Seconds before a late progress bar is drawn: what is over sooner need not load what draws it."""
+
+
 def cores(jobs: int | None) -> int:
     """How many processes to use."""
     return jobs or os.cpu_count() or 1
@@ -87,6 +93,37 @@ def progress(title: str, total: int | None = None) -> Iterator[Advance]:
             bars.update(task, completed=done, total=total, description=title)
 
         yield advance
+
+
+@contextmanager
+def late_progress(title: str) -> Iterator[Callable[[float, str], None]]:
+    """A bar for the share of the work that is done, with words beside it, once it has taken a while.
+
+    Nothing is drawn where nobody looks: when standard error is not a terminal.
+    """
+    began = monotonic()
+    watched = sys.stderr is not None and sys.stderr.isatty()
+    with ExitStack() as opened:
+        update: Callable[[float, str], None] | None = None
+
+        def advance(share: float, words: str) -> None:
+            nonlocal update
+            if update is None and watched and monotonic() - began > PATIENCE:
+                update = opened.enter_context(_bar_with_words(title))
+            if update is not None:
+                update(share, words)
+
+        yield advance
+
+
+@contextmanager
+def _bar_with_words(title: str) -> Iterator[Callable[[float, str], None]]:
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}"))
+    with Progress(*columns, TimeElapsedColumn(), console=_made("messages"), transient=True) as bars:
+        task = bars.add_task(title, total=1.0, words="")
+        yield lambda share, words: bars.update(task, completed=share, words=words)
 
 
 def bar(share: float, width: int = 30) -> Text:

@@ -44,7 +44,7 @@ def _reactions(section: Settings, knowledge: Knowledge, planning: Planning) -> A
     if "feedback" not in section:
         if noise:
             raise DomainError(f"{section.place('noise')}: needs a feedback to disturb")
-        return pomdp.observation
+        return pomdp.observation.dense
     feedback = section.mapping("feedback")
     require_same(
         section.place("feedback"), tuple(feedback), knowledge.values, f"the values of {knowledge.target}"
@@ -66,13 +66,15 @@ def _reactions(section: Settings, knowledge: Knowledge, planning: Planning) -> A
             right = answer == feedback[value]
             share = 1 - noise if right else noise / (len(answers) - 1)
             heard[v, pomdp.observations.index(answer)] = share
-    reactions = pomdp.observation.copy()
+    reactions = pomdp.observation.dense.copy()
     people = planning.share.any(axis=1)
     for a, action in enumerate(pomdp.actions):
         if action in planning.reports:
             continue
         reactions[a, people] = planning.share[people] @ heard
-        impossible = (reactions[a, people].max(axis=0) > 0) & (pomdp.observation[a, people].max(axis=0) == 0)
+        impossible = (reactions[a, people].max(axis=0) > 0) & (
+            pomdp.observation.dense[a, people].max(axis=0) == 0
+        )
         if impossible.any():
             observation = pomdp.observations[int(np.argmax(impossible))]
             raise DomainError(

@@ -93,6 +93,7 @@ class _Tree:
     def __init__(self, domain: Domain, robot: Robot) -> None:
         self._domain, self._robot = domain, robot
         self._actions: dict[bytes, str] = {}
+        self._followed: dict[tuple[int, int], list[tuple[int, str, float]]] = {}
         self._updates: dict[tuple[bytes, str, str], Belief] = {}
 
     def ends(self, prior: Belief, v: int) -> list[_End]:
@@ -117,19 +118,29 @@ class _Tree:
                 if value is not None:
                     ends.append(_End(mass, domain.values.index(value), cost, reward))
                     continue
-                for s_next in np.flatnonzero(pomdp.transition[a, s]):
-                    for o in np.flatnonzero(domain.simulation.reactions[a, s_next]):
-                        p = mass * float(
-                            pomdp.transition[a, s, s_next] * domain.simulation.reactions[a, s_next, o]
-                        )
-                        if p < LOST:
-                            continue
-                        belief_next = self._update(key, belief, action, pomdp.observations[o])
-                        key_next = belief_next.tobytes()
-                        beliefs[key_next] = belief_next
-                        following[key_next, int(s_next), round(cost - reward, 9)] += p
+                paid = round(cost - reward, 9)
+                for s_next, heard, chance in self._moves(a, s):
+                    p = mass * chance
+                    if p < LOST:
+                        continue
+                    belief_next = self._update(key, belief, action, heard)
+                    key_next = belief_next.tobytes()
+                    beliefs[key_next] = belief_next
+                    following[key_next, s_next, paid] += p
             frontier = following
         return ends
+
+    def _moves(self, action: int, state: int) -> list[tuple[int, str, float]]:
+        """What may come of an action in a state: the next state, what is observed then, the probability."""
+        if (action, state) not in self._followed:
+            pomdp, reactions = self._domain.pomdp, self._domain.simulation.reactions
+            states, chances = pomdp.transition.row(action, state)
+            self._followed[action, state] = [
+                (s, pomdp.observations[o], p * float(reactions[action, s, o]))
+                for s, p in zip(states.tolist(), chances.tolist(), strict=True)
+                for o in np.flatnonzero(reactions[action, s])
+            ]
+        return self._followed[action, state]
 
     def _action(self, key: bytes, belief: Belief) -> str:
         if key not in self._actions:

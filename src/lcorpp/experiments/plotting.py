@@ -1,23 +1,18 @@
-"""All figures; the only module that imports matplotlib."""
+"""The figures of the experiments."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from lcorpp.experiments.metrics import Estimate, Scores
-from lcorpp.files import write_atomically
-
-INK, MUTED, BLUE, ORANGE = "#1f2933", "#7b8794", "#2f6db5", "#d9822b"
-mpl.rcParams.update({"font.size": 10, "text.color": INK, "axes.labelcolor": INK, "axes.edgecolor": MUTED})
+from lcorpp.figures import BLUE, INK, ORANGE, drawn, save, tidy
 
 
+@drawn
 def plot_comparison(results: Sequence[Scores], title: str, path: Path) -> None:
     """Figure "comparison with five baselines": F1 of every strategy, and what asking costs.
 
@@ -34,9 +29,10 @@ def plot_comparison(results: Sequence[Scores], title: str, path: Path) -> None:
     if asking:
         _bars(axes[2], [r.strategy for r in asking], [r.cost for r in asking], "cost of asking", "{:.1f}")
     figure.suptitle(title, fontsize=11)
-    _save(figure, path)
+    save(figure, path)
 
 
+@drawn
 def plot_batches(numbers: Sequence[int], f1: Sequence[float], change: Sequence[float], path: Path) -> None:
     """Figure "active data augmentation": the quality of the classifier and its change, batch by batch."""
     figure = Figure(figsize=(8, 3.6), layout="constrained")
@@ -49,8 +45,8 @@ def plot_batches(numbers: Sequence[int], f1: Sequence[float], change: Sequence[f
         axes.set(xlabel="batch", ylabel=label)
         axes.set_ylim(0, top)
         axes.xaxis.get_major_locator().set_params(integer=True)
-        _tidy(axes)
-    _save(figure, path)
+        tidy(axes)
+    save(figure, path)
 
 
 def _bars(axes: Axes, names: Sequence[str], estimates: Sequence[Estimate], label: str, form: str) -> None:
@@ -70,17 +66,4 @@ def _bars(axes: Axes, names: Sequence[str], estimates: Sequence[Estimate], label
     axes.set_xticks(range(len(names)), names)
     axes.set_ylabel(label)
     axes.margins(y=0.12)
-    _tidy(axes)
-
-
-def _tidy(axes: Axes) -> None:
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis="y", color="#e4e7eb", linewidth=0.8)
-    axes.set_axisbelow(True)
-
-
-def _save(figure: Figure, path: Path) -> None:
-    FigureCanvasAgg(figure)
-    image = io.BytesIO()
-    figure.savefig(image, format="png", dpi=150)
-    write_atomically(path, image.getvalue())
+    tidy(axes)

@@ -19,7 +19,7 @@ class Stage:
         pomdp = domain.pomdp
         self.domain = domain
         self.entry = _bounds(domain.entry)
-        self.transition = [_bounds(rows) for rows in pomdp.transition]
+        self.transition = [_bounds(rows) for rows in pomdp.transition.dense]
         self.reactions = [_bounds(rows) for rows in domain.simulation.reactions]
         self.reward = pomdp.reward.tolist()
         self.action = {name: a for a, name in enumerate(pomdp.actions)}

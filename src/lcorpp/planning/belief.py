@@ -30,7 +30,7 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
 
     Source: Bayes' rule; Kaelbling, Littman and Cassandra, 1998, section 3.3.
     """
-    weights: Belief = (belief @ pomdp.transition[action]) * pomdp.observation[action, :, observation]
+    weights: Belief = _seen(pomdp, pomdp.transition.forward(action, belief), action, observation)
     total = weights.sum()
     if not total >= IMPOSSIBLE:
         raise ObservationError(
@@ -41,9 +41,17 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
     return weights
 
 
+def _seen(pomdp: Pomdp, spread: Belief, action: int, observation: int) -> Belief:
+    """(S,) the states reached, `spread` (S,), weighed with how likely each is to show the observation."""
+    states, chances = pomdp.observation.column(action, observation)
+    weights = np.zeros(len(spread))
+    weights[states] = spread[states] * chances
+    return weights
+
+
 def observation_probabilities(pomdp: Pomdp, belief: Belief, action: int) -> Array:
     """(O,) P(o | b, a) for a belief (S,) and the index of an action."""
-    return np.asarray(belief @ pomdp.transition[action] @ pomdp.observation[action])
+    return pomdp.observation.forward(action, pomdp.transition.forward(action, belief))
 
 
 def checked_belief(pomdp: Pomdp, belief: npt.ArrayLike) -> Belief:

@@ -11,14 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, expected
+from lcorpp.planning.rows import Rows
 from lcorpp.values import Array, Belief, frozen
 
 SUM_TOLERANCE = 1e-9
 """How far a row may be from summing to 1: rounding of some thousand added doubles stays far below."""
-
-MAX_BYTES = 2**31
-"""The largest dense table that is made; a bigger model needs a sparse or factored form."""
-
 
 MOST_VALUE = 1e150
 """The largest value a policy may have: beyond it squares and differences of values overflow."""
@@ -31,6 +28,7 @@ class Pomdp:
     states, actions, observations: the names, each unique within its kind.
     transition:  (A, S, S) P(s' | s, a)
     observation: (A, S, O) P(o | a, s'), s' being the state reached
+                 both given as arrays, as sequences of A scipy.sparse matrices or as `Rows`; kept as `Rows`
     reward:      (A, S) expected immediate reward of doing a in s
     discount:    0 < discount < 1
     start:       (S,) the belief when nothing is known
@@ -43,8 +41,8 @@ class Pomdp:
     states: tuple[str, ...]
     actions: tuple[str, ...]
     observations: tuple[str, ...]
-    transition: Array
-    observation: Array
+    transition: Rows
+    observation: Rows
     reward: Array
     discount: float
     start: Belief
@@ -55,19 +53,20 @@ class Pomdp:
             object.__setattr__(self, kind, tuple(getattr(self, kind)))
             _check_names(kind, getattr(self, kind))
         S, A, obs = len(self.states), len(self.actions), len(self.observations)
-        check_size(S, A, obs)
-        for field, shape in (
-            ("transition", (A, S, S)),
-            ("observation", (A, S, obs)),
-            ("reward", (A, S)),
-            ("start", (S,)),
-        ):
+        for field, shape in (("transition", (A, S, S)), ("observation", (A, S, obs))):
+            rows = Rows.of(getattr(self, field))
+            if rows.shape != shape:
+                raise ModelError(f"{field} has shape {rows.shape}, not {shape}")
+            object.__setattr__(self, field, rows)
+        for field, sizes in (("reward", (A, S)), ("start", (S,))):
             array = _kept(getattr(self, field))
-            if array.shape != shape:
-                raise ModelError(f"{field} has shape {array.shape}, not {shape}")
-            if not np.isfinite(array).all():
-                raise ModelError(f"{field} holds a number that is not finite")
+            if array.shape != sizes:
+                raise ModelError(f"{field} has shape {array.shape}, not {sizes}")
             object.__setattr__(self, field, array)
+        for field in ("transition", "observation", "reward", "start"):
+            held = getattr(self, field)
+            if not np.isfinite(held.values if isinstance(held, Rows) else held).all():
+                raise ModelError(f"{field} holds a number that is not finite")
         object.__setattr__(self, "discount", float(self.discount))
         if not 0 < self.discount < 1:
             raise ModelError(discount_message(self.discount))
@@ -81,17 +80,18 @@ class Pomdp:
         if self.start.min() < 0 or abs(self.start.sum() - 1) > SUM_TOLERANCE:
             raise ModelError(f"the start belief is not a distribution; it sums to {self.start.sum():.10g}")
 
-    def _check_rows(self, field: str, table: Array) -> None:
-        if table.min() < 0:
-            a, s, _ = np.unravel_index(int(table.argmin()), table.shape)
+    def _check_rows(self, field: str, table: Rows) -> None:
+        S = len(self.states)
+        if len(table.values) and table.values.min() < 0:
+            a, s = divmod(int(table.rows[table.values.argmin()]), S)
             raise ModelError(
                 f"{field} row for {self.actions[a]!r}, {self.states[s]!r} has a negative"
-                f" probability, {table.min():.10g}"
+                f" probability, {table.values.min():.10g}"
             )
-        sums = table.sum(axis=2)
+        sums = table.sums()
         off = np.abs(sums - 1)
         if off.max() > SUM_TOLERANCE:
-            a, s = np.unravel_index(int(off.argmax()), off.shape)
+            a, s = divmod(int(off.argmax()), S)
             raise ModelError(
                 f"{field} row for {self.actions[a]!r}, {self.states[s]!r} sums to {sums[a, s]:.10g}, not 1"
             )
@@ -127,24 +127,12 @@ class Pomdp:
         """
         digest = hashlib.sha256()
         digest.update(repr((self.states, self.actions, self.observations, self.discount)).encode())
-        for table in (self.transition, self.observation, self.reward):
-            # adding 0 makes -0.0 and 0.0, which are equal, the same bytes
-            digest.update(np.ascontiguousarray(table + 0.0).astype("<f8").tobytes())
+        for table in (self.transition, self.observation):
+            for array, kind in ((table.begins, "<i8"), (table.columns, "<i4"), (table.values, "<f8")):
+                digest.update(array.astype(kind).tobytes())
+        # adding 0 makes -0.0 and 0.0, which are equal, the same bytes
+        digest.update(np.ascontiguousarray(self.reward + 0.0).astype("<f8").tobytes())
         return digest.hexdigest()
-
-
-def check_size(states: int, actions: int, observations: int) -> None:
-    """Refuse a model whose dense tables would not fit.
-
-    Raises:
-        ModelError: it says how large the table would be.
-    """
-    size = 8 * actions * states * max(states, observations)
-    if size > MAX_BYTES:
-        raise ModelError(
-            f"{states} states, {actions} actions and {observations} observations need a table of"
-            f" {size / 2**30:.1f} GiB; at most {MAX_BYTES / 2**30:.0f} GiB are made"
-        )
 
 
 def discount_message(discount: float) -> str:
@@ -161,7 +149,8 @@ def _check_names(kind: str, names: tuple[str, ...]) -> None:
     if not names:
         raise ModelError(f"a POMDP needs {kind}; there are none")
     if len(set(names)) != len(names):
-        twice = next(name for i, name in enumerate(names) if name in names[:i])
+        seen: set[str] = set()
+        twice = next(name for name in names if name in seen or seen.add(name))  # type: ignore[func-returns-value]
         raise ModelError(f"{kind} have the name {twice!r} twice")
 
 

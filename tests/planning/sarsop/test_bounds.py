@@ -1,90 +1,187 @@
+"""Where the search starts: blocks, one step of the model, and the three bounds."""
+
 from __future__ import annotations
 
-from time import monotonic
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from lcorpp.planning import Pomdp, solve
-from lcorpp.planning.sarsop.bounds import blind_policies, fast_informed_bound, mdp_bound
-from lcorpp.planning.sarsop.dynamics import Dynamics
-from lcorpp.planning.sarsop.lower import AlphaVectors
-from lcorpp.planning.sarsop.upper import Sawtooth
-from tests.planning.models import pomdps
+from lcorpp.planning import Pomdp, Rows, observation_probabilities, parse_pomdp, update
+from lcorpp.planning.sarsop import twin
+from lcorpp.planning.sarsop.engine import model_of
+from tests.planning.models import TIGER, pomdps
+from tests.planning.sarsop.kernels import BOTH, NATIVE, bounds, mixed, mixed_models, needs_native, planted
+
+models = pomdps() | mixed_models()
 
 
 def ring(size: int) -> Pomdp:
-    """A ring with a goal at 0, steps that may fail and the parity of the place seen; sparse when long."""
+    """A ring with a goal at 0, steps that may fail and the parity of the place seen."""
     step = 0.9 * np.roll(np.eye(size), 1, axis=1) + 0.1 * np.eye(size)
     parity = np.eye(2)[np.arange(size) % 2]
     reward = np.zeros((2, size))
     reward[:, 0] = 1.0
-    return Pomdp(
-        tuple(f"s{i}" for i in range(size)),
-        ("on", "back"),
-        ("even", "odd"),
-        np.array([step, step.T]),
-        np.array([parity, parity]),
-        reward,
-        0.9,
-        np.full(size, 1 / size),
-    )
+    names = tuple(f"s{i}" for i in range(size))
+    table, seen = np.array([step, step.T]), np.array([parity, parity])
+    return Pomdp(names, ("on", "back"), ("even", "odd"), table, seen, reward, 0.9, np.full(size, 1 / size))
 
 
-@pytest.mark.parametrize(("size", "sparse"), [(10, False), (80, True)])
-def test_initial_bounds_in_both_memory_orders(size, sparse):
-    pomdp = ring(size)
-    dynamics = Dynamics(pomdp)
-    assert dynamics.is_sparse is sparse
-    blind, Q = blind_policies(dynamics), mdp_bound(dynamics)
-    again = pomdp.reward + 0.9 * np.einsum("ast,at->as", pomdp.transition, blind)
-    assert blind == pytest.approx(again)
-    value = np.zeros(size)
-    for _ in range(500):
-        value = (pomdp.reward + 0.9 * pomdp.transition @ value).max(axis=0)
-    assert Q.max(axis=0) == pytest.approx(value)
-    assert (Q.max(axis=0) >= value - 1e-12).all()
-    informed = fast_informed_bound(dynamics, Q, tolerance=1e-9, deadline=monotonic() + 60)
-    assert (informed <= Q).all()
-    assert (informed >= blind.max(axis=0) - 0.2).all()  # one wrong step costs at most a tenth twice
+def blocks_by_definition(pomdp: Pomdp) -> list[int]:
+    """States that one action reaches and one observation follows are together, and what is with them."""
+    block = list(range(len(pomdp.states)))
+    for a in range(len(pomdp.actions)):
+        reached = pomdp.transition[a].max(axis=0) > 0
+        for o in range(len(pomdp.observations)):
+            together = {block[s] for s in np.flatnonzero(reached & (pomdp.observation[a][:, o] > 0))}
+            block = [min(together) if b in together else b for b in block]
+    return [sorted(set(block)).index(b) for b in block]
 
 
-def test_a_sparse_model_is_solved():
-    solution = solve(ring(80), precision=0.05, time_limit=5)
-    assert solution.lower <= solution.upper <= solution.history[0][2]
+@pytest.mark.parametrize("kernels", BOTH)
+@given(pomdp=models)
+@settings(max_examples=40, deadline=None)
+def test_blocks(kernels, pomdp):
+    assert model_of(kernels, pomdp).blocks().tolist() == blocks_by_definition(pomdp)
 
 
-@given(pomdps())
-@settings(max_examples=25, deadline=None)
-def test_the_informed_bound_is_between_lower_bound_and_mdp(pomdp):
-    dynamics = Dynamics(pomdp)
-    Q = mdp_bound(dynamics)
-    informed = fast_informed_bound(dynamics, Q, tolerance=1e-6, deadline=monotonic() + 5)
-    assert (informed <= Q + 1e-9).all()
-    assert (informed.max(axis=0) >= blind_policies(dynamics).max(axis=0) - 1e-9).all()
+@pytest.mark.parametrize("kernels", BOTH)
+def test_blocks_by_hand(kernels):
+    assert model_of(kernels, ring(6)).blocks().tolist() == [0, 1, 0, 1, 0, 1]
+    assert model_of(kernels, parse_pomdp(TIGER)).blocks().tolist() == [0, 0]
+    assert set(model_of(kernels, mixed(1, seen=4, hidden=3)).blocks().tolist()) == {0, 1, 2, 3}
 
 
-def test_sawtooth_by_hand():
-    sawtooth = Sawtooth(np.array([[10.0, 0.0], [0.0, 10.0]]))
-    assert sawtooth.value(np.array([0.5, 0.5])) == 5  # the informed planes, below the corners' 10
-    stamp = sawtooth.add(np.array([0.5, 0.5]), 2.0)
-    # at (.75, .25): phi = .5, so 10 + .5 * (2 - 10)
-    assert sawtooth.value(np.array([0.75, 0.25])) == 6
-    assert sawtooth.value(np.array([1.0, 0.0])) == 10  # the point's support is not inside the corner
-    assert sawtooth.bound(np.array([[1.5, 0.5]])).tolist() == [12]  # homogeneous
-    assert sawtooth.add(np.array([1.0, 0.0]), 6.0) == -1
-    # the corners' plane is 9 at (.75, .25) less 2: 7 + .5 * (2 - 8)
-    assert sawtooth.value(np.array([0.75, 0.25])) == 4
-    sawtooth.drop({stamp})
-    assert sawtooth.value(np.array([0.5, 0.5])) == 5
+@pytest.mark.parametrize("kernels", BOTH)
+@given(pomdp=models)
+@settings(max_examples=30, deadline=None)
+def test_children_follow_bayes_rule(kernels, pomdp):
+    tree, _, _ = planted(kernels, pomdp)
+    root = tree.node(pomdp.start)
+    assert tree.belief(root) == pytest.approx(pomdp.start)
+    assert tree.immediate(root) == pytest.approx(pomdp.reward @ pomdp.start)
+    tree.refresh(root)
+    action = tree.look(root, False)
+    observation, probability, _, _, link = tree.children(root, action)
+    expected = observation_probabilities(pomdp, pomdp.start, action)
+    assert observation.tolist() == np.flatnonzero(expected).tolist()
+    assert probability == pytest.approx(expected[observation])
+    assert (link == -1).all()
+    for k, o in enumerate(observation.tolist()):
+        child = tree.child(root, action, k)
+        assert tree.belief(child) == pytest.approx(update(pomdp, pomdp.start, action, o))
+        assert tree.child(root, action, k) == child
 
 
-def test_stamps_outlive_pruning():
-    alphas = AlphaVectors(np.eye(3), np.array([0, 1, 2]))
-    for i in range(100):
-        alphas.add(np.full(3, float(i)), i % 3)
-    alphas.keep(alphas.stamps % 2 == 0)
-    assert alphas.rows(np.array([0, 1, 2, 102])).tolist() == [0, -1, 1, 51]
-    assert alphas.vectors[alphas.first_since(101)].tolist() == [99.0, 99.0, 99.0]
-    assert alphas.value(np.array([1.0, 0, 0])) == 99
+@needs_native
+@given(pomdp=models)
+@settings(max_examples=40, deadline=None)
+def test_both_kernels_have_the_same_bounds(pomdp):
+    found = [bounds(kernels, model_of(kernels, pomdp)) for kernels in (NATIVE, twin)]
+    for compiled, numpy in zip(*found, strict=True):
+        assert compiled == pytest.approx(numpy, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("kernels", BOTH)
+@given(pomdp=models)
+@settings(max_examples=40, deadline=None)
+def test_bounds_are_in_order_and_near_what_they_stand_for(kernels, pomdp):
+    gamma, S = pomdp.discount, len(pomdp.states)
+    blind, above, informed = bounds(kernels, model_of(kernels, pomdp), tolerance=1e-6)
+    T = np.asarray(pomdp.transition)
+    exact = np.linalg.solve(np.eye(S) - gamma * T, pomdp.reward[:, :, None])[:, :, 0]
+    assert (blind <= exact + 1e-9).all()  # 1e-9: rounding
+    assert (blind >= exact - 1.1e-6).all()
+    value = np.zeros(S)
+    for _ in range(1500):  # .97^1500 is 1e-20
+        value = (pomdp.reward + gamma * T @ value).max(axis=0)
+    seen = pomdp.reward + gamma * T @ value
+    assert (above >= seen - 1e-9).all()
+    assert (above <= seen + 1.1e-6).all()
+    assert (informed <= above).all()
+    assert (informed.max(axis=0) >= blind.max(axis=0) - 1e-9).all()
+
+
+@pytest.mark.parametrize("kernels", BOTH)
+@given(pomdp=models)
+@settings(max_examples=20, deadline=None)
+def test_the_informed_bound_is_above_seeing_one_step_late(kernels, pomdp):
+    """Its fixed point by plain sweeps, as the definition says."""
+    gamma = pomdp.discount
+    _, above, informed = bounds(kernels, model_of(kernels, pomdp), tolerance=1e-6)
+    T, Z = np.asarray(pomdp.transition), np.asarray(pomdp.observation)
+    Q = above
+    for _ in range(600):
+        Q = pomdp.reward + gamma * np.einsum("ast,ato,bt->asob", T, Z, Q).max(axis=3).sum(axis=2)
+    slack = 1e-6 + gamma**600 * np.ptp(above)
+    assert (informed >= Q - slack).all()
+    assert (informed <= Q + slack + 1e-6).all()
+
+
+@pytest.mark.parametrize("kernels", BOTH)
+@given(pomdp=models)
+@settings(max_examples=20, deadline=None)
+def test_a_sweep_more_is_never_worse(kernels, pomdp):
+    """Any stop is a bound: at once, soon and late, each inside the one before."""
+    model = model_of(kernels, pomdp)
+    rounding = 1e-9 * max(1.0, float(np.abs(pomdp.reward).max()))
+    ladder = [(1e9, 0.0), (1.0, 60.0), (1e-2, 60.0), (1e-4, 60.0)]
+    blind = [kernels.blind_policies(model, *limits) for limits in ladder]
+    above = [kernels.mdp_bound(model, *limits) for limits in ladder]
+    start = above[0]
+    informed = [start, *(kernels.fast_informed_bound(model, start, *limits) for limits in ladder)]
+    assert informed[1].tolist() == start.tolist()  # no time, no sweep
+    for worse, better in pairwise(blind):
+        assert (better >= worse - rounding).all()
+    for bound in (above, informed):
+        for worse, better in pairwise(bound):
+            assert (better <= worse + rounding).all()
+    assert (blind[-1].max(axis=0) <= informed[-1].max(axis=0) + rounding).all()
+
+
+@pytest.mark.parametrize("kernels", BOTH)
+def test_a_slow_discount_takes_few_sweeps(kernels):
+    """All values change alike, so that the shift does at once what sweeps would take 1 / (1 - gamma) for."""
+    n = 30
+    T = np.full((2, n, n), 1 / n)
+    reward = np.linspace(-1, 1, 2 * n).reshape(2, n)
+    names = tuple(map(str, range(n)))
+    pomdp = Pomdp(names, ("a", "b"), ("o",), T, np.ones((2, n, 1)), reward, 1 - 1e-9, np.full(n, 1 / n))
+    # from a discount so slow no sweep by itself would arrive within the time of any test
+    blind, above, informed = bounds(kernels, model_of(kernels, pomdp), tolerance=1.0)
+    best = reward[1].mean() * 1e9
+    assert blind[1].mean() == pytest.approx(best, rel=1e-6)
+    assert (above.max(axis=0) >= best).all()
+    assert informed.max(axis=0) == pytest.approx(best, rel=1e-6)
+
+
+@pytest.mark.parametrize("kernels", BOTH)
+def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
+    """Nine digits of a third: summed for ever, what is missing would be larger than the gap."""
+    third = np.full((2, 3, 3), 0.333333333)
+    reward = np.array([[1.0, 1, 1], [0, 0, 0]])
+    names = ("a", "b", "c")
+    pomdp = Pomdp(names, ("x", "y"), ("o",), third, np.ones((2, 3, 1)), reward, 0.999, np.full(3, 1 / 3))
+    blind, above, informed = bounds(kernels, model_of(kernels, pomdp), tolerance=1e-9)
+    assert blind[0] == pytest.approx(1000, abs=1e-6)
+    assert (blind.max(axis=0) <= informed.max(axis=0) + 1e-9).all()
+    assert above.max() == pytest.approx(1000, abs=1e-6)
+
+
+def test_the_twin_finds_rows_of_rows():
+    rows = Rows.of(np.array([[[0.5, 0.5], [0, 1.0]], [[1, 0], [0.25, 0.75]]]))
+    index, owner = twin.model.entries(rows, np.array([3, 1, 0]))
+    assert rows.values[index].tolist() == [0.25, 0.75, 1.0, 0.5, 0.5]
+    assert owner.tolist() == [0, 0, 1, 2, 2]
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=10, deadline=None)
+def test_many_blocks_stay_apart(seed):
+    """A state that is seen is a block by itself, and so much is kept of its vectors."""
+    pomdp = mixed(seed, seen=5, hidden=1, signals=1)
+    tree, _, _ = planted(twin, pomdp)
+    assert tree.groups == 6
+    assert [tree.vectors(g)[1].shape for g in range(6)] == [(2, 1)] * 5 + [(2, 5)]

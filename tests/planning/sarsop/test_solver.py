@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+import signal
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from lcorpp.errors import ModelError
+from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Planner, Pomdp, parse_pomdp, read_pomdp, solve
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
 
@@ -97,7 +99,7 @@ def test_vectors_are_achievable(pomdp):
     solution = solve(pomdp, precision=1e-2, time_limit=1)
     value = np.full(len(pomdp.states), pomdp.reward.max() / (1 - pomdp.discount))
     for _ in range(400):
-        value = (pomdp.reward + pomdp.discount * pomdp.transition @ value).max(axis=0)
+        value = (pomdp.reward + pomdp.discount * pomdp.transition.dense @ value).max(axis=0)
     assert (solution.policy.vectors <= value + 1e-6).all()  # 400 sweeps at .95 leave 1e-9 of the start
 
 
@@ -174,3 +176,108 @@ def test_a_start_that_is_no_belief(start):
 def test_a_precision_of_zero_is_refused():
     with pytest.raises(ModelError, match="must be positive"):
         solve(lcorpp, precision=0)
+
+
+def corridor(length: int = 6) -> Pomdp:
+    """A place that is seen, a side that is hidden: go to the end, look, then open a door."""
+    places, sides = range(length), range(2)
+    S = 2 * length + 1
+    done = S - 1
+    T, Z = np.zeros((4, S, S)), np.zeros((4, S, 2 * length + 1))
+    reward = np.full((4, S), -1.0)
+    reward[:, done] = 0.0
+    T[:, done, done] = Z[:, done, 2 * length] = 1.0
+    for p in places:
+        for side in sides:
+            s = 2 * p + side
+            T[0, s, 2 * min(p + 1, length - 1) + side] += 0.9
+            T[0, s, s] += 0.1
+            T[1, s, s] = 1.0
+            T[2:, s, done] = 1.0
+            reward[2:, s] = -50.0
+            if p == length - 1:
+                reward[2 + side, s], reward[3 - side, s] = 20.0, -20.0
+            sharp = 0.5 + 0.4 * p / (length - 1)
+            Z[0, s, 2 * p] = Z[0, s, 2 * p + 1] = 0.5
+            Z[2:, s, 2 * p] = Z[2:, s, 2 * p + 1] = 0.5
+            Z[1, s, 2 * p + side], Z[1, s, 2 * p + 1 - side] = sharp, 1 - sharp
+    start = np.zeros(S)
+    start[:2] = 0.5
+    names = (*(f"{p}{side}" for p in places for side in "lr"), "done")
+    return Pomdp(
+        names,
+        ("go", "look", "left", "right"),
+        tuple(map(str, range(2 * length + 1))),
+        T,
+        Z,
+        reward,
+        0.95,
+        start,
+    )
+
+
+def test_what_is_always_seen_makes_pieces():
+    pomdp = corridor()
+    solution = solve(pomdp, precision=1e-3)
+    assert solution.reason == "precision reached"
+    policy = solution.policy
+    # one piece for each place, one for being done, and one for beliefs over several
+    assert [len(piece.states) for piece in policy.pieces] == [2] * 6 + [1, 13]
+    assert policy.value(pomdp.start) == pytest.approx(solution.lower)
+    assert policy.action(pomdp.start) == 0
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        belief = rng.dirichlet(np.full(13, 0.3))
+        # what a piece does not speak of counts as the worst that there is: still below the upper bound
+        assert (policy.vectors @ belief).max() <= policy.value(belief) + 1e-9
+        assert policy.gap(belief) >= 0
+    beliefs = rng.dirichlet(np.full(13, 0.3), 20)
+    values, actions = policy.batch(beliefs)
+    assert values == pytest.approx([policy.value(belief) for belief in beliefs])
+    alike = actions == [policy.action(belief) for belief in beliefs]
+    assert alike.mean() > 0.8  # equal plans with other first actions differ by rounding alone
+
+
+def test_a_start_over_several_places():
+    pomdp = corridor()
+    anywhere = np.append(np.full(12, 1 / 12), 0.0)
+    here, there = solve(pomdp, anywhere, precision=1e-2), solve(pomdp, precision=1e-3)
+    assert here.reason == "precision reached"
+    assert here.policy.value(anywhere) == pytest.approx(here.lower)
+    assert here.lower > there.upper  # some of the way is behind it
+
+
+def test_what_is_known_is_used_for_another_start():
+    starts = np.random.default_rng(1).dirichlet(np.ones(4), 20)
+    starts = np.column_stack([starts, np.zeros(20)])
+    first = solve(lcorpp, starts, precision=1e-2)
+    again = solve(lcorpp, starts[7], precision=1e-2, previous=first)
+    assert (again.trials, again.reason) == (0, "precision reached")
+    assert again.lower == pytest.approx(first.policy.value(starts[7]))
+    finer = solve(lcorpp, starts[7], precision=1e-4, previous=again)
+    alone = solve(lcorpp, starts[7], precision=1e-4)
+    assert 0 < finer.trials < alone.trials
+    assert finer.lower <= alone.upper
+    assert alone.lower <= finer.upper
+    with pytest.raises(PolicyError, match="previous solution is for another model"):
+        solve(parse_pomdp(TIGER), previous=first)
+
+
+def test_a_policy_from_elsewhere_has_no_gap():
+    policy = solve(lcorpp, precision=0.1).policy
+    assert policy.gap(lcorpp.start) <= 0.1
+    with pytest.raises(PolicyError, match="no upper bound to measure it by; solve the model"):
+        replace(policy, upper_bound=None).gap(lcorpp.start)
+
+
+def test_an_interrupt_reaches_the_kernels():
+    """The signal comes while compiled code runs; the search ends with what it has."""
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.5)
+        solution = solve(read_pomdp(shared_model("tag-avoid.pomdp")), precision=1e-6, time_limit=60)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert solution.reason == "interrupted"
+    assert solution.lower <= solution.upper

@@ -1,15 +1,14 @@
 """SARSOP, in the steps of its paper (Kurniawati, Hsu and Lee, RSS 2008).
 
-solver    Algorithm 1: sample, back up, prune until the bounds meet
-bounds    where both bounds start                    sampling    which beliefs to look at
-lower     alpha vectors                              prediction  which of them are worth the depth
-upper     points and sawtooth                        backup      both bounds improved at one belief
-tree      beliefs and what is known of them          pruning     what is dropped again
+solver       Algorithm 1: sample, back up, prune until the bounds meet
+sampling     one trial, Algorithm 2, to be read and changed: it runs on either kernels
+engine       what the kernels offer, and which are taken: those in native/ (C++), or their twins
+twin         the kernels in numpy: bounds, vectors, points, the belief tree, backups, pruning
+upper_bound  what is left of the upper bound when the search is over
 """
 
 from __future__ import annotations
 
-from lcorpp.planning.sarsop.solution import Progress, Solution
 from lcorpp.planning.sarsop.solver import solve
 
-__all__ = ["Progress", "Solution", "solve"]
+__all__ = ["solve"]

@@ -1,4 +1,8 @@
-"""SAMPLE: one path of beliefs from the root, towards where the bounds matter most for the root.
+"""SAMPLE: one path of beliefs from a root, towards where the bounds matter most for the root.
+
+This is the search itself, on the methods of a tree. Write another one and hand it to `solve`: it runs on the
+compiled kernels as it does on numpy's. Without one, both kinds of kernels run what is below, the compiled
+ones a copy of it in C++.
 
 Source: Kurniawati, Hsu and Lee, RSS 2008, Algorithm 2 (SAMPLE, SAMPLEPOINTS).
 """
@@ -6,28 +10,33 @@ Source: Kurniawati, Hsu and Lee, RSS 2008, Algorithm 2 (SAMPLE, SAMPLEPOINTS).
 from __future__ import annotations
 
 from time import monotonic
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcorpp.planning.sarsop.prediction import Prediction
-from lcorpp.planning.sarsop.tree import Node, Tree
 from lcorpp.values import Array
+
+if TYPE_CHECKING:
+    from lcorpp.planning.sarsop.engine import Prediction, Tree
 
 NEGLIGIBLE = 0.1
 """Share of the allowed gap below which even selective deep sampling has nothing left to find."""
 
+ABOVE = 1e-6
+"""Share of the allowed gap by which a value must be above a level to count as above it. Often a belief is
+worth the very level it is held against, and rounding must not decide then."""
 
-def sample(
+
+def trial(
     tree: Tree,
-    root: Node,
     prediction: Prediction,
-    *,
+    root: int,
     target: float,
     depth: int,
-    deadline: float,
+    seconds: float,
     greedy_below: bool,
-) -> list[Node]:
-    """The nodes of one trial, the root first.
+) -> int:
+    """Sample a path and back up along it, the last belief first.
 
     The path goes on while a node's gap may still matter at the root (gap termination with the level U), or
     while the predicted value says that the lower bound may still rise there (selective deep sampling, level
@@ -35,39 +44,48 @@ def sample(
     discount a trial would circle in one belief to its end.
 
     Args:
-        target: gap wanted at the root; a node t steps down may keep target / gamma^t.
+        prediction: a guess at the value of a node, learnt on the way.
+        root: the node to begin at.
+        target: the gap wanted there, in reward units; a node t steps down may keep target / gamma^t.
         depth: the most nodes on the path.
-        deadline: on the monotonic clock; the path ends there.
+        seconds: of wall-clock time; at the end it stops wherever it is.
         greedy_below: follow the action that is best in the lower bound instead of the upper.
+
+    Returns:
+        The number of nodes on the path.
     """
-    gamma = tree.dynamics.discount
+    deadline, gamma = monotonic() + seconds, tree.discount
     node, path = root, [root]
-    tree.refresh(root)
-    L, U, allowed = root.low, root.low + target, target
+    action = tree.look(root, greedy_below)
+    allowed = target
+    L, U = tree.low(root), tree.low(root) + allowed
     while len(path) < depth and monotonic() < deadline:
-        predicted = prediction.value(node)
-        if node.high - node.low <= NEGLIGIBLE * allowed:
+        low, high = tree.low(node), tree.high(node)
+        if high - low <= NEGLIGIBLE * allowed:
             break
-        if predicted <= L and node.high <= max(U, node.low + allowed):
+        slack = ABOVE * allowed
+        if prediction.value(tree, node) <= L + slack and high <= max(U, low + allowed) + slack:
             break
-        action = int((node.q_lower if greedy_below else node.q_upper).argmax())
-        part = node.children(action)
-        lower, upper, probability = node.lower[part], node.upper[part], node.probability[part]
+        immediate = float(tree.immediate(node)[action])
+        _, probability, lower, upper, link = tree.children(node, action)
+        L, U = max(L, low), max(U, low + allowed)
         allowed /= gamma
         excess = upper - lower - probability * allowed
-        fresh = [node.links.get(part.start + i) not in path for i in range(len(excess))]
+        fresh = ~np.isin(link, path)
         if (excess[fresh] > 0).any():
             excess = np.where(fresh, excess, -np.inf)
         k = int(excess.argmax())
-        L = max(L, float(node.q_lower.max()))
-        U = max(U, float(node.q_lower.max()) + allowed * gamma)
-        L = _level(L, node.immediate[action], gamma, lower, k) / probability[k]
-        U = _level(U, node.immediate[action], gamma, upper, k) / probability[k]
-        node = tree.child(node, part.start + k)
-        tree.refresh(node)
-        prediction.learn(node)
+        L = _level(L, immediate, gamma, lower, k) / float(probability[k])
+        U = _level(U, immediate, gamma, upper, k) / float(probability[k])
+        node = tree.child(node, action, k)
+        action = tree.look(node, greedy_below)
+        prediction.learn(tree, node)
         path.append(node)
-    return path
+    for number in reversed(path):
+        tree.backup(number)
+        if monotonic() >= deadline:
+            break
+    return len(path)
 
 
 def _level(level: float, immediate: float, gamma: float, bound: Array, k: int) -> float:
@@ -75,4 +93,4 @@ def _level(level: float, immediate: float, gamma: float, bound: Array, k: int) -
 
     bound: (n,) bounds of all children times their probability; the others stay as they are.
     """
-    return float((level - immediate) / gamma - (bound.sum() - bound[k]))
+    return (level - immediate) / gamma - float(bound.sum() - bound[k])

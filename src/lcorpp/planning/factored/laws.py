@@ -1,0 +1,82 @@
+"""What the tables of a factored problem must obey together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from graphlib import CycleError, TopologicalSorter
+
+import numpy as np
+
+from lcorpp.errors import ModelError, expected
+from lcorpp.planning.factored.table import Table, check_distributions
+from lcorpp.planning.factored.variables import AFTER, Scope
+
+
+def ordered(
+    kind: str, tables: Sequence[Table], scope: Scope, children: Sequence[str], parents: Sequence[str]
+) -> tuple[Table, ...]:
+    """The tables of a kind, checked, each after those it depends on.
+
+    Args:
+        kind: ``transition`` or another, for messages.
+        children: the variables of which each must be in one table.
+        parents: the variables that they may depend on.
+
+    Raises:
+        ModelError: a table breaks its law, a variable has no table or two, or they go round in a circle.
+    """
+    home: dict[str, int] = {}
+    for i, table in enumerate(tables):
+        for name in table.children:
+            if name not in children:
+                raise ModelError(f"{kind} has a table for unknown {name!r}; {expected(children)}")
+            if name in home:
+                raise ModelError(f"{kind} has two tables for {name!r}")
+            home[name] = i
+        if not table.children:
+            raise ModelError(f"{kind} has a table that is about no variable")
+        what = f"{kind} of {' '.join(name.removesuffix(AFTER) for name in table.children)!r}"
+        _check_shape(what, table, scope, parents)
+        check_distributions(table, scope, what)
+    for name in children:
+        if name not in home:
+            raise ModelError(f"{kind} has no table for {name.removesuffix(AFTER)!r}")
+    needs = {
+        i: dict.fromkeys(home[name] for name in table.parents if name in home)
+        for i, table in enumerate(tables)
+    }
+    try:
+        return tuple(tables[i] for i in TopologicalSorter(needs).static_order())
+    except CycleError as error:
+        circle = [" ".join(tables[i].children) for i in reversed(error.args[1])]
+        raise ModelError(f"in {kind}, {' depends on '.join(circle)}: a circle") from None
+
+
+def check_reward(what: str, table: Table, scope: Scope) -> None:
+    """Refuse a reward that is no table of finite numbers over the variables.
+
+    Raises:
+        ModelError: it is not.
+    """
+    if table.children:
+        raise ModelError(f"{what} is a table of numbers: it has parents, no children")
+    _check_shape(what, table, scope, tuple(scope))
+    if not np.isfinite(table.rows.values).all():
+        raise ModelError(f"{what} holds a number that is not finite")
+
+
+def _check_shape(what: str, table: Table, scope: Scope, parents: Sequence[str]) -> None:
+    for name in table.parents:
+        if name not in parents:
+            raise ModelError(f"{what} cannot depend on {name!r}{_advice(name, parents)}")
+    shape = tuple(len(scope[name].values) for name in (*table.parents, *table.children))
+    if table.shape != shape:
+        raise ModelError(f"{what} has the shape {table.shape}; its variables have {shape} values")
+
+
+def _advice(name: str, allowed: Iterable[str]) -> str:
+    if name + AFTER in allowed:
+        return f", the value before the action; {name + AFTER!r} is the value after it"
+    if name.removesuffix(AFTER) in allowed:
+        return f", the value after the action; {name.removesuffix(AFTER)!r} is the value before it"
+    return f"; {expected(tuple(allowed))}"

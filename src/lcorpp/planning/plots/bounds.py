@@ -1,0 +1,79 @@
+"""How the bounds met: both over time, and how many vectors it took."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from lcorpp.errors import ModelError
+from lcorpp.figures import BLUE, INK, MUTED, ORANGE, drawn, tidy
+from lcorpp.values import Array
+
+LONG = 10.0
+"""A search that ended this many times later than it began has its time axis in decades."""
+
+
+@drawn
+def draw_bounds(history: Sequence[tuple[float, float, float, int]], *, title: str = "") -> Figure:
+    """The bounds at the start belief over time, the gap between them shaded, above the number of vectors.
+
+    Args:
+        history: (seconds, lower, upper, vectors) in the order of time, as `Solution.history`.
+        title: written above.
+
+    Raises:
+        ModelError: there is no history.
+    """
+    if not len(history):
+        raise ModelError("there is no history to draw: a search that keeps bounds leaves one")
+    seconds, lower, upper, vectors = np.array(history, dtype=np.float64).T
+    unit, times = ("seconds", seconds) if seconds[-1] >= 0.1 else ("milliseconds", 1000 * seconds)
+    # the last entry holds until the end: a little of it is shown
+    times = np.append(times, max(1.04 * times[-1], times[-1] + 1e-3))
+    low, high, count = (np.append(series, series[-1]) for series in (lower, upper, vectors))
+    figure = Figure(figsize=(7, 4.4), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3.4, 1])
+    above.fill_between(times, low, high, step="post", color=BLUE, alpha=0.13, linewidth=0)
+    above.step(times, high, where="post", color=ORANGE, linewidth=1.6, label="upper bound")
+    above.step(times, low, where="post", color=BLUE, linewidth=1.6, label="lower bound: the policy")
+    above.set_ylabel("value at the start")
+    above.legend(frameon=False)
+    above.annotate(
+        f"gap {upper[-1] - lower[-1]:.3g}",
+        (1, (lower[-1] + upper[-1]) / 2),
+        xycoords=("axes fraction", "data"),
+        xytext=(6, 0),
+        textcoords="offset points",
+        va="center",
+        color=INK,
+        annotation_clip=False,
+    )
+    below.step(times, count, where="post", color=MUTED, linewidth=1.2)
+    below.set(xlabel=unit, ylabel="vectors")
+    below.set_ylim(bottom=0)
+    below.yaxis.set_major_locator(MaxNLocator(3, integer=True))
+    _scale(below, times)
+    for axes in (above, below):
+        tidy(axes)
+    figure.align_ylabels()
+    if title:
+        figure.suptitle(title, fontsize=11)
+    return figure
+
+
+def _scale(axes: Axes, times: Array) -> None:
+    """In decades where the search was long, from the first moment after the call's own."""
+    first = float(times[times > 0][0])
+    if times[-1] <= LONG * first:
+        axes.set_xlim(times[0], times[-1])
+        return
+    axes.set_xscale("log")
+    axes.set_xlim(first, times[-1])
+    wide = times[-1] > 100 * first
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda time, _: f"{time:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())

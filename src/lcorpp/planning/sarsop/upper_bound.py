@@ -1,0 +1,63 @@
+"""The upper bound by itself: what is left of it when the search is over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.planning.belief import IMPOSSIBLE
+from lcorpp.values import Array, Belief
+
+
+@dataclass(frozen=True, eq=False)
+class SawtoothBound:
+    """The fast informed bound, lowered by points; `lcorpp.planning.policy.UpperBound`.
+
+    At b it is the least of max over a of Q(a).b and of corners.b + phi(b) (v - corners.p) over the points
+    (p, v), phi = min over the support of p of b(s) / p(s); phi is 0 where p's support is not inside b's.
+
+    informed: (A, S) Q values above the truth. corners: (S,) the bound where a state is certain.
+    begins: (n + 1,) where the entries of each point begin; states, weights: (entries,); values: (n,).
+
+    Source: Hauskrecht, JAIR 2000, section 4.4; Smith and Simmons, UAI 2005, section 4.2.
+    """
+
+    informed: Array
+    corners: Array
+    begins: npt.NDArray[np.int64]
+    states: npt.NDArray[np.int32]
+    weights: Array
+    values: Array
+
+    def __post_init__(self) -> None:
+        for field in ("informed", "corners", "begins", "states", "weights", "values"):
+            array = np.array(getattr(self, field))
+            array.setflags(write=False)
+            object.__setattr__(self, field, array)
+
+    def points(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], Array, Array]:
+        """begins, states, weights and values of all points, the corners that were lowered first."""
+        lowered = np.flatnonzero(self.corners < self.informed.max(axis=0))
+        begins = np.concatenate([np.arange(len(lowered)), len(lowered) + self.begins])
+        states = np.concatenate([lowered.astype(np.int32), self.states])
+        weights = np.concatenate([np.ones(len(lowered)), self.weights])
+        return begins, states, weights, np.concatenate([self.corners[lowered], self.values])
+
+    def value(self, belief: Belief) -> float:
+        """The bound at a belief (S,)."""
+        belief = np.asarray(belief, dtype=np.float64)
+        plane = float(self.corners @ belief)
+        if len(self.values):
+            ratios = belief[self.states] / np.maximum(self.weights, IMPOSSIBLE)
+            phi = np.minimum.reduceat(ratios, self.begins[:-1])
+            plane += min(0.0, float((phi * self._excess).min()))
+        return min(float((self.informed @ belief).max()), plane)
+
+    @cached_property
+    def _excess(self) -> Array:
+        """(n,) how far below the corners' plane each point lies, not above 0."""
+        planes = np.add.reduceat(self.corners[self.states] * self.weights, self.begins[:-1])
+        return np.minimum(self.values - planes, 0.0)

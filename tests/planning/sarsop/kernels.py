@@ -1,0 +1,121 @@
+"""Kernels of both kinds, and models to try them on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+from lcorpp.planning import Pomdp
+from lcorpp.planning.sarsop import twin
+from lcorpp.planning.sarsop.engine import Engine, model_of
+
+try:
+    from lcorpp.planning import _native
+
+    NATIVE: Any = _native
+    WITHOUT = ""
+except ImportError as error:
+    NATIVE, WITHOUT = None, f"the compiled kernels cannot be imported: {error}"
+
+needs_native = pytest.mark.skipif(NATIVE is None, reason=WITHOUT)
+
+BOTH = [pytest.param(NATIVE, id="native", marks=needs_native), pytest.param(twin, id="twin")]
+
+SECONDS = 60.0
+"""Time that no test should need: what is compared must not have been cut short."""
+
+
+def mixed(
+    seed: int,
+    *,
+    seen: int = 1,
+    hidden: int = 3,
+    actions: int = 2,
+    signals: int = 2,
+    certain: bool = False,
+    absorbing: bool = False,
+    discount: float = 0.9,
+) -> Pomdp:
+    """A model without ties, its numbers drawn at random; its state has a part that is always seen.
+
+    Args:
+        seen, hidden: how many values the two parts have; every value of the first is a block, or several.
+        signals: observations of the hidden part. certain: they follow from the state.
+        absorbing: the last state is never left; it goes on paying.
+    """
+    rng = np.random.default_rng(seed)
+    S = seen * hidden
+    T, Z = np.zeros((actions, S, S)), np.zeros((actions, S, seen * signals))
+    for a in range(actions):
+        for s in range(S):
+            reached = rng.choice(S, size=min(S, int(rng.integers(1, 4))), replace=False)
+            T[a, s, reached] = rng.dirichlet(np.ones(len(reached)))
+            weights = np.eye(signals)[rng.integers(signals)] if certain else rng.dirichlet(np.ones(signals))
+            part = s // hidden * signals
+            Z[a, s, part : part + signals] = weights
+    if absorbing:
+        T[:, -1] = np.eye(S)[-1]
+    return Pomdp(
+        tuple(f"s{i}" for i in range(S)),
+        tuple(f"a{i}" for i in range(actions)),
+        tuple(f"o{i}" for i in range(seen * signals)),
+        T,
+        Z,
+        rng.normal(size=(actions, S)) * 3,
+        discount,
+        rng.dirichlet(np.ones(S)),
+    )
+
+
+def mixed_models(**given: Any) -> st.SearchStrategy[Pomdp]:
+    """Models of all the kinds that `mixed` makes."""
+    drawn = {
+        "seen": st.integers(1, 3),
+        "hidden": st.integers(1, 4),
+        "actions": st.integers(1, 3),
+        "signals": st.integers(1, 3),
+        "certain": st.booleans(),
+        "absorbing": st.booleans(),
+        "discount": st.sampled_from((0.5, 0.9, 0.97)),
+    }
+    drawn.update({name: st.just(value) for name, value in given.items()})
+    return st.builds(mixed, st.integers(0, 2**32 - 1), **drawn)
+
+
+def bounds(kernels: Engine, model: Any, tolerance: float = 1e-7) -> tuple[Any, Any, Any]:
+    """Blind policies, MDP and fast informed bound, to within a tolerance."""
+    blind = kernels.blind_policies(model, tolerance, SECONDS)
+    above = kernels.mdp_bound(model, tolerance, SECONDS)
+    return blind, above, kernels.fast_informed_bound(model, above, tolerance, SECONDS)
+
+
+def planted(kernels: Engine, pomdp: Pomdp) -> tuple[Any, Any, Any]:
+    """A tree without nodes, a prediction, and the informed bound."""
+    model = model_of(kernels, pomdp)
+    blind, _, informed = bounds(kernels, model)
+    return kernels.Tree(model, informed, blind), kernels.Prediction(informed.max(axis=0)), informed
+
+
+PRUNE = (1e-3, 3.0, 1.3)
+"""Radius, cap and growth, as the solver has them."""
+
+
+def search(tree: Any, prediction: Any, root: int, trials: int, run: Any = None) -> list[tuple[Any, ...]]:
+    """Trials towards half of the gap; after each how long it was and what there is then."""
+    found = []
+    for i in range(trials):
+        gap = tree.upper_at(root) - tree.lower_at(root)
+        if gap <= 1e-3:
+            break
+        arguments = prediction, root, max(0.5 * gap, 5e-4), 50, SECONDS, i % 2 == 1
+        steps = run(tree, *arguments) if run else tree.trial(*arguments)
+        tree.prune([root], *PRUNE)
+        found.append((steps, tree.node_count, tree.vector_count, tree.point_count))
+    return found
+
+
+def close(numbers: Any) -> Any:
+    return pytest.approx(np.asarray(numbers), rel=1e-9, abs=1e-9)

@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from lcorpp.errors import ModelError
+from lcorpp.planning import parse_pomdp, read_pomdp, solve
+from lcorpp.planning.evaluation import evaluate
+from lcorpp.planning.solvers.incremental_pruning import solve_exact
+from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
+from tests.planning.solvers.trees import best, corners, tail
+
+tiger = parse_pomdp(TIGER)
+
+
+def test_the_tiger():
+    solution = solve_exact(tiger)
+    assert solution.reason == "precision reached"
+    assert 19.371 <= solution.lower <= solution.upper <= 19.373
+    assert solution.upper - solution.lower <= 1e-3
+    assert len(solution.policy) == 9  # as known: Cassandra, Kaelbling and Littman, AAAI 1994
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [
+        ("cheese.95.pomdp", 3.4854, 3.4863),
+        ("1d.pomdp", 1.26033, 1.26035),  # 1d and paint: this solver's own, SARSOP's bounds agree
+        ("paint.95.pomdp", 3.2935, 3.2937),
+        ("ejs3.pomdp", 167364.9, 167365.0),  # discount .99999
+    ],
+)
+def test_published_models(name, least, most):
+    pomdp = read_pomdp(shared_model(name))
+    solution = solve_exact(pomdp)
+    assert solution.reason == "precision reached"
+    assert solution.lower <= most
+    assert solution.upper >= least
+    other = solve(pomdp, time_limit=1)
+    assert other.lower <= solution.upper + 1e-6
+    assert solution.lower <= other.upper + 1e-6
+
+
+@pytest.mark.slow
+def test_a_model_of_eight_states():
+    solution = solve_exact(read_pomdp(shared_model("shuttle.95.pomdp")), time_limit=300)
+    assert solution.reason == "precision reached"
+    assert solution.lower <= 32.8898
+    assert solution.upper >= 32.8892
+
+
+@given(pomdps(discounts=(0.3, 0.5)))
+@settings(max_examples=25, deadline=None)
+def test_brute_force_is_between_the_bounds(pomdp):
+    solution = solve_exact(pomdp, precision=1e-4)
+    assert solution.reason == "precision reached"
+    for belief in (pomdp.start, *corners(pomdp)):
+        steps = 4
+        exact, (least, most) = best(pomdp, belief, steps), tail(pomdp, steps)
+        assert solution.policy.value(belief) <= exact + most + 1e-9
+        assert solution.policy.upper_bound.value(belief) >= exact + least - 1e-9
+
+
+@given(pomdps())
+@settings(max_examples=25, deadline=None)
+def test_sarsop_agrees(pomdp):
+    exact, other = solve_exact(pomdp, precision=1e-3), solve(pomdp, precision=1e-3, time_limit=2)
+    assert exact.reason == "precision reached"
+    assert exact.lower <= other.upper + 1e-9
+    assert other.lower <= exact.upper + 1e-9
+
+
+@given(pomdps())
+@settings(max_examples=20, deadline=None)
+def test_the_policy_earns_what_it_promises_everywhere(pomdp):
+    solution = solve_exact(pomdp, precision=1e-3)
+    for belief in corners(pomdp):
+        low, high = solution.policy.value(belief), solution.policy.upper_bound.value(belief)
+        assert 0 <= high - low <= 1e-3 + 1e-12
+        assert evaluate(pomdp, solution.policy, belief, most_nodes=300, trials=0).upper >= low - 1e-9
+
+
+def test_the_policy_earns_the_lower_bound():
+    solution = solve_exact(tiger)
+    evaluation = evaluate(tiger, solution.policy, precision=1e-6, trials=0)
+    assert evaluation.exact
+    assert solution.lower - 1e-9 <= evaluation.upper
+    assert evaluation.lower <= solution.upper
+
+
+def test_what_is_found_in_time_is_sound():
+    """The authors' model has more vectors than can be found in a second."""
+    solution = solve_exact(parse_pomdp(LCORPP), time_limit=1)
+    assert solution.reason == "time limit"
+    assert solution.lower <= 51.657
+    assert solution.upper >= 51.656
+    assert solution.lower > 40
+
+
+def test_an_interrupt_returns_the_best_so_far():
+    seen = []
+
+    def stop(progress):
+        seen.append(progress)
+        if progress.trials == 2:
+            raise KeyboardInterrupt
+
+    solution = solve_exact(tiger, callback=stop)
+    assert (solution.reason, solution.trials) == ("interrupted", 2)
+    assert (seen[-1].lower, seen[-1].upper) == (solution.lower, solution.upper)
+    assert solution.lower <= 19.3714 <= solution.upper
+
+
+def test_no_time_is_a_result():
+    solution = solve_exact(tiger, time_limit=1e-9)
+    assert solution.reason == "time limit"
+    assert solution.lower == pytest.approx(-20)  # listening for ever
+    assert solution.upper == pytest.approx(200)  # the largest reward for ever
+
+
+def test_several_starts():
+    solution = solve_exact(tiger, np.array([[0.5, 0.5], [1, 0], [0.1, 0.9]]))
+    assert solution.policy.value(np.array([1.0, 0])) == pytest.approx(10 + 0.95 * 19.3714, abs=2e-3)
+
+
+@pytest.mark.parametrize("limits", [{"precision": 0}, {"precision": float("nan")}, {"time_limit": -1}])
+def test_limits_that_are_refused(limits):
+    with pytest.raises(ModelError, match="must be positive"):
+        solve_exact(tiger, **limits)
+
+
+def test_a_start_that_is_no_belief():
+    with pytest.raises(ModelError, match="not a distribution"):
+        solve_exact(tiger, [0.5, 0.4])
+    with pytest.raises(ModelError, match="no start belief"):
+        solve_exact(tiger, np.empty((0, 2)))

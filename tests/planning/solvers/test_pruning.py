@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from lcorpp.planning.solvers.margins import OutOfTime, margins
+from lcorpp.planning.solvers.pruning import excess, prune
+
+NOTHING = np.empty((0, 2))
+
+sets = st.integers(1, 4).flatmap(
+    lambda states: arrays(
+        np.float64, st.tuples(st.integers(1, 12), st.just(states)), elements=st.integers(-9, 9)
+    )
+)
+
+
+def grid(states: int) -> np.ndarray:
+    """Beliefs in steps of a sixth."""
+    parts = np.stack(np.meshgrid(*[np.arange(7)] * states), axis=-1).reshape(-1, states)
+    return parts[parts.sum(axis=1) == 6] / 6
+
+
+def test_the_margin_of_a_line_above_two():
+    # max(b0, b1) is lowest at the middle, where 0.6 is above it by a tenth
+    margin = margins(np.array([[0.6, 0.6], [0.4, 0.4]]), np.eye(2), np.eye(2), tolerance=0.0)
+    assert margin.beliefs[0] == pytest.approx([0.5, 0.5])
+    assert margin.least[0] == pytest.approx(0.1)
+    assert margin.most[0] == pytest.approx(0.1)
+    assert margin.most[1] == pytest.approx(-0.1)
+
+
+def test_what_is_nowhere_best_is_dropped():
+    vectors = np.array([[1, 0], [0, 1], [0.4, 0.4], [0.6, 0.6], [-1, -1], [1, 0]])
+    kept = prune(vectors, NOTHING, tolerance=1e-9)
+    assert {tuple(row) for row in vectors[kept.rows]} == {(1, 0), (0, 1), (0.6, 0.6)}
+    assert len(kept.rows) == 3
+    assert kept.loss <= 1e-9
+
+
+def test_a_mixture_alone_can_dominate():
+    # at every belief one of the first two is better than the third, though neither is everywhere
+    vectors = np.array([[1.0, 0], [0, 1], [0.49, 0.49]])
+    assert sorted(prune(vectors, NOTHING, tolerance=1e-9).rows) == [0, 1]
+
+
+def test_a_tolerance_is_used_and_told():
+    vectors = np.array([[1.0, 0], [0, 1], [0.55, 0.55]])
+    kept = prune(vectors, NOTHING, tolerance=0.06)
+    assert sorted(kept.rows) == [0, 1]
+    assert kept.loss == pytest.approx(0.05)
+
+
+@given(sets, st.sampled_from([1e-9, 0.3]))
+@settings(max_examples=60, deadline=None)
+def test_no_belief_loses_more_than_is_told(vectors, tolerance):
+    kept = prune(vectors, np.empty((0, vectors.shape[1])), tolerance=tolerance)
+    beliefs = grid(vectors.shape[1])
+    lost = (beliefs @ vectors.T).max(axis=1) - (beliefs @ vectors[kept.rows].T).max(axis=1)
+    assert lost.max() <= kept.loss + 1e-12  # the rounding of the products
+    assert kept.loss <= tolerance
+    assert len(set(kept.rows.tolist())) == len(kept.rows)
+
+
+@given(sets)
+@settings(max_examples=40, deadline=None)
+def test_what_is_kept_is_needed(vectors):
+    """Without any one of the vectors kept, some belief would lose."""
+    kept = prune(vectors, np.empty((0, vectors.shape[1])), tolerance=1e-9)
+    if len(kept.rows) > 1:
+        chosen = vectors[kept.rows]
+        for k in range(len(chosen)):
+            others = np.delete(chosen, k, axis=0)
+            margin = margins(chosen[k : k + 1], others, kept.witnesses, tolerance=0.0)
+            assert margin.least[0] > 0
+
+
+@given(sets, sets)
+@settings(max_examples=60, deadline=None)
+def test_excess_is_a_bound_and_close(left, right):
+    states = min(left.shape[1], right.shape[1])
+    left, right = left[:, :states], right[:, :states]
+    beliefs = grid(states)
+    found = excess(left, right, np.empty((0, states)), tolerance=1e-6)
+    seen = ((beliefs @ left.T).max(axis=1) - (beliefs @ right.T).max(axis=1)).max()
+    assert found >= max(0.0, seen) - 1e-12
+    # the truth lies between what a belief shows and what linear programs of each vector prove
+    margin = margins(left, right, beliefs, tolerance=-np.inf)
+    assert found <= 1.1 * max(0.0, float(margin.least.max())) + 1e-5
+
+
+def test_a_deadline_in_the_past():
+    rng = np.random.default_rng(0)
+    with pytest.raises(OutOfTime):
+        prune(rng.random((50, 4)), np.empty((0, 4)), tolerance=1e-9, deadline=0.0)
