@@ -201,6 +201,11 @@ class _Stages:
         """The best so far."""
         tree = self.tree
         widest, low, high = self._note()
+        for root in self.roots:  # a node may know more than the points: so should the bound that is left
+            belief = tree.belief(root)
+            states = np.flatnonzero(belief).astype(np.int32)
+            value = np.array([tree.upper_at(root)])
+            tree.add_points(np.array([0, len(states)]), states, belief[states], value)
         pieces = []
         for group in range(tree.groups):
             states, vectors, actions = tree.vectors(group)

@@ -1,0 +1,128 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from lcorpp.errors import ModelError
+from lcorpp.planning import parse_pomdp, read_pomdp
+from lcorpp.planning.evaluation import evaluate
+from lcorpp.planning.solvers.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.perseus import solve_perseus
+from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
+from tests.planning.solvers.trees import best, corners, tail
+
+tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
+
+
+def test_the_authors_model():
+    solution = solve_perseus(lcorpp, precision=0.02)
+    assert solution.reason == "precision reached"
+    assert 51.656 - 0.02 <= solution.lower <= 51.657
+    assert 51.656 <= solution.upper <= 51.657 + 0.02
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [
+        ("tiger.95.pomdp", 19.371, 19.372),
+        ("cheese.95.pomdp", 3.4854, 3.4863),
+        ("4x3.95.pomdp", 1.8899, 1.8909),
+    ],
+)
+def test_known_values_are_bracketed(name, least, most):
+    solution = solve_perseus(read_pomdp(shared_model(name)), precision=0.05, time_limit=20)
+    assert solution.lower <= most
+    assert solution.upper >= least
+    assert solution.lower >= least - 0.05
+
+
+@pytest.mark.slow
+def test_a_large_model():
+    """APPL has a lower bound of -6.2 after a minute."""
+    solution = solve_perseus(read_pomdp(shared_model("tag-avoid.pomdp")), time_limit=10)
+    assert -6.6 <= solution.lower <= solution.upper <= 0.5
+
+
+@given(pomdps(discounts=(0.3, 0.5)))
+@settings(max_examples=20, deadline=None)
+def test_brute_force_is_between_the_bounds(pomdp):
+    solution = solve_perseus(pomdp, precision=1e-2, time_limit=1, beliefs=50)
+    steps = 4
+    exact, (least, most) = best(pomdp, pomdp.start, steps), tail(pomdp, steps)
+    assert solution.lower <= exact + most + 1e-9
+    assert solution.upper >= exact + least - 1e-9
+
+
+@given(pomdps())
+@settings(max_examples=12, deadline=None)
+def test_exact_is_between_the_bounds_everywhere(pomdp):
+    solution = solve_perseus(pomdp, precision=1e-2, time_limit=0.5, beliefs=50)
+    exact = solve_exact(pomdp, precision=1e-3, time_limit=1)
+    for belief in (pomdp.start, *corners(pomdp)):
+        assert solution.policy.value(belief) <= exact.policy.upper_bound.value(belief) + 1e-9
+        assert solution.policy.upper_bound.value(belief) >= exact.policy.value(belief) - 1e-9
+
+
+def test_the_policy_earns_the_lower_bound():
+    solution = solve_perseus(tiger, precision=0.05)
+    assert evaluate(tiger, solution.policy, trials=0).upper >= solution.lower - 1e-6
+
+
+def test_one_seed_gives_one_answer():
+    runs = [solve_perseus(lcorpp, precision=0.5, seed=seed) for seed in (3, 3, 4)]
+    assert np.array_equal(runs[0].policy.vectors, runs[1].policy.vectors)
+    assert runs[0].trials == runs[1].trials
+    assert (runs[0].trials, runs[0].beliefs) != (runs[2].trials, runs[2].beliefs)
+
+
+def test_when_all_beliefs_are_done_it_says_so():
+    """One state: there is but one belief."""
+    text = "discount: 0.9\nvalues: reward\nstates: s\nactions: a b\nobservations: o\nstart: s\n"
+    text += "T: * identity\nO: * uniform\nR: a : s : * : * 1\nR: b : s : * : * 2\n"
+    solution = solve_perseus(parse_pomdp(text), precision=1e-6)
+    assert solution.lower == pytest.approx(20)
+    assert solution.beliefs == 1
+
+
+def test_several_starts_are_all_served():
+    starts = np.array([[0.5, 0.5, 0, 0, 0], [0.9, 0.1, 0, 0, 0], [0, 0, 0.2, 0.8, 0]])
+    solution = solve_perseus(lcorpp, starts, precision=0.1)
+    assert solution.reason == "precision reached"
+    assert all(solution.gap(start) <= 0.1 + 1e-9 for start in starts)
+
+
+def test_an_interrupt_returns_the_best_so_far():
+    seen = []
+
+    def stop(progress):
+        seen.append(progress)
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+
+    solution = solve_perseus(lcorpp, callback=stop)
+    assert solution.reason == "interrupted"
+    assert solution.trials == seen[-1].trials
+    assert solution.lower == pytest.approx(seen[-1].lower, abs=1e-9)
+
+
+def test_no_time_is_a_result():
+    solution = solve_perseus(lcorpp, time_limit=1e-9)
+    assert solution.reason == "time limit"
+    assert solution.lower <= 51.657 <= solution.upper + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"precision": 0}, "must be positive"),
+        ({"time_limit": float("nan")}, "must be positive"),
+        ({"beliefs": 0}, "beliefs is a whole number from 1, not 0"),
+        ({"beliefs": 2.5}, "beliefs is a whole number from 1, not 2.5"),
+        ({"seed": -1}, "seed is a whole number from 0, not -1"),
+        ({"seed": True}, "seed is a whole number from 0, not True"),
+    ],
+)
+def test_bad_arguments(arguments, words):
+    with pytest.raises(ModelError, match=words):
+        solve_perseus(tiger, **arguments)
