@@ -75,10 +75,10 @@ def test_the_tables_of_the_tiger():
 
 
 @given(pomdps())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_qmdp_is_above_fib_and_that_above_the_truth(pomdp):
     qmdp, fib, exact = (
-        solver(pomdp, precision=1e-3, time_limit=1) for solver in (solve_qmdp, solve_fib, solve_exact)
+        solver(pomdp, precision=1e-3, time_limit=0.2) for solver in (solve_qmdp, solve_fib, solve_exact)
     )
     assert (qmdp.policy.upper_bound.table >= fib.policy.upper_bound.table - 1e-9).all()
     for belief in (pomdp.start, *corners(pomdp)):
@@ -89,19 +89,19 @@ def test_qmdp_is_above_fib_and_that_above_the_truth(pomdp):
 
 @pytest.mark.parametrize("solver", [solve_qmdp, solve_fib])
 @given(pomdp=pomdps())
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_the_vectors_promise_no_more_than_is_earned(solver, pomdp):
-    solution = solver(pomdp, time_limit=1)
+    solution = solver(pomdp, time_limit=0.3)
     for belief in (pomdp.start, *corners(pomdp)):
-        earned = evaluate(pomdp, solution.policy, belief, most_nodes=500, trials=0)
+        earned = evaluate(pomdp, solution.policy, belief, most_nodes=200, trials=0)
         assert solution.policy.value(belief) <= earned.upper + 1e-6
         assert solution.policy.gap(belief) >= 0
     assert solution.policy.value(pomdp.start) <= solution.lower + 1e-9
-    assert solution.lower <= evaluate(pomdp, solution.policy, most_nodes=500, trials=0).upper + 1e-6
+    assert solution.lower <= evaluate(pomdp, solution.policy, most_nodes=200, trials=0).upper + 1e-6
 
 
 @given(pomdps())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_any_table_can_be_made_honest(pomdp):
     """Not bounds alone: the reward of one step as a table, the greedy policy."""
     from lcorpp.planning import Policy
@@ -113,7 +113,7 @@ def test_any_table_can_be_made_honest(pomdp):
             pomdp.actions[a]
             for a in np.flatnonzero(pomdp.reward @ belief >= (pomdp.reward @ belief).max() - 1e-9)
         }
-        assert policy.value(belief) <= evaluate(pomdp, policy, belief, most_nodes=500, trials=0).upper + 1e-6
+        assert policy.value(belief) <= evaluate(pomdp, policy, belief, most_nodes=200, trials=0).upper + 1e-6
 
 
 @pytest.mark.parametrize("solver", [solve_qmdp, solve_fib])
@@ -125,7 +125,7 @@ def test_both_bracket_the_authors_value(solver):
 
 def test_fib_is_closer_than_qmdp_on_a_published_model():
     pomdp = read_pomdp(shared_model("4x3.95.pomdp"))
-    qmdp, fib, other = solve_qmdp(pomdp), solve_fib(pomdp), solve(pomdp, time_limit=2)
+    qmdp, fib, other = solve_qmdp(pomdp), solve_fib(pomdp), solve(pomdp, time_limit=0.5)
     assert other.lower <= fib.upper < qmdp.upper
     assert fib.lower <= other.upper
     assert qmdp.lower <= other.upper

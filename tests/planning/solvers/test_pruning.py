@@ -55,7 +55,7 @@ def test_a_tolerance_is_used_and_told():
 
 
 @given(sets, st.sampled_from([1e-9, 0.3]))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_no_belief_loses_more_than_is_told(vectors, tolerance):
     kept = prune(vectors, np.empty((0, vectors.shape[1])), tolerance=tolerance)
     beliefs = grid(vectors.shape[1])
@@ -79,7 +79,7 @@ def test_what_is_kept_is_needed(vectors):
 
 
 @given(sets, sets)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_excess_is_a_bound_and_close(left, right):
     states = min(left.shape[1], right.shape[1])
     left, right = left[:, :states], right[:, :states]

@@ -52,9 +52,9 @@ def solve_perseus(
     and backs up those that no backup of the stage has made better yet. Stages go on until the bounds meet at
     the start. There are three departures from the paper: a backup serves at once and not in the next stage;
     it lowers an upper bound as well (the fast informed bound with the sawtooth interpolation, as in SARSOP);
-    and whenever the bounds move slowly as many beliefs are added, met by walks that follow the policy half of
-    the time, so that more time gives a better policy. At the time limit, or at an interrupt from the
-    keyboard, it returns the best so far.
+    and whenever the bounds move slowly as many beliefs are added, met by walks that do what looks best, each
+    more or less often, so that more time gives a better policy. At the time limit, or at an interrupt from
+    the keyboard, it returns the best so far.
 
     Args:
         pomdp: the problem.
@@ -181,7 +181,8 @@ class _Stages:
         sums, links = self.outcomes.get((node, action), (None, {}))
         if sums is None:
             chances = observation_probabilities(self.pomdp, self.tree.belief(node), action)
-            sums = np.cumsum(chances) / chances.sum()
+            sums = np.cumsum(chances)
+            sums /= sums[-1]
             self.outcomes[node, action] = sums, links
         observation = int(np.searchsorted(sums, self.rng.random(), side="right"))
         if observation not in links:

@@ -25,8 +25,9 @@ TRIES = 100
 class PomcpPlanner:
     """POMCP with exact beliefs: `lcorpp.interfaces.Planner`.
 
-    It needs no solving and a simulation takes as long however many states there are, but its answers come
-    with no bounds; `OnlinePlanner` gives better ones unless there are very many states. What is found out
+    It needs no solving, and a simulation takes as long however many states there are: one core makes 10 to 40
+    thousand in a second. But its answers come with no bounds; `OnlinePlanner` gives better ones unless there
+    are very many states. What is found out
     about the actions after the one that is taken is kept: when `update` leads to the belief of the next
     `action`, the search goes on from there.
 

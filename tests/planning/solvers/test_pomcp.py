@@ -1,0 +1,214 @@
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from lcorpp.errors import ModelError, ObservationError
+from lcorpp.planning import Planner, parse_pomdp
+from lcorpp.planning.belief import update
+from lcorpp.planning.solvers.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.pomcp_planners import ParticlePlanner, PomcpPlanner
+from lcorpp.planning.solvers.simulator import LEAVES, TableSimulator
+from tests.planning.models import LCORPP, TIGER
+
+tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
+
+
+def tried(pomdp, act, *, trials: int, steps: int, seed: int = 0) -> float:
+    """The mean discounted reward of trials in which the hidden state is drawn."""
+    world, rng, earned = TableSimulator(pomdp, seed=seed), np.random.default_rng(seed), 0.0
+    for _ in range(trials):
+        belief = pomdp.start
+        state = int(rng.choice(len(belief), p=belief))
+        for step in range(steps):
+            action = act(belief)
+            state, observation, reward = world.step(state, action)
+            earned += pomdp.discount**step * reward
+            belief = update(pomdp, belief, action, observation)
+    return earned / trials
+
+
+def remembering(planner):
+    """The planner's choices, each belief looked at once."""
+    known = {}
+
+    def act(belief):
+        key = np.round(belief, 6).tobytes()
+        if key not in known:
+            known[key] = planner.look(belief).action
+        return known[key]
+
+    return act
+
+
+def test_the_tiger_is_met_nearly_as_well_as_can_be():
+    exact = solve_exact(tiger).policy
+    optimal = tried(tiger, exact.action, trials=200, steps=50)
+    found = tried(tiger, remembering(PomcpPlanner(tiger, seed=1)), trials=200, steps=50)
+    rng = np.random.default_rng(0)
+    blind = tried(tiger, lambda belief: int(rng.integers(3)), trials=200, steps=50)
+    assert blind < -300
+    # the same luck for both; the standard error of either is below 2
+    assert found > optimal - 5
+
+
+def test_what_is_known_for_certain_is_done():
+    planner = PomcpPlanner(tiger)
+    assert planner.action(np.array([0.5, 0.5])) == "listen"
+    assert planner.action(np.array([1.0, 0.0])) == "open-right"
+    assert planner.action(np.array([0.0, 1.0])) == "open-left"
+
+
+def test_values_come_closer_with_more_simulations():
+    """Without anything to learn the values are known: 1 at every step, or 2 and an end."""
+    text = "discount: 0.9\nvalues: reward\nstates: s end\nactions: a b\nobservations: o\nstart: s\n"
+    text += "T: a identity\nT: b\n0 1\n0 1\nO: * uniform\nR: a : s : * : * 1\nR: b : s : * : * 2\n"
+    looked = PomcpPlanner(parse_pomdp(text), simulations=4000).look(np.array([1.0, 0]))
+    # a for ever is worth 10, b is over with 2: no guess is in that
+    assert looked.values[1] == pytest.approx(2)
+    assert looked.values[0] == pytest.approx(10, rel=0.1)
+    assert looked.action == 0
+    assert looked.simulations == looked.visits.sum() == 4000
+
+
+def test_the_search_goes_on_where_it_was():
+    planner = PomcpPlanner(tiger, simulations=1000)
+    assert planner.look(tiger.start).simulations == 1000
+    assert planner.look(tiger.start).simulations == 0
+    after = planner.update(tiger.start, "listen", "tiger-left")
+    assert 0 < planner.look(after).simulations < 1000
+    assert planner.look(np.array([0.3, 0.7])).simulations == 1000
+
+
+def test_one_seed_gives_one_answer():
+    looks = [PomcpPlanner(lcorpp, simulations=500, seed=seed).look(lcorpp.start) for seed in (1, 1, 2)]
+    assert np.array_equal(looks[0].values, looks[1].values)
+    assert not np.array_equal(looks[0].values, looks[2].values)
+
+
+def test_it_is_a_planner_as_others_are():
+    planner, other = (
+        PomcpPlanner(lcorpp, simulations=50),
+        Planner(lcorpp, solve_exact(lcorpp, time_limit=0.1).policy),
+    )
+    assert np.array_equal(planner.start, other.start)
+    after = planner.update(planner.start, "move_forward", "pos")
+    assert after == pytest.approx(other.update(other.start, "move_forward", "pos"))
+    assert planner.action(after) in lcorpp.actions
+
+
+def test_time_ends_a_search():
+    looked = PomcpPlanner(tiger, simulations=10**9, seconds=0.05).look(tiger.start)
+    assert 0 < looked.simulations < 10**9
+
+
+def test_guesses_at_the_value_of_a_state():
+    assert LEAVES["mdp"](tiger) == pytest.approx([200, 200], abs=0.2)
+    # at random: (-1 + 10 - 100) / 3 at each of 20 discounted steps
+    assert LEAVES["random"](tiger) == pytest.approx([-91 / 3 * 20] * 2, abs=0.2)
+
+
+def test_a_simulator_draws_as_the_tables_say():
+    world = TableSimulator(tiger, seed=5)
+    heard = [world.step(0, 0) for _ in range(4000)]
+    assert {(state, reward) for state, _, reward in heard} == {(0, -1.0)}
+    # the standard error of a share of .85 in 4000 is .006
+    assert np.mean([observation == 0 for _, observation, _ in heard]) == pytest.approx(0.85, abs=0.025)
+    draw = world.drawing(np.array([0.25, 0.75]))
+    assert np.mean([draw() for _ in range(4000)]) == pytest.approx(0.75, abs=0.03)
+    assert not TableSimulator(lcorpp).over(0)
+
+
+@dataclass
+class Corridor:
+    """A simulator of its own: walk to an unknown place out of a billion, told only where to go."""
+
+    size: int = 10**9
+    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+    actions: int = 3  # down, up, stop
+    discount: float = 0.95
+
+    def start(self) -> tuple[int, int]:
+        middle = self.size // 2
+        return middle, middle + (2 if self.rng.random() < 0.5 else -2)
+
+    def step(self, state, action):
+        place, goal = state
+        if action == 2:
+            return (-1, -1), "over", 100.0 if place == goal else -100.0
+        place += 2 * action - 1
+        side = "here" if place == goal else ("up" if goal > place else "down")
+        return (place, goal), side, -1.0
+
+    def value(self, state) -> float:
+        return 0.0
+
+    def over(self, state) -> bool:
+        return state == (-1, -1)
+
+
+@pytest.mark.parametrize("goal", [2, -2])
+def test_a_world_without_tables(goal):
+    world = Corridor()
+    planner = ParticlePlanner(world, world.start, simulations=2000, particles=100, seed=2)
+    middle = world.size // 2
+    state, taken, earned = (middle, middle + goal), 0, 0.0
+    while not world.over(state):
+        action = planner.action()
+        state, observation, reward = world.step(state, action)
+        earned += reward
+        taken += 1
+        if not world.over(state):
+            planner.update(action, observation)
+            assert len(planner.particles) >= 100
+            assert state in planner.particles
+    # the first step may go either way
+    assert taken in (3, 5)
+    assert earned == 100 - (taken - 1)
+
+
+def test_particles_follow_bayes_rule():
+    world = TableSimulator(tiger, seed=3)
+    planner = ParticlePlanner(world, world.drawing(tiger.start), simulations=200, particles=4000, seed=1)
+    planner.look()
+    planner.update(0, 0)
+    # the standard error of a share of .85 in 4000 is .006
+    assert np.mean(np.array(planner.particles) == 0) == pytest.approx(0.85, abs=0.03)
+
+
+def test_an_observation_that_no_particle_explains():
+    world = TableSimulator(tiger)
+    planner = ParticlePlanner(world, world.drawing(tiger.start), simulations=10, particles=5)
+    with pytest.raises(
+        ObservationError, match="observation 7 was shown by none of 500 simulations of action 0"
+    ):
+        planner.update(0, 7)
+    with pytest.raises(ModelError, match="actions are 0 to 2, not 3"):
+        planner.update(3, 0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"simulations": 0}, "simulations is a whole number from 1, not 0"),
+        ({"seed": 0.5}, "seed is a whole number from 0, not 0.5"),
+        ({"seconds": 0.0}, "seconds 0.0 must be positive"),
+        ({"exploration": -1}, "exploration -1 must be a number from 0"),
+        ({"leaves": "oak"}, "unknown guess 'oak' at the value of a state; expected one of mdp, random"),
+    ],
+)
+def test_bad_arguments(arguments, words):
+    with pytest.raises(ModelError, match=words):
+        PomcpPlanner(tiger, **arguments)
+    if "leaves" not in arguments:
+        world = TableSimulator(tiger)
+        with pytest.raises(ModelError, match=words):
+            ParticlePlanner(world, world.drawing(tiger.start), **arguments)
+
+
+def test_no_particles():
+    world = TableSimulator(tiger)
+    with pytest.raises(ModelError, match="particles is a whole number from 1, not 0"):
+        ParticlePlanner(world, world.drawing(tiger.start), particles=0)
