@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Policy, Pomdp, parse_pomdp
 from lcorpp.planning.evaluation import evaluate
-from lcorpp.planning.extremes import value_range
+from lcorpp.planning.following.extremes import value_range
 from tests.planning.models import LCORPP, TIGER, pomdps
 from tests.planning.policies import backed_up, blind, earned, policies
 

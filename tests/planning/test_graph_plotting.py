@@ -10,9 +10,9 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import Policy, parse_pomdp, read_pomdp, solve
+from lcorpp.planning.controller import policy_graph
 from lcorpp.planning.plots import draw_graph
 from lcorpp.planning.plots.layers import LANE, layout
-from lcorpp.planning.policy_graph import policy_graph
 from tests.planning.models import LCORPP, TIGER, shared_model
 from tests.planning.test_plotting import shown
 

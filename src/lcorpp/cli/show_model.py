@@ -150,7 +150,7 @@ def _draw(pomdp: Pomdp, policy: Policy, states: tuple[str, ...], title: str, out
 def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:
     """The policy as a graph, for Graphviz or as a picture."""
     from lcorpp.files import write_atomically
-    from lcorpp.planning.policy_graph import policy_graph
+    from lcorpp.planning import policy_graph
 
     graph = policy_graph(pomdp, policy)
     if out.suffix.lower() == ".dot":

@@ -67,7 +67,7 @@ def solve(
         save(draw_bounds(solution.history, title=problem.name), plot)
         typer.echo(f"drew the bounds in {plot}")
     if check:
-        from lcorpp.planning.certificate import certificate
+        from lcorpp.planning import certificate
 
         found = certificate(pomdp, solution)
         typer.echo(found.told())

@@ -21,14 +21,22 @@ from lcorpp.planning.rows import Rows
 from lcorpp.planning.solution import Progress, Solution
 
 if TYPE_CHECKING:
+    from lcorpp.planning.certification import Certificate, certificate
+    from lcorpp.planning.controller import PolicyGraph, policy_graph
     from lcorpp.planning.evaluation import Evaluation, evaluate
     from lcorpp.planning.factored import Factored, given
     from lcorpp.planning.formats.pomdpx import parse_pomdpx, read_factored, read_pomdpx
     from lcorpp.planning.formats.pomdpx_writer import format_pomdpx, write_pomdpx
     from lcorpp.planning.sarsop import solve
     from lcorpp.planning.simulation import Simulated, simulate
+    from lcorpp.planning.solvers import solver
 
 _HOMES = {
+    "Certificate": "certification",
+    "PolicyGraph": "controller",
+    "certificate": "certification",
+    "policy_graph": "controller",
+    "solver": "solvers",
     "Evaluation": "evaluation",
     "Simulated": "simulation",
     "evaluate": "evaluation",
@@ -44,17 +52,20 @@ _HOMES = {
 }
 
 __all__ = [
+    "Certificate",
     "Evaluation",
     "Factored",
     "Piece",
     "Planner",
     "Policy",
+    "PolicyGraph",
     "Pomdp",
     "Progress",
     "Rows",
     "Simulated",
     "Solution",
     "UpperBound",
+    "certificate",
     "checked_belief",
     "evaluate",
     "format_pomdp",
@@ -63,6 +74,7 @@ __all__ = [
     "observation_probabilities",
     "parse_pomdp",
     "parse_pomdpx",
+    "policy_graph",
     "read_alphas",
     "read_factored",
     "read_policy",
@@ -70,6 +82,7 @@ __all__ = [
     "read_pomdpx",
     "simulate",
     "solve",
+    "solver",
     "update",
     "write_alphas",
     "write_policy",

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.belief import checked_belief, update
-from lcorpp.planning.beliefs import Beliefs
-from lcorpp.planning.chance import Draws
-from lcorpp.planning.ends import unpaid
+from lcorpp.planning.following.beliefs import Beliefs
+from lcorpp.planning.following.chance import Draws
+from lcorpp.planning.following.ends import unpaid
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Belief
 

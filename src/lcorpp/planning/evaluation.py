@@ -10,15 +10,15 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.belief import checked_belief
-from lcorpp.planning.belief_graph import BeliefGraph
-from lcorpp.planning.beliefs import Beliefs
-from lcorpp.planning.estimate import estimate
-from lcorpp.planning.extremes import value_range
+from lcorpp.planning.following.belief_graph import BeliefGraph
+from lcorpp.planning.following.beliefs import Beliefs
+from lcorpp.planning.following.estimate import estimate
+from lcorpp.planning.following.extremes import value_range
+from lcorpp.planning.following.visits import Visits
 from lcorpp.planning.planner import check_same_model
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.simulation import CONFIDENCE
-from lcorpp.planning.visits import Visits
 from lcorpp.values import Belief
 
 DRIFT = 2.0**-39

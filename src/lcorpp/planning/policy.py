@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, PolicyError
-from lcorpp.planning.beliefs import Beliefs
-from lcorpp.planning.choice import Choice
+from lcorpp.planning.following.beliefs import Beliefs
+from lcorpp.planning.following.choice import Choice
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.rows import MAX_BYTES
 from lcorpp.values import Array, Belief, frozen

@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.belief import checked_belief
-from lcorpp.planning.beliefs import Beliefs, Indices
+from lcorpp.planning.following.beliefs import Beliefs, Indices
+from lcorpp.planning.following.walk import Walk
 from lcorpp.planning.planner import check_same_model
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.walk import Walk
 from lcorpp.values import Array
 
 CONFIDENCE = 0.95

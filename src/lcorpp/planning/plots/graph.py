@@ -13,7 +13,7 @@ from lcorpp.figures import COLOURS, INK, MUTED, Fill, drawn
 from lcorpp.planning.plots.arrows import Arrow, Node, draw
 
 if TYPE_CHECKING:
-    from lcorpp.planning.policy_graph import PolicyGraph
+    from lcorpp.planning.controller import PolicyGraph
 
 MOST_NODES, MOST_ARROWS = 30, 60
 """More than these are not read any longer."""

@@ -22,8 +22,8 @@ from time import monotonic
 
 import numpy as np
 
-from lcorpp.planning.beliefs import ragged
 from lcorpp.planning.evaluation import evaluate
+from lcorpp.planning.following.beliefs import ragged
 from lcorpp.planning.policy import Piece, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.engine import engine, model_of

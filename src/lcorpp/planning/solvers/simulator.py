@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from lcorpp.errors import ModelError, expected
-from lcorpp.planning.ends import unpaid
+from lcorpp.planning.following.ends import unpaid
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.rows import Rows
 from lcorpp.planning.sarsop.engine import engine, model_of

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.chance import Draws, Lottery
-from lcorpp.planning.mixing import mixed
+from lcorpp.planning.following.chance import Draws, Lottery
+from lcorpp.planning.following.mixing import mixed
 
 ROWS = st.lists(st.lists(st.integers(0, 4), min_size=1, max_size=9).filter(any), min_size=1, max_size=5)
 

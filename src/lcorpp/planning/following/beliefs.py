@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.mixing import mixed, spread_out
+from lcorpp.planning.following.mixing import mixed, spread_out
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.rows import Index, Place, Rows
 from lcorpp.values import Array, Belief

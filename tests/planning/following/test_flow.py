@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import csr_array
 
-from lcorpp.planning.flow import solved_by_factors, solved_by_sweeps
+from lcorpp.planning.following.flow import solved_by_factors, solved_by_sweeps
 
 
 @given(st.integers(1, 40), st.sampled_from([0.5, 0.95, 0.9999]), st.integers(0, 10**6))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcorpp.planning.belief_graph import BeliefGraph
-from lcorpp.planning.beliefs import Indices
-from lcorpp.planning.flow import MOST_FACTORISED, solved_by_factors, solved_by_sweeps
+from lcorpp.planning.following.belief_graph import BeliefGraph
+from lcorpp.planning.following.beliefs import Indices
+from lcorpp.planning.following.flow import MOST_FACTORISED, solved_by_factors, solved_by_sweeps
 from lcorpp.values import Array
 
 MOST_NUMBERS = 2**26

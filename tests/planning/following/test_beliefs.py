@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lcorpp.planning import Rows, observation_probabilities, parse_pomdp, update
-from lcorpp.planning import beliefs as module
-from lcorpp.planning.beliefs import Beliefs, looked_up
+from lcorpp.planning.following import beliefs as module
+from lcorpp.planning.following.beliefs import Beliefs, looked_up
 from tests.planning.models import TIGER, pomdps
 
 tiger = parse_pomdp(TIGER)

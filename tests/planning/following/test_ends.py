@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 
 from lcorpp.planning import parse_pomdp
-from lcorpp.planning.ends import shown_by_staying, unpaid
+from lcorpp.planning.following.ends import shown_by_staying, unpaid
 from tests.planning.models import LCORPP, TIGER, pomdps
 
 

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from lcorpp.errors import ObservationError
 from lcorpp.planning.belief import IMPOSSIBLE, describe
-from lcorpp.planning.beliefs import Beliefs, Indices
-from lcorpp.planning.ends import shown_by_staying
+from lcorpp.planning.following.beliefs import Beliefs, Indices
+from lcorpp.planning.following.ends import shown_by_staying
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.rows import Rows

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.belief_graph import BeliefGraph
-from lcorpp.planning.beliefs import Beliefs, Indices
-from lcorpp.planning.chance import Draws, Lottery
-from lcorpp.planning.ends import unpaid
+from lcorpp.planning.following.belief_graph import BeliefGraph
+from lcorpp.planning.following.beliefs import Beliefs, Indices
+from lcorpp.planning.following.chance import Draws, Lottery
+from lcorpp.planning.following.ends import unpaid
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array

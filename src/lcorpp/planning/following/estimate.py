@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcorpp.planning.belief_graph import BeliefGraph, branching
-from lcorpp.planning.beliefs import Indices, added_up
-from lcorpp.planning.chance import Draws, Lottery
-from lcorpp.planning.mixing import Words
+from lcorpp.planning.following.belief_graph import BeliefGraph, branching
+from lcorpp.planning.following.beliefs import Indices, added_up
+from lcorpp.planning.following.chance import Draws, Lottery
+from lcorpp.planning.following.mixing import Words
 from lcorpp.values import Array
 
 MOST_NUMBERS = 2**25

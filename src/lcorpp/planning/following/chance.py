@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.beliefs import ragged
-from lcorpp.planning.mixing import GOLDEN, Words, mixed, spread_out
+from lcorpp.planning.following.beliefs import ragged
+from lcorpp.planning.following.mixing import GOLDEN, Words, mixed, spread_out
 from lcorpp.planning.rows import Index, Place
 from lcorpp.values import Array
 

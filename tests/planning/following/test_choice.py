@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import Piece, Policy, parse_pomdp
-from lcorpp.planning import choice as module
-from lcorpp.planning.beliefs import Beliefs
+from lcorpp.planning.following import choice as module
+from lcorpp.planning.following.beliefs import Beliefs
 from tests.planning.models import TIGER
 
 tiger = parse_pomdp(TIGER)

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Policy, Pomdp, observation_probabilities, parse_pomdp, update
+from lcorpp.planning.controller import policy_graph
 from lcorpp.planning.evaluation import evaluate
-from lcorpp.planning.policy_graph import policy_graph
 from tests.planning.models import LCORPP, TIGER, pomdps
 from tests.planning.policies import policies
 

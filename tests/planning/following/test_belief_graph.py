@@ -5,8 +5,8 @@ import pytest
 
 from lcorpp.errors import ObservationError
 from lcorpp.planning import Policy, parse_pomdp
-from lcorpp.planning.belief_graph import BeliefGraph
-from lcorpp.planning.beliefs import Beliefs
+from lcorpp.planning.following.belief_graph import BeliefGraph
+from lcorpp.planning.following.beliefs import Beliefs
 from tests.planning.models import LCORPP, TIGER
 from tests.planning.policies import backed_up
 

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.belief import checked_belief
-from lcorpp.planning.belief_graph import BeliefGraph
-from lcorpp.planning.beliefs import Beliefs, Indices
+from lcorpp.planning.following.belief_graph import BeliefGraph
+from lcorpp.planning.following.beliefs import Beliefs, Indices
 from lcorpp.planning.planner import check_same_model
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.beliefs import Beliefs, Indices, added_up, ragged
+from lcorpp.planning.following.beliefs import Beliefs, Indices, added_up, ragged
 from lcorpp.values import Array
 
 if TYPE_CHECKING:

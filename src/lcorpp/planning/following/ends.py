@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.beliefs import ragged
+from lcorpp.planning.following.beliefs import ragged
 from lcorpp.planning.pomdp import Pomdp
 
 

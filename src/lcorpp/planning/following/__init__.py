@@ -1,0 +1,1 @@
+"""A policy followed through the beliefs it meets: what simulation, evaluation and controllers share."""
