@@ -5,7 +5,15 @@ import os
 import pytest
 
 from lcorpp.errors import FileError, ParseError
-from lcorpp.files import make_folder, read_text, write_atomically
+from lcorpp.files import (
+    make_folder,
+    open_text,
+    read_text,
+    sync,
+    sync_folder,
+    write_atomically,
+    written_atomically,
+)
 
 
 def test_what_is_written_is_read(tmp_path):
@@ -83,3 +91,46 @@ def test_names_that_no_file_can_have(tmp_path):
     for call in (lambda: read_text("a\0b"), lambda: write_atomically(tmp_path / "a\0b", "")):
         with pytest.raises(FileError, match="embedded null byte"):
             call()
+
+
+def test_what_is_written_piece_by_piece_is_there_whole_or_not_at_all(tmp_path):
+    (tmp_path / "a").write_text("old")
+
+    def stop_half_way():
+        with written_atomically(tmp_path / "a") as file:
+            file.write(b"half")
+            raise RuntimeError("in the middle")
+
+    with pytest.raises(RuntimeError, match="in the middle"):
+        stop_half_way()
+    assert (tmp_path / "a").read_text() == "old"
+    with written_atomically(tmp_path / "a") as file:
+        file.write(b"new ")
+        assert (tmp_path / "a").read_text() == "old"
+        file.write(b"words")
+    assert (tmp_path / "a").read_text() == "new words"
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+    with pytest.raises(FileError, match="cannot be written"):
+        written_atomically(tmp_path / "no" / "a").__enter__()
+
+
+def test_text_is_opened_line_by_line(tmp_path):
+    (tmp_path / "a").write_bytes(b"\xef\xbb\xbfone\r\ntwo")
+    with open_text(tmp_path / "a") as file:
+        assert list(file) == ["one\n", "two"]
+    with pytest.raises(FileError, match="cannot be read: No such file"):
+        open_text(tmp_path / "b")
+
+
+def test_the_disk_is_waited_for(tmp_path, monkeypatch):
+    """The file itself, and the folder that holds its name, a link being followed."""
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "a").write_text("")
+    (tmp_path / "link").symlink_to(tmp_path / "there" / "a")
+    waited, fsync = [], os.fsync
+    monkeypatch.setattr("os.fsync", lambda file: waited.append(os.fstat(file).st_ino) or fsync(file))
+    with (tmp_path / "there" / "a").open("rb") as file:
+        sync(file.fileno())
+    sync_folder(tmp_path / "link")
+    assert waited == [(tmp_path / "there" / "a").stat().st_ino, (tmp_path / "there").stat().st_ino]
+    sync_folder(tmp_path / "no" / "such")  # nothing to wait for

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lcorpp.errors import DataError, ModelError
-from lcorpp.values import ConfusionMatrix, Dataset, Distribution
+from lcorpp.values import ConfusionMatrix, Dataset, Distribution, fingerprint
 
 
 def test_distribution():
@@ -57,3 +57,33 @@ def test_dataset():
         data.trajectories[0, 0, 0] = 1
     with pytest.raises(DataError, match="3 labels and 3 groups need trajectories of shape"):
         Dataset(np.zeros((2, 2, 2)), ("a", "b", "a"))
+
+
+def test_a_dataset_keeps_its_interval_and_channels():
+    data = Dataset(np.zeros((2, 3, 4)), ("a", "b"), interval=0.4, channels=("x", "y", "heading"))
+    longer = data.extended([(np.ones((3, 4)), "a")], ["g"])
+    for derived in (data, data.take([1]), longer, longer.take([2, 0])):
+        assert (derived.interval, derived.channels) == (0.4, ("x", "y", "heading"))
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"interval": 0.0}, "the interval is 0.0 s; expected a finite number above 0"),
+        ({"interval": float("nan")}, "the interval is nan s"),
+        ({"interval": float("inf")}, "the interval is inf s"),
+        ({"channels": ("x", "z")}, "unknown channel 'z'; expected one of x, y, velocity, heading, facing"),
+        ({"channels": ("x", "x")}, "expected every name once"),
+        ({"channels": ("x", "y", "facing")}, r"3 channels \(x, y, facing\) need .* \(2, 3, time points\)"),
+    ],
+)
+def test_what_no_dataset_can_be(changed, words):
+    with pytest.raises(DataError, match=words):
+        Dataset(np.zeros((2, 2, 4)), ("a", "b"), **changed)
+
+
+def test_equal_trajectories_and_no_others_share_a_fingerprint():
+    track = np.arange(6.0).reshape(2, 3)
+    assert fingerprint(track) == fingerprint(np.asfortranarray(track.astype(np.float32)).tolist())
+    for other in (track.T, track.reshape(1, 6), track + 1e-12, track[:, :2]):
+        assert fingerprint(other) != fingerprint(track)

@@ -8,21 +8,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from lcorpp.values import Belief, Distribution, Instance
+from lcorpp.values import Belief, Distribution, Instance, Label
 
 
 class Classifier(Protocol):
     """rho of Algorithm 2: from a trajectory to a class."""
 
-    def classify(self, instance: Instance) -> str | None:
-        """The class of the person seen, or None where the robot does not classify."""
+    def classify(self, instance: Instance) -> Label | None:
+        """The class of the person seen, or the likelihood of each; None where the robot does not classify."""
 
 
 class Reasoner(Protocol):
     """theta of Algorithm 2: from evidence to the marginal of an attribute."""
 
-    def posterior(self, attribute: str, evidence: Mapping[str, str]) -> Distribution | None:
+    def posterior(self, attribute: str, evidence: Mapping[str, Label]) -> Distribution | None:
         """The marginal of `attribute` given the evidence (attribute -> value), or None without an opinion.
+
+        A likelihood in place of a value is soft evidence: it weighs the values of its attribute.
 
         Raises:
             UndefinedError: the evidence is impossible.
@@ -68,11 +70,11 @@ class Vocabulary(Protocol):
     def values(self) -> tuple[str, ...]:
         """The values of the target."""
 
-    def evidence(self, context: Mapping[str, str], label: str | None) -> Mapping[str, str]:
+    def evidence(self, context: Mapping[str, str], label: Label | None) -> Mapping[str, Label]:
         """The observed facts and, where there is one, the classifier's label, for the reasoner."""
 
-    def claim(self, evidence: Mapping[str, str]) -> str | None:
-        """The value of the target that the label in the evidence stands for, None without a label."""
+    def claim(self, evidence: Mapping[str, Label]) -> Label | None:
+        """What the label in the evidence says of the target's values, None without a label."""
 
     def prior(self, marginal: Distribution) -> Belief:
         """(S,) the planner's belief that carries the reasoner's marginal."""

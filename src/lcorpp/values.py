@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from hashlib import sha256
 from types import MappingProxyType
 
 import numpy as np
@@ -18,6 +19,9 @@ Array = npt.NDArray[np.float64]
 Belief = npt.NDArray[np.float64]
 """(S,) a distribution over the states of a POMDP."""
 
+JEFFREYS, LAPLACE = Fraction(1, 2), Fraction(1)
+"""What is added to every count so that no share is 0 or 1."""
+
 Rational = int | float | Fraction
 """A probability as it may be given: exact where it can be."""
 
@@ -27,6 +31,12 @@ def frozen(array: npt.ArrayLike) -> Array:
     copy = np.array(array, dtype=np.float64)
     copy.setflags(write=False)
     return copy
+
+
+def fingerprint(trajectory: npt.ArrayLike) -> str:
+    """A name that equal trajectories share and no others: a group for those whose person is not known."""
+    numbers = np.ascontiguousarray(trajectory, dtype="<f8")
+    return "track " + sha256(repr(numbers.shape).encode() + numbers.tobytes()).hexdigest()[:16]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +91,52 @@ class Distribution:
 
 
 @dataclass(frozen=True, eq=False)
+class Likelihood:
+    """Soft evidence about a named value: how likely what was seen is under each; only the ratios matter.
+
+    A hard label says which value was seen; this says how strongly each is spoken for. Zero rules a value out.
+
+    values: (n,) the names.
+    weights: (n,) finite, not negative, not all zero; kept so that the largest is 1.
+
+    Source: Pearl, Probabilistic Reasoning in Intelligent Systems, 1988, section 2.2.2 (virtual evidence).
+    """
+
+    values: tuple[str, ...]
+    weights: Array
+
+    def __post_init__(self) -> None:
+        w = np.array(self.weights, dtype=np.float64)
+        if w.shape != (len(self.values),) or not len(w) or len(set(self.values)) < len(w):
+            raise ModelError(
+                f"a likelihood needs one weight for each of {len(self.values)} different values, not shape"
+                f" {w.shape}"
+            )
+        if not np.all(np.isfinite(w)) or w.min() < 0 or w.max() <= 0:
+            told = ", ".join(f"{value} {weight:g}" for value, weight in zip(self.values, w, strict=True))
+            raise ModelError(f"likelihood of {told}: expected finite weights, none negative, not all zero")
+        object.__setattr__(self, "weights", frozen(w / w.max()))
+
+    def __iter__(self) -> Iterator[tuple[str, float]]:
+        return iter(zip(self.values, self.weights.tolist(), strict=True))
+
+    def __str__(self) -> str:
+        return ":".join(self.values) + " as " + ":".join(f"{weight:.3g}" for weight in self.weights.tolist())
+
+    def renamed(self, names: Mapping[str, str]) -> Likelihood:
+        """The same under other names: value -> name, one for each value."""
+        return Likelihood(tuple(names[value] for value in self.values), self.weights)
+
+    def most_likely(self) -> str:
+        """The value with the largest weight, the first among equals."""
+        return self.values[int(np.argmax(self.weights))]
+
+
+Label = str | Likelihood
+"""What a classifier says of a person: a class, or how likely what it saw is under each."""
+
+
+@dataclass(frozen=True, eq=False)
 class ConfusionMatrix:
     """How often a classifier said what about whom: C of Algorithm 1.
 
@@ -99,12 +155,17 @@ class ConfusionMatrix:
         if not np.all(np.isfinite(self.counts)) or self.counts.min() < 0:
             raise DataError("a confusion matrix holds counts: finite and not negative")
 
-    def rates(self, smoothing: Fraction = Fraction(1, 2)) -> tuple[tuple[Fraction, ...], ...]:
+    def rates(self, smoothing: Fraction = JEFFREYS) -> tuple[tuple[Fraction, ...], ...]:
         """P(called j | is i), row by row, exact, smoothed so that no entry is 0 or 1.
 
         Args:
-            smoothing: added to every count; 1/2 is Jeffreys' prior (the default), 1 is Laplace's.
+            smoothing: added to every count, `JEFFREYS` or `LAPLACE`; 0 takes the counts as they are.
+
+        Raises:
+            DataError: `smoothing` is negative, or 0 where a class has no cases.
         """
+        if smoothing < 0:
+            raise DataError(f"the smoothing is {smoothing}; expected 0 or more")
         rows = []
         for row in self.counts.tolist():
             raised = [Fraction(count) + smoothing for count in row]
@@ -154,7 +215,7 @@ class Episode:
     """One decision from perception to report; it holds only what a robot could know.
 
     label: what the classifier said, None without a classifier.
-    evidence: what the reasoner was given, P-log attribute -> value.
+    evidence: what the reasoner was given, P-log attribute -> value, or -> likelihood of each value.
     marginal: the reasoner's posterior over the shared variable, None without an opinion.
     prior: (S,) the belief the planner started from.
     steps: the actions, observations and beliefs in order, the report last.
@@ -162,8 +223,8 @@ class Episode:
         terminal state was reached without a report.
     """
 
-    label: str | None
-    evidence: Mapping[str, str]
+    label: Label | None
+    evidence: Mapping[str, Label]
     marginal: Distribution | None
     prior: Belief
     steps: tuple[Step, ...]
@@ -173,15 +234,21 @@ class Episode:
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
 
 
+CHANNELS = ("x", "y", "velocity", "heading", "facing")
+"""What a trajectory may tell: place (m), speed (m/s), and where the body moves and faces (rad)."""
+
+
 @dataclass(frozen=True, eq=False)
 class Dataset:
     """Labelled trajectories: Omega of Algorithm 1.
 
-    trajectories: (cases, channels, time points).
+    trajectories: (cases, channels, time points), metres, metres per second and radians.
     labels: (cases,) class names.
     groups: (cases,) cases that must not be split between training and test share a group.
     source: where it comes from, for people to read.
     notes: what its user has to know, e.g. that it leaks its label.
+    interval: seconds between two time points.
+    channels: (channels,) what each channel is, a name among `CHANNELS`; x and y are in the robot's frame.
     """
 
     trajectories: Array
@@ -189,9 +256,12 @@ class Dataset:
     groups: tuple[str, ...] = ()
     source: str = ""
     notes: tuple[str, ...] = field(default=())
+    interval: float = 0.033
+    channels: tuple[str, ...] = ("x", "y")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "trajectories", frozen(self.trajectories))
+        object.__setattr__(self, "channels", tuple(self.channels))
         n = len(self.labels)
         if not self.groups:
             object.__setattr__(self, "groups", tuple(str(i) for i in range(n)))
@@ -199,6 +269,18 @@ class Dataset:
             raise DataError(
                 f"{n} labels and {len(self.groups)} groups need trajectories of shape"
                 f" ({n}, channels, time points), not {self.trajectories.shape}"
+            )
+        if not 0 < self.interval < float("inf"):
+            raise DataError(f"the interval is {self.interval} s; expected a finite number above 0")
+        unknown = [name for name in self.channels if name not in CHANNELS]
+        if unknown:
+            raise DataError(f"unknown channel {unknown[0]!r}; {expected(CHANNELS)}")
+        if len(set(self.channels)) < len(self.channels):
+            raise DataError(f"the channels are {', '.join(self.channels)}; expected every name once")
+        if self.trajectories.shape[1] != len(self.channels):
+            raise DataError(
+                f"{len(self.channels)} channels ({', '.join(self.channels)}) need trajectories of shape"
+                f" ({n}, {len(self.channels)}, time points), not {self.trajectories.shape}"
             )
 
     def __len__(self) -> int:
@@ -221,21 +303,21 @@ class Dataset:
                     f"a trajectory of shape {track.shape} does not fit a data set of trajectories of shape"
                     f" {self.trajectories.shape[1:]}"
                 )
-        return Dataset(
-            np.concatenate([self.trajectories, np.reshape(tracks, (-1, *self.trajectories.shape[1:]))]),
-            (*self.labels, *(label for _, label in pairs)),
-            (*self.groups, *groups),
-            self.source,
-            self.notes,
+        return replace(
+            self,
+            trajectories=np.concatenate(
+                [self.trajectories, np.reshape(tracks, (-1, *self.trajectories.shape[1:]))]
+            ),
+            labels=(*self.labels, *(label for _, label in pairs)),
+            groups=(*self.groups, *groups),
         )
 
     def take(self, rows: npt.ArrayLike) -> Dataset:
         """The data set of the given rows, in their order. rows: (k,) indices."""
         index = np.asarray(rows, dtype=np.intp)
-        return Dataset(
-            self.trajectories[index],
-            tuple(self.labels[i] for i in index),
-            tuple(self.groups[i] for i in index),
-            self.source,
-            self.notes,
+        return replace(
+            self,
+            trajectories=self.trajectories[index],
+            labels=tuple(self.labels[i] for i in index),
+            groups=tuple(self.groups[i] for i in index),
         )

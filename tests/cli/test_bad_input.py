@@ -82,7 +82,7 @@ def test_options_that_make_no_sense(lcorpp, tmp_path):
     refused(lcorpp("run", "--trials", 0), "--trials")
     refused(lcorpp("run", "--seed", -1), "--seed")
     refused(lcorpp("run", "--exact", "--classifier", "lstm"), "--exact needs --classifier channel")
-    refused(lcorpp("run", ROOMS, "--data", tmp_path), "data_labels is missing")
+    refused(lcorpp("run", ROOMS, "--data", tmp_path), "interposx.csv: cannot be read")
     refused(lcorpp("explain", "--fact", "time"), "expected NAME=VALUE")
     refused(lcorpp("explain", "--fact", "mood=good"), "'mood' is not observed")
     refused(lcorpp("explain", "--fact", "time=noon"), "time cannot be 'noon'")

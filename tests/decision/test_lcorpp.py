@@ -5,13 +5,13 @@ import itertools
 import numpy as np
 import pytest
 
-from lcorpp.decision import Batch, lcorpp
+from lcorpp.decision import Batch, Resumed, lcorpp
 from lcorpp.decision.lcorpp import ssub
 from lcorpp.errors import DecisionError
 from lcorpp.values import ConfusionMatrix, Dataset
 from tests.decision.fakes import VALUES, Answers, Eyes, Mind, Plan, Words, seen
 
-START = Dataset(np.zeros((2, 1, 2)), ("yes", "no"), ("a", "b"))
+START = Dataset(np.zeros((2, 1, 2)), ("yes", "no"), ("a", "b"), channels=("x",))
 
 
 def run(
@@ -51,7 +51,8 @@ def test_it_grows_the_data_with_reported_labels_until_the_matrix_settles():
     assert [batch.settled for batch in batches] == [False, False, True]
     assert [len(data) for data in trained] == [2, 5, 8]
     assert trained[1].labels == ("yes", "no", "yes", "no", "yes")
-    assert trained[1].groups[2:] == ("batch 1, case 1", "batch 1, case 2", "batch 1, case 3")
+    first, second, third = trained[1].groups[2:]
+    assert first == third != second  # equal tracks are a group: a fold must not part them
     assert [len(batch.episodes) for batch in batches] == [0, 3, 3]
 
 
@@ -83,6 +84,49 @@ def test_the_caller_may_stop_at_any_batch():
         epsilon=0,
     )
     assert [batch.number for batch in itertools.islice(loop, 4)] == [0, 1, 2, 3]
+
+
+def going_on(
+    resumed: Resumed | None, dataset: Dataset, matrices: list[list[list[float]]], line, epsilon=0.05
+):
+    """Algorithm 1 from somewhere on: batches of four; the decisions are those of the people in `line`."""
+    given = iter(matrices)
+    return lcorpp(
+        dataset,
+        learn=lambda _: (Eyes(), ConfusionMatrix(VALUES, np.array(next(given)))),
+        reason=lambda _: Mind(),
+        planner=Plan(),
+        domain=Words(),
+        collect=lambda: (seen(index := next(line)), Answers("nod" if index == 0 else "shake")),
+        batch_size=4,
+        epsilon=epsilon,
+        resumed=resumed,
+    )
+
+
+MATRICES = [[[8, 2], [3, 7]], [[80, 20], [10, 90]], [[85, 15], [20, 80]]]
+LINE = [0, 1, 1, 0, 1, 0, 0, 0]
+
+
+@pytest.mark.parametrize("decided", [0, 1, 4])
+def test_a_run_that_goes_on_ends_as_if_it_had_never_stopped(decided):
+    """Stopped after batch 1 and some decisions of batch 2, all four and no training being the last moment."""
+    whole = list(itertools.islice(going_on(None, START, MATRICES, iter(LINE)), 3))
+    stopped = whole[1]
+    made = whole[2].dataset.take(range(len(stopped.dataset) + decided))
+    resumed = Resumed(1, stopped.classifier, stopped.confusion, stopped.change, decided)
+    again, last = itertools.islice(going_on(resumed, made, MATRICES[2:], iter(LINE[4 + decided :])), 2)
+    assert (again.number, again.change, again.settled) == (1, stopped.change, False)
+    assert again.confusion is stopped.confusion
+    assert (last.number, last.change, len(last.episodes)) == (2, whole[2].change, 4 - decided)
+    assert np.array_equal(last.dataset.trajectories, whole[2].dataset.trajectories)
+    assert (last.dataset.labels, last.dataset.groups) == (whole[2].dataset.labels, whole[2].dataset.groups)
+
+
+def test_a_run_that_had_settled_does_nothing_more():
+    matrix = ConfusionMatrix(VALUES, np.array(MATRICES[0]))
+    batches = list(going_on(Resumed(5, Eyes(), matrix, 0.01, 0), START, [], iter(())))
+    assert [(batch.number, batch.settled, batch.episodes) for batch in batches] == [(5, True, ())]
 
 
 @pytest.mark.parametrize(

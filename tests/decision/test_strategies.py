@@ -1,10 +1,13 @@
 """The table of strategies: which parts are asked, and what stands in for those that are not."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 from lcorpp.decision import STRATEGIES, Robot, dt_control, strategies
 from lcorpp.errors import DecisionError
+from lcorpp.values import Likelihood
 from tests.decision.fakes import Answers, Eyes, Mind, Plan, Words, seen
 
 FULL = {row.name: row for row in STRATEGIES}
@@ -25,6 +28,23 @@ def test_the_six_strategies_of_the_paper():
 def test_l_takes_the_label_at_its_word(index, said):
     episode, mind = decide("L", index)
     assert (episode.label, episode.report, len(episode.steps), mind.asked) == (said, said, 1, [])
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """A classifier that says how likely what it saw is under each value."""
+
+    weights: tuple[float, float]
+
+    def classify(self, instance):
+        return Likelihood(Words.values, self.weights)
+
+
+def test_l_takes_a_likelihood_for_a_distribution():
+    robot = FULL["L"].robot(Robot(Weighing((1, 4)), Mind(), Plan(), Words()))
+    episode = dt_control(robot, seen(0), Answers())
+    assert (episode.label.most_likely(), episode.report) == ("no", "no")
+    np.testing.assert_allclose(episode.marginal.probabilities, [0.2, 0.8])
 
 
 def test_r_reports_what_the_facts_make_likely():

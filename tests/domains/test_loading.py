@@ -8,7 +8,8 @@ import pytest
 
 from lcorpp.domains import load_domain, shipped_domains
 from lcorpp.errors import DomainError, FileError, LcorppError, ParseError
-from lcorpp.values import ConfusionMatrix, Distribution
+from lcorpp.experiments.training import simulated_training
+from lcorpp.values import ConfusionMatrix, Distribution, Likelihood
 
 ROOMS = Path(__file__).parent / "rooms"
 
@@ -69,6 +70,14 @@ def test_a_made_up_domain():
     assert rooms.evidence({"badge": "staff"}, "store") == {"badge": "staff", "heading": "right"}
     assert rooms.claim({"heading": "right"}) == "store"
     assert rooms.claim({"badge": "staff"}) is None
+    likelihood = Likelihood(("store", "lab", "office"), [4, 2, 1])
+    evidence = rooms.evidence({"badge": "staff"}, likelihood)
+    assert dict(evidence["heading"]) == {"right": 1, "left": 0.5, "ahead": 0.25}
+    assert list(rooms.claim(evidence)) == [("lab", 0.5), ("office", 0.25), ("store", 1)]
+    with pytest.raises(DomainError, match="a likelihood of a, b; expected one of lab, office, store"):
+        rooms.evidence({}, Likelihood(("a", "b"), [1, 1]))
+    sure = rooms.soft_program.posterior("goal", {"badge": "staff", "heading": "right"})
+    assert sure["store"] == 1  # there the attribute stands for the truth
     assert (rooms.report("to_office"), rooms.report("point")) == ("office", None)
     assert rooms.report_action("store") == "to_store"
     np.testing.assert_array_equal(rooms.entry, np.eye(3, 4))
@@ -289,3 +298,14 @@ def test_a_preset_over_a_table_that_is_missing(folder):
     (folder / TOML).write_text('name = "a\n')
     with pytest.raises(ParseError, match=r"domain\.toml:1:"):
         load_domain(folder)
+
+
+def test_the_spacing_of_simulated_tracks_is_the_domain_s(tmp_path):
+    shutil.copytree(ROOMS, tmp_path / "rooms")
+    file = tmp_path / "rooms" / "domain.toml"
+    file.write_text(file.read_text().replace("tracks = 60", "tracks = 60\ninterval = 0.4"))
+    assert (load_domain(ROOMS).interval, load_domain(tmp_path / "rooms").interval) == (0.033, 0.4)
+    assert simulated_training(load_domain(tmp_path / "rooms"), 0).dataset.interval == 0.4
+    file.write_text(file.read_text().replace("0.4", "0"))
+    with pytest.raises(DomainError, match="interval"):
+        load_domain(tmp_path / "rooms")

@@ -2,22 +2,24 @@
 
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from sklearn.metrics import confusion_matrix
 
 from lcorpp import planning
-from lcorpp.decision import STRATEGIES, Robot
+from lcorpp.decision import STRATEGIES, Robot, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError
 from lcorpp.experiments import trials
 from lcorpp.experiments.people import Channel, Motion, Population, Recorded, simulated_dataset
 from lcorpp.experiments.simulated_world import Stage
 from lcorpp.experiments.trials import Experiment, run_trials
+from lcorpp.learning import TrainedClassifier, calibrate
 from lcorpp.reasoning import Enumeration
-from lcorpp.values import Dataset
+from lcorpp.values import ConfusionMatrix, Dataset, Likelihood
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 
@@ -47,6 +49,38 @@ def test_the_result_does_not_depend_on_the_processes(rooms):
     for a, b in zip(one, two, strict=True):
         np.testing.assert_array_equal(a.counts, b.counts)
         assert (a.cost, a.earned, a.cost_sd) == (b.cost, b.earned, b.cost_sd)
+
+
+@dataclass(frozen=True)
+class Column:
+    """The channel as soft evidence: a label's likelihood is its column of the rates."""
+
+    channel: Channel
+
+    def classify(self, instance):
+        return self.classify_many(instance.trajectory[None])[0]
+
+    def classify_many(self, trajectories):
+        said = self.channel.classify_many(trajectories)
+        columns = self.channel.rates.T
+        return [
+            Likelihood(self.channel.classes, columns[self.channel.classes.index(label)]) for label in said
+        ]
+
+
+@pytest.mark.parametrize("place", [ROOMS, "intention"])
+def test_a_likelihood_that_is_the_label_s_column_decides_as_the_label(place):
+    """Both go through the same program; the rules of the hard one hold the same rates."""
+    domain = load_domain(place)
+    channel = Channel.of(domain)
+    planner = planning.Planner(domain.pomdp, planning.solve(domain.pomdp, domain.starts()).policy)
+    rows = tuple(row for row in STRATEGIES if row.reasons)
+    counts = []
+    for reader, program in ((channel, domain.program), (Column(channel), domain.soft_program)):
+        robot = Robot(reader, program, planner, domain)
+        results, _ = run_trials(Experiment(domain, robot, reader, channel, rows, 3), 200)
+        counts.append([(result.counts.tolist(), result.cost.value) for result in results])
+    assert counts[0] == counts[1]
 
 
 def test_a_strategy_alone_meets_the_same_people(rooms):
@@ -143,7 +177,7 @@ def test_a_reaction_of_ones_own():
 
 
 def test_recorded_people_are_of_the_right_kind():
-    data = Dataset(np.arange(8.0).reshape(4, 1, 2), ("a", "b", "a", "b"))
+    data = Dataset(np.arange(8.0).reshape(4, 1, 2), ("a", "b", "a", "b"), channels=("x",))
     tracks = Recorded("wish", data).trajectories([{"wish": "b"}] * 20, np.random.default_rng(0))
     assert {float(track[0, 0]) for track in tracks} == {2.0, 6.0}
     with pytest.raises(DataError, match="no recorded track of class 'c' is left"):
@@ -163,3 +197,47 @@ def test_deciding_needs_no_torch_and_no_matplotlib():
     code += "print(sorted({'torch', 'sklearn', 'matplotlib'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Motion that is one number, normal around .6 for interested people and -.6 for others: AUC .80."""
+
+    def trajectories(self, people, rng):
+        means = [0.6 if person["intention"] == "interested" else -0.6 for person in people]
+        return rng.normal(means)[:, None, None] * np.ones((1, 1, 2))
+
+
+class Sigmoid:
+    """The right probabilities for `Scores` where both kinds are equally common."""
+
+    classes_ = np.array(["interested", "not_interested"])
+
+    def predict_proba(self, tracks):
+        p = 1 / (1 + np.exp(-1.2 * tracks[:, 0, 0]))
+        return np.stack([p, 1 - p], axis=1)
+
+
+@pytest.mark.slow
+def test_soft_evidence_decides_better_than_the_label():
+    """At AUC .80; how much is gained depends on the knowledge, that something is does not."""
+    domain, rng = load_domain("intention"), np.random.default_rng(0)
+    labels = np.array(Sigmoid.classes_)[np.arange(4000) % 2]
+    tracks = Scores().trajectories([{"intention": name} for name in labels], rng)
+    probabilities = Sigmoid().predict_proba(tracks)
+    counts = confusion_matrix(labels, Sigmoid.classes_[probabilities.argmax(axis=1)])
+    calibration = calibrate(tuple(Sigmoid.classes_), probabilities, labels.tolist())
+    trained = TrainedClassifier(Sigmoid(), ConfusionMatrix(tuple(Sigmoid.classes_), counts), calibration)
+    planner = planning.Planner(domain.pomdp, planning.solve(domain.pomdp, domain.starts()).policy)
+    found = []
+    for reader, program in (
+        (trained, domain.program_for(trained.confusion)),
+        (trained.soft(), domain.soft_program),
+    ):
+        robot = Robot(reader, program, planner, domain)
+        experiment = Experiment(domain, robot, reader, Scores(), strategies(["L+R", "LCORPP"]), 3)
+        found.append(run_trials(experiment, 8000)[0])
+    for hard, soft in zip(*found, strict=True):
+        assert soft.accuracy.value > hard.accuracy.value
+        assert soft.f1.value > hard.f1.value
+        assert soft.earned.value > hard.earned.value

@@ -8,7 +8,7 @@ import pytest
 
 from lcorpp.errors import DataError
 from lcorpp.interfaces import Classifier
-from lcorpp.learning import TrainedClassifier, train, train_and_validate
+from lcorpp.learning import Calibration, Cut, TrainedClassifier, train, train_and_validate
 from lcorpp.values import Dataset, Instance
 
 from .data import walkers
@@ -17,8 +17,11 @@ from .data import walkers
 class ByLength:
     """A stand-in for a fitted estimator: long ways are fast."""
 
-    def predict(self, tracks):
-        return np.where(np.hypot(*(tracks[:, :2, -1] - tracks[:, :2, 0]).T) > 2, "fast", "slow")
+    classes_ = np.array(["fast", "slow"])
+
+    def predict_proba(self, tracks):
+        fast = np.where(np.hypot(*(tracks[:, :2, -1] - tracks[:, :2, 0]).T) > 2, 0.9, 0.2)
+        return np.stack([fast, 1 - fast], axis=1)
 
 
 def test_one_and_many_agree():
@@ -28,6 +31,28 @@ def test_one_and_many_agree():
     assert many == list(data.labels)
     assert all(type(label) is str for label in many)
     assert [classifier.classify(Instance(t, {})) for t in data.trajectories] == many
+
+
+def test_a_cut_calls_otherwise():
+    tracks = walkers().trajectories
+    assert set(TrainedClassifier(ByLength(), cut=Cut("fast", 0.1)).classify_many(tracks)) == {"fast"}
+    assert set(TrainedClassifier(ByLength(), cut=Cut("slow", 0.05)).classify_many(tracks)) == {"slow"}
+
+
+def test_soft_evidence_is_what_the_calibration_makes_of_the_probabilities():
+    calibration = Calibration(
+        ("fast", "slow"), 0.5, np.array([0.3, 0.0]), np.array([0.1, 0.05]), np.array([0.1, 0.9])
+    )
+    trained = TrainedClassifier(ByLength(), calibration=calibration)
+    tracks = walkers(12).trajectories
+    said = trained.soft().classify_many(tracks)
+    right = calibration.calibrated(ByLength().predict_proba(tracks))
+    for likelihood, row in zip(said, right, strict=True):
+        weight = dict(likelihood)
+        assert weight["fast"] / weight["slow"] == pytest.approx(row[0] / row[1] * 0.9 / 0.1)
+    assert dict(trained.soft().classify(Instance(tracks[0], {}))) == dict(said[0])
+    with pytest.raises(DataError, match="trained without cross-validation"):
+        TrainedClassifier(ByLength()).soft()
 
 
 def test_importing_the_room_loads_neither_torch_nor_scikit_learn():
@@ -51,7 +76,7 @@ def test_the_papers_pipeline_learns_and_its_matrix_is_kept():
     from lcorpp.learning import paper_pipeline
 
     data = walkers(60)
-    pipeline = paper_pipeline(epochs=40, points=12, learning_rate=0.01, batch_size=16)
+    pipeline = paper_pipeline(epochs=40, rate=9.0, learning_rate=0.01, batch_size=16)
     classifier, validation = train_and_validate(pipeline, data, folds=2)
     assert classifier.confusion is validation.confusion
     assert validation.accuracy > 0.9
@@ -71,5 +96,5 @@ def test_the_papers_parameters():
 
     found = paper_pipeline().get_params()
     paper = {"units": 50, "dropout": 0.2, "epochs": 300, "batch_size": 32, "learning_rate": 1e-3}
-    assert found["motion__points"] == 30
+    assert (found["motion__rate"], found["motion__interval"]) == (3.0, 0.033)
     assert {name: found[f"lstm__{name}"] for name in paper} == paper

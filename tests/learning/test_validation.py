@@ -20,7 +20,7 @@ def flat(tracks):
 
 
 def quick_pipeline():
-    return make_pipeline(Motion(points=5), Scaling(), FunctionTransformer(flat), LogisticRegression())
+    return make_pipeline(Motion(rate=15.0), Scaling(), FunctionTransformer(flat), LogisticRegression())
 
 
 class Recorder(ClassifierMixin, BaseEstimator):
@@ -79,7 +79,7 @@ def test_the_result_does_not_depend_on_the_processes():
     pytest.importorskip("torch")
     from lcorpp.learning import paper_pipeline
 
-    pipeline = paper_pipeline(epochs=2, points=6)
+    pipeline = paper_pipeline(epochs=2, rate=4.0)
     ignored, told = [], []
     pipeline.set_params(lstm__progress=lambda *done: ignored.append(done))
     one = cross_validate(pipeline, walkers(), jobs=1)

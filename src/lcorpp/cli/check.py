@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 KINDS = (
     "a .plog, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its domain.toml, a folder of"
-    " recorded tracks"
+    " recorded tracks, a store of tracks"
 )
 
 
@@ -28,6 +28,7 @@ def check(
 ) -> None:
     """Check a file or a folder and say what it holds; the first thing that is wrong ends in exit code 2."""
     from lcorpp.domains.loading import SHIPPED, shipped_domains
+    from lcorpp.learning.store import is_store
 
     suffix = path.suffix.lower()
     if path.is_dir() and (path / "interposx.csv").exists():
@@ -36,6 +37,8 @@ def check(
         _domain(path if path.is_dir() else path.parent)
     elif not path.exists() and str(path) in shipped_domains():
         _domain(SHIPPED / path)
+    elif is_store(path):
+        _store(path)
     elif suffix == ".plog":
         _program(path)
     elif suffix in models.MODELS:
@@ -60,6 +63,26 @@ def _tracks(path: Path) -> None:
     show.console.print(f"{path}: {len(data)} tracks ({counts}) of {len(set(data.groups))} people: right")
     for note in data.notes:
         show.console.print(f"  note: {note}")
+
+
+def _store(path: Path) -> None:
+    from lcorpp.learning.store import read_store
+
+    store = read_store(path)
+    points = f"{store.layout.points} time points of " if store.layout.points else ""
+    show.console.print(
+        f"{path}: {store.summary()}; {points}{', '.join(store.layout.channels)} every"
+        f" {store.layout.interval:g} s{'' if store.damage else ': right'}"
+    )
+    if store.tail:
+        show.console.print(
+            f"  note: the last {store.tail} bytes are no whole record: it is being written, or was when its"
+            " writer came to its end; the next one moves them aside"
+        )
+    if store.damage:
+        places = "\n".join(f"  {damage}" for damage in store.damage)
+        count = f"{len(store.damage)} place{'s' * (len(store.damage) > 1)}"
+        raise DataError(f"{path}: damaged in {count}; the other records are right\n{places}")
 
 
 def _domain(folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from lcorpp.decision import Robot
     from lcorpp.domains import Domain
     from lcorpp.interfaces import World
-    from lcorpp.values import Belief, Step
+    from lcorpp.values import Belief, Label, Likelihood, Step
 
 
 def explain(
@@ -29,6 +30,15 @@ def explain(
         str | None,
         typer.Option("--label", help="What the classifier says: a value of the attribute it feeds."),
     ] = None,
+    likelihood: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--likelihood",
+            metavar="VALUE=NUMBER",
+            help="Soft evidence in place of a label: how likely what was seen is if that is so; again for"
+            " others, which have 1.",
+        ),
+    ] = None,
     seed: show.SeedOption = 0,
     interactive: Annotated[
         bool, typer.Option("--interactive", help="You are the person: the facts and answers are yours.")
@@ -41,6 +51,7 @@ def explain(
     import numpy as np
 
     from lcorpp.cli import preparation
+    from lcorpp.cli.eyes import channel_eyes
     from lcorpp.decision.dt_control import act_until_report
     from lcorpp.domains import load_domain
     from lcorpp.experiments.people import Channel, Population
@@ -52,8 +63,12 @@ def explain(
     loaded = load_domain(domain, preset=preset)
     preparation.introduce(loaded)
     facts = _facts(loaded, fact or [])
-    given = None if label is None else _claimed(loaded, label)
-    robot = preparation.robot(loaded, preparation.channel_eyes(loaded))
+    if label is not None and likelihood:
+        raise DomainError("--label and --likelihood both say what the classifier saw; expected one of them")
+    soft = _likelihood(loaded, likelihood) if likelihood else None
+    given: Label | None = soft if label is None else _claimed(loaded, label)
+    eyes = channel_eyes(loaded)
+    robot = preparation.robot(loaded, eyes if soft is None else replace(eyes, program=loaded.soft_program))
     rng = np.random.default_rng([seed, 0])
     world: World
     truth: str | None = None
@@ -71,8 +86,13 @@ def explain(
         hidden = ", ".join(f"{k}={v}" for k, v in person.items() if k not in (*facts, loaded.attribute))
         show.console.print(f"somebody is there; hidden from the robot: {hidden}", style="dim")
     evidence = loaded.evidence(facts, given)
-    show.heading(1, "learning", "the classifier's label")
-    show.console.print(f"     {given} ({loaded.attribute} = {evidence[loaded.attribute]})")
+    if soft is None:
+        show.heading(1, "learning", "the classifier's label")
+        show.console.print(f"     {given} ({loaded.attribute} = {evidence[loaded.attribute]})")
+    else:
+        show.heading(1, "learning", "how likely what the classifier saw is, in proportion")
+        for value, weight in soft:
+            show.line(value, weight, max(map(len, soft.values)))
     show.heading(
         2, "reasoning", "given " + ", ".join(f"{name} = {value}" for name, value in evidence.items())
     )
@@ -112,15 +132,36 @@ def _facts(domain: Domain, pairs: list[str]) -> dict[str, str]:
     return facts
 
 
-def _claimed(domain: Domain, label: str) -> str:
+def _claimed(domain: Domain, label: str, option: str = "--label") -> str:
     """The class that a label of the program, or the class itself, stands for."""
     for value, word in domain.label_of.items():
         if label in (word, value):
             return value
-    raise DomainError(f"--label {label!r}: {expected(tuple(domain.label_of.values()))}")
+    raise DomainError(f"{option} {label!r}: {expected(tuple(domain.label_of.values()))}")
 
 
-def _asked(domain: Domain, facts: Mapping[str, str], label: str | None) -> tuple[dict[str, str], str]:
+def _likelihood(domain: Domain, pairs: list[str]) -> Likelihood:
+    """The weights that the user gives, 1 for what is left out."""
+    import numpy as np
+
+    from lcorpp.values import Likelihood
+
+    weights = dict.fromkeys(domain.values, 1.0)
+    named = set[str]()
+    for pair in pairs:
+        name, _, number = (part.strip() for part in pair.partition("="))
+        try:
+            weight = float(number)
+        except ValueError:
+            raise DomainError(f"--likelihood {pair!r}: expected VALUE=NUMBER") from None
+        if name in named:
+            raise DomainError(f"--likelihood {pair!r}: {name} is given twice")
+        weights[_claimed(domain, name, "--likelihood")] = weight
+        named.add(name)
+    return Likelihood(domain.values, np.array([weights[value] for value in domain.values]))
+
+
+def _asked(domain: Domain, facts: Mapping[str, str], label: Label | None) -> tuple[dict[str, str], Label]:
     """The facts and the label, asked of the user where they are not given."""
     from lcorpp.robots.console import choose
 
@@ -139,7 +180,7 @@ def _asked(domain: Domain, facts: Mapping[str, str], label: str | None) -> tuple
     return asked, label
 
 
-def _posteriors(domain: Domain, robot: Robot, evidence: Mapping[str, str]) -> None:
+def _posteriors(domain: Domain, robot: Robot, evidence: Mapping[str, Label]) -> None:
     """The marginal of every attribute that is not observed, the target last."""
     hidden = [
         name

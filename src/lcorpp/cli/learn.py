@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lcorpp.cli import show
+
+if TYPE_CHECKING:
+    from lcorpp.experiments.memory import Memory
+    from lcorpp.interfaces import Classifier
+    from lcorpp.reasoning import Program
+    from lcorpp.values import ConfusionMatrix, Dataset, Episode, Instance
 
 
 def learn(
@@ -25,22 +33,34 @@ def learn(
     tracks: show.TracksOption = 100,
     seed: show.SeedOption = 0,
     data: show.DataOption = None,
+    learner: show.LearnerOption = None,
+    evidence: show.EvidenceOption = show.Evidence.hard,
     epochs: show.EpochsOption = None,
+    device: show.DeviceOption = "cpu",
+    store: Annotated[
+        Path | None,
+        typer.Option(
+            "--store",
+            metavar="FILE",
+            help="Keep every decision in this file, by custom *.tracks; there, the next run goes on.",
+        ),
+    ] = None,
     out: show.OutOption = None,
     jobs: show.JobsOption = None,
 ) -> None:
     """Run Algorithm 1: decide, store the reported label, retrain each batch, until the classifier settles.
 
-    Every batch is written when it is done; Ctrl-C keeps those.
+    Every batch is written when it is done; Ctrl-C keeps those. With --store every decision is kept, too, and
+    after an interruption of any kind the same command goes on where it was.
     """
     from lcorpp.cli import preparation
     from lcorpp.decision import lcorpp
     from lcorpp.domains import load_domain
     from lcorpp.experiments import augmentation
+    from lcorpp.experiments.memory import Memory
+    from lcorpp.experiments.training import estimator_for, recorded_training, simulated_training
     from lcorpp.experiments.training import learn as train
-    from lcorpp.experiments.training import recorded_training, simulated_training
     from lcorpp.files import make_folder
-    from lcorpp.values import Dataset
 
     loaded = load_domain(domain, preset=preset)
     preparation.introduce(loaded)
@@ -51,37 +71,88 @@ def learn(
     )
     for note in training.dataset.notes:
         show.console.print(f"note: {note}", style="yellow")
-    crowd = augmentation.Crowd(loaded, training.appearance, seed)
-    log = augmentation.Log(loaded, out)
+    name = learner or (loaded.classifier if loaded.classifier != "channel" else "lstm")
+    estimator = estimator_for(training, name, epochs=epochs, seed=seed, device=device)
+    soft = evidence is show.Evidence.soft
 
-    def learned(dataset: Dataset) -> Any:
+    def learned(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
         with show.progress(f"training on {len(dataset)} tracks") as advance:
             trained, validation = train(
-                dataset, epochs=epochs or training.epochs, seed=seed, jobs=show.cores(jobs), progress=advance
+                dataset, estimator=estimator, seed=seed, jobs=show.cores(jobs), progress=advance
             )
-        return trained, validation.confusion
+        return (trained.soft() if soft else trained), validation.confusion
 
-    batches = lcorpp(
-        training.dataset,
-        learn=learned,
-        reason=loaded.program_for,
-        planner=preparation.planner(loaded),
-        domain=loaded,
-        collect=crowd.next,
-        batch_size=batch_size,
-        epsilon=epsilon,
-    )
-    try:
-        for batch in batches:
-            show.console.print(log.add(batch, crowd.met()))
-            if batch.settled:
-                show.console.print(
-                    f"settled: the confusion matrix changed by {batch.change:.3f}, at most {epsilon:g}"
-                )
-            elif batch.number == max_batches:
-                show.console.print(f"stopped after {max_batches} batches; it has not settled yet")
-                break
-    except KeyboardInterrupt:
-        show.messages.print("interrupted: the batches above are kept")
+    def program(confusion: ConfusionMatrix) -> Program:
+        return loaded.soft_program if soft else loaded.program_for(confusion)
+
+    with ExitStack() as opened:
+        memory, resumed = None, None
+        if store is not None:
+            settings = {
+                "domain": loaded.name,
+                "preset": loaded.preset,
+                "learner": name,
+                "evidence": evidence.value,
+                "seed": seed,
+                "epochs": epochs,
+            }
+            memory = opened.enter_context(Memory(store, training.dataset, loaded.values, settings))
+            resumed = memory.resumed(learned)
+            _introduce(memory)
+        crowd = augmentation.Crowd(loaded, training.appearance, seed, met=memory.met if memory else 0)
+        before = [augmentation.Outcome.of(decision) for decision in memory.pending] if memory else []
+        log = augmentation.Log(loaded, out, memory.rows if memory else [], [o for o in before if o])
+
+        def decided(instance: Instance, episode: Episode) -> None:
+            outcome = crowd.outcome(episode)
+            log.decided(outcome)
+            if memory is not None:
+                belief = loaded.marginal(episode.steps[-1].belief if episode.steps else episode.prior)
+                memory.keep(instance, episode, belief, outcome.as_extra())
+
+        batches = lcorpp(
+            memory.omega() if memory else training.dataset,
+            learn=learned,
+            reason=program,
+            planner=preparation.planner(loaded),
+            domain=loaded,
+            collect=crowd.next,
+            batch_size=batch_size,
+            epsilon=epsilon,
+            listener=decided,
+            resumed=resumed,
+        )
+        try:
+            for position, batch in enumerate(batches):
+                if resumed is not None and position == 0:
+                    show.console.print(log.line(batch))
+                    log.write(batch)
+                else:
+                    show.console.print(log.add(batch))
+                if memory is not None:
+                    memory.save(batch, log.rows)
+                if batch.settled:
+                    show.console.print(
+                        f"settled: the confusion matrix changed by {batch.change:.3f}, at most {epsilon:g}"
+                    )
+                elif batch.number >= max_batches:
+                    show.console.print(f"stopped after {batch.number} batches; it has not settled yet")
+                    break
+        except KeyboardInterrupt:
+            kept = "" if store is None else f"; so is every decision, in {store}"
+            show.messages.print(f"interrupted: the batches above are kept{kept}")
+    if log.unsaved is not None:
+        show.console.print(f"note: the classifier is not saved: {log.unsaved}", style="yellow")
     if out is not None:
         show.console.print(f"wrote {', '.join(str(path) for path in log.written)}")
+
+
+def _introduce(memory: Memory) -> None:
+    """Say what is in the store, where the run goes on, and what was lost."""
+    path = memory.store.path
+    show.console.print(f"{path}: {memory.store.reading().summary()}")
+    for note in memory.notes:
+        show.console.print(f"note: {note}", style="yellow")
+    if memory.number is not None:
+        made = f", {len(memory.pending)} decisions of the next are made" if memory.pending else ""
+        show.console.print(f"goes on after batch {memory.number}{made}")

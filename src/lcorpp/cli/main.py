@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from lcorpp.cli import ask, check, explain, learn, run, show_model, simulate, solve
+from lcorpp.cli import ask, check, data, explain, learn, run, show_model, simulate, solve
 from lcorpp.errors import LcorppError
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ app.command()(simulate.simulate)
 app.command("show")(show_model.show_model)
 app.command()(learn.learn)
 app.command()(check.check)
+app.add_typer(data.app)
 
 
 def main() -> None:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lcorpp.cli import show
-from lcorpp.errors import DomainError, FileError
+from lcorpp.errors import DataError, DomainError, FileError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from lcorpp.domains import Domain
     from lcorpp.experiments.metrics import Estimate, Scores
 
 
@@ -28,12 +29,34 @@ def run(
         str | None,
         typer.Option(
             "--classifier",
-            help="lstm (train one), channel (the domain's rates) or a file saved by an earlier run.",
+            help="In place of training: channel (the domain's rates) or a file saved by an earlier run.",
         ),
     ] = None,
+    learner: show.LearnerOption = None,
+    evidence: show.EvidenceOption = show.Evidence.hard,
     data: show.DataOption = None,
     tracks: show.TracksOption = None,
     epochs: show.EpochsOption = None,
+    device: show.DeviceOption = "cpu",
+    channels: show.ChannelsOption = "x,y",
+    smoothing: show.SmoothingOption = show.Smoothing.jeffreys,
+    threshold: Annotated[
+        str | None,
+        typer.Option(
+            "--threshold",
+            help="From which probability on the positive class is called: a number, or best for accuracy, f1,"
+            " youden or costs as MISSED:ALARM; by default the most probable class is.",
+        ),
+    ] = None,
+    prevalence: Annotated[
+        float | None,
+        typer.Option(
+            "--prevalence",
+            min=1e-6,
+            max=1 - 1e-6,
+            help="How common the positive class is, for thresholds; by default as the knowledge says.",
+        ),
+    ] = None,
     policy: Annotated[
         Path | None, typer.Option("--policy", help="A policy of the domain's model, instead of solving it.")
     ] = None,
@@ -48,39 +71,69 @@ def run(
 
     Ctrl-C during the trials keeps those that are done.
     """
+    from lcorpp.cli import eyes as looking
     from lcorpp.cli import preparation
     from lcorpp.decision import strategies
     from lcorpp.domains import load_domain
     from lcorpp.experiments.exact import exact as exact_scores
     from lcorpp.experiments.people import Channel
     from lcorpp.experiments.trials import Experiment, run_trials
+    from lcorpp.values import JEFFREYS, LAPLACE
 
     rows = strategies(strategy or [])
     loaded = load_domain(domain, preset=preset)
-    chosen = classifier or ("lstm" if data else loaded.classifier)
+    chosen = _chosen(loaded, classifier, learner, data)
+    soft = evidence is show.Evidence.soft
+    trust = looking.Trust(soft, LAPLACE if smoothing is show.Smoothing.laplace else JEFFREYS)
     if out is not None and out.exists() and not out.is_dir():
         raise FileError(f"{out}: is a file; --out expects a folder")
     if exact and chosen != "channel":
         raise DomainError(
             "--exact needs --classifier channel: how a trained one errs is only known from trials"
         )
+    if soft and chosen == "channel":
+        raise DomainError("--evidence soft needs a trained classifier: a channel says labels only")
+    if smoothing is show.Smoothing.laplace and (soft or chosen == "channel"):
+        raise DomainError(
+            "--smoothing is of the confusion matrix of a trained classifier whose labels are used"
+        )
     preparation.introduce(loaded)
+    training = {
+        "tracks": tracks,
+        "epochs": epochs,
+        "threshold": threshold,
+        "prevalence": prevalence,
+        "device": device if device != "cpu" else None,
+        "channels": channels if channels != "x,y" else None,
+    }
+    if chosen == "channel":
+        _refuse("nothing is trained, as the classifier is a channel", data=data, **training)
     if chosen == "channel" or not any(row.learns for row in rows):
-        eyes = preparation.channel_eyes(loaded)
+        eyes = looking.channel_eyes(loaded)
+    elif chosen == "file":
+        _refuse("nothing is trained, as --classifier gives a file", **training)
+        eyes = looking.stored_eyes(loaded, Path(classifier or ""), trust, data=data, seed=seed)
     else:
-        file = None if chosen == "lstm" else Path(chosen)
-        eyes = preparation.trained_eyes(
-            loaded, file=file, data=data, tracks=tracks, epochs=epochs, seed=seed, jobs=show.cores(jobs)
+        seen = tuple(name.strip() for name in channels.split(","))
+        wanted = looking.Wanted(chosen, epochs, device, threshold, prevalence, seen)
+        eyes = looking.trained_eyes(
+            loaded, wanted, trust, data=data, tracks=tracks, seed=seed, jobs=show.cores(jobs)
         )
     robot = preparation.robot(loaded, eyes, policy)
     configuration: dict[str, Any] = {
         "domain": loaded.name,
         "preset": loaded.preset,
-        "classifier": chosen,
+        "classifier": classifier if chosen == "file" else chosen,
+        "evidence": evidence.value,
+        "smoothing": smoothing.value,
+        "channels": channels,
+        "threshold": threshold,
+        "prevalence": prevalence,
+        "device": device,
         "rates": eyes.rates,
         "data": str(data) if data else None,
         "tracks": eyes.tracks,
-        "epochs": eyes.epochs,
+        "epochs": epochs,
         "policy": str(policy) if policy else "solved",
         "trials": "exact" if exact else trials,
         "seed": seed,
@@ -101,6 +154,28 @@ def run(
         _write(out, results, configuration, eyes)
     if configuration["trials"] not in ("exact", trials):
         show.messages.print(f"interrupted: {configuration['trials']} of {trials} decisions are kept")
+
+
+def _chosen(domain: Domain, classifier: str | None, learner: str | None, data: Path | None) -> str:
+    """Who classifies: "channel", "file", or the name of a learner."""
+    from lcorpp.domains.knowledge import CLASSIFIERS
+
+    if classifier is not None:
+        if learner is not None:
+            raise DomainError(
+                f"--classifier {classifier} and --learner {learner} both say who classifies; expected one"
+            )
+        return classifier if classifier in CLASSIFIERS else "file"
+    if learner is not None:
+        return learner
+    return "lstm" if data is not None and domain.classifier == "channel" else domain.classifier
+
+
+def _refuse(why: str, **options: object) -> None:
+    """Complain about options that would do nothing."""
+    for name, value in options.items():
+        if value is not None:
+            raise DomainError(f"--{name}: {why}")
 
 
 def _table(results: list[Scores], positive: str | None, trials: int | str) -> Table:
@@ -130,13 +205,21 @@ def _cell(estimate: Estimate, digits: int) -> str:
 def _write(out: Path, results: list[Scores], configuration: dict[str, Any], eyes: Any) -> None:
     from lcorpp.experiments.plotting import plot_comparison
     from lcorpp.experiments.results import write_comparison
-    from lcorpp.learning import TrainedClassifier, save_classifier
+    from lcorpp.learning import SoftClassifier, TrainedClassifier, plot_report, save_classifier, write_report
 
     written = list(write_comparison(out, results, configuration))
     title = f"{configuration['domain']}, {configuration['classifier']}, {configuration['trials']} decisions"
     plot_comparison(results, title, out / "results.png")
     written.append(out / "results.png")
-    if isinstance(eyes.reader, TrainedClassifier):
-        save_classifier(eyes.reader, out / "classifier.npz")
-        written.append(out / "classifier.npz")
+    if eyes.report is not None:
+        written += write_report(eyes.report, out)
+        plot_report(eyes.report, out / "report.png")
+        written.append(out / "report.png")
+    reader = eyes.reader.trained if isinstance(eyes.reader, SoftClassifier) else eyes.reader
+    if isinstance(reader, TrainedClassifier):
+        try:
+            save_classifier(reader, out / "classifier.npz")
+            written.append(out / "classifier.npz")
+        except DataError as error:
+            show.console.print(f"note: the classifier is not saved: {error}", style="yellow")
     show.console.print("wrote " + ", ".join(str(path) for path in written))

@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from enum import StrEnum
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Protocol
@@ -34,6 +35,20 @@ def __getattr__(name: str) -> Console:
     return made
 
 
+class Evidence(StrEnum):
+    """What a classifier tells the reasoner: a label, as in the paper, or a likelihood of each class."""
+
+    hard = "hard"
+    soft = "soft"
+
+
+class Smoothing(StrEnum):
+    """What is added to the counts of a confusion matrix before they become rules."""
+
+    jeffreys = "jeffreys"
+    laplace = "laplace"
+
+
 DomainArgument = Annotated[
     str, typer.Argument(metavar="DOMAIN", help="A domain folder, or the name of a shipped domain.")
 ]
@@ -49,13 +64,46 @@ EpochsOption = Annotated[
     int | None,
     typer.Option("--epochs", min=1, help="Passes over the data; what suits them by default."),
 ]
+LearnerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--learner",
+        help="What learns to classify: lstm, fast, summaries, forest, minirocket, or one of your own as"
+        " MODULE:FUNCTION or FILE.py:FUNCTION.",
+    ),
+]
+DeviceOption = Annotated[
+    str, typer.Option("--device", help="Where the LSTM computes: cpu or cuda; all others use the cpu.")
+]
+ChannelsOption = Annotated[
+    str,
+    typer.Option(
+        "--channels",
+        help="What the classifier sees of the motion, with commas: x, y, velocity, heading, facing and"
+        " more, see docs/learning.md.",
+    ),
+]
+EvidenceOption = Annotated[
+    Evidence,
+    typer.Option(
+        "--evidence",
+        help="What the reasoner is told of the classifier: its label (hard) or a likelihood (soft).",
+    ),
+]
+SmoothingOption = Annotated[
+    Smoothing,
+    typer.Option(
+        "--smoothing",
+        help="Added to each count of the confusion matrix, so that no rule says never: 1/2 (jeffreys) or 1.",
+    ),
+]
 TracksOption = Annotated[
     int | None,
     typer.Option("--tracks", min=20, help="Simulated tracks to train on; what the domain says by default."),
 ]
 DataOption = Annotated[
     Path | None,
-    typer.Option("--data", help="Folder of recorded tracks (interposx.csv, interposy.csv) to learn from."),
+    typer.Option("--data", help="Recorded tracks to learn from: a folder or a file, see docs/learning.md."),
 ]
 OutOption = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
 

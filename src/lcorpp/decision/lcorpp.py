@@ -10,7 +10,7 @@ import numpy as np
 from lcorpp.decision.dt_control import Robot, dt_control
 from lcorpp.errors import DecisionError
 from lcorpp.interfaces import Classifier, Planner, Reasoner, Vocabulary, World
-from lcorpp.values import ConfusionMatrix, Dataset, Episode, Instance
+from lcorpp.values import ConfusionMatrix, Dataset, Episode, Instance, fingerprint
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class Batch:
     number: 0 for the initial training, then one more for every K decisions.
     dataset: Omega, grown by the reported labels. classifier: rho. confusion: C.
     change: SSUB, the sum of absolute differences between this confusion matrix and the one before.
-    episodes: the decisions of this batch, with the instances in `instances`.
+    episodes: the decisions of this batch, with the instances in `instances`; those of this run alone.
     settled: whether `change` is at most epsilon, so that the loop ends here.
     """
 
@@ -34,6 +34,21 @@ class Batch:
     settled: bool
 
 
+@dataclass(frozen=True, eq=False)
+class Resumed:
+    """Where an earlier run of Algorithm 1 came to its end, however it did.
+
+    number, classifier, confusion, change: of the last batch it completed, as in `Batch`.
+    decided: the decisions it had made since; their tracks are in the data set.
+    """
+
+    number: int
+    classifier: Classifier
+    confusion: ConfusionMatrix
+    change: float
+    decided: int
+
+
 def lcorpp(
     dataset: Dataset,
     *,
@@ -45,8 +60,12 @@ def lcorpp(
     batch_size: int,
     epsilon: float,
     listener: Callable[[Instance, Episode], None] = lambda _instance, _episode: None,
+    resumed: Resumed | None = None,
 ) -> Iterator[Batch]:
     """Run the outer loop; every training yields a batch, so the caller may stop at any of them.
+
+    A run that is to survive a crash keeps each decision in its listener and each batch when it is yielded,
+    and the next run is given both: `experiments.memory` does.
 
     Args:
         dataset: Omega, the training data to begin with.
@@ -58,6 +77,8 @@ def lcorpp(
         batch_size: K, decisions between two trainings.
         epsilon: the loop ends when the confusion matrix changes by at most this much.
         listener: called after every decision.
+        resumed: where an earlier run ended, `dataset` being Omega as it was then. The first batch yielded
+            is the one completed there, without a training; its decisions are not repeated.
 
     Raises:
         DecisionError: K < 1 or epsilon < 0; and whatever the parts raise.
@@ -70,22 +91,27 @@ def lcorpp(
         raise DecisionError(f"the batch size K must be at least 1, not {batch_size}")
     if not epsilon >= 0:
         raise DecisionError(f"the threshold epsilon must be at least 0, not {epsilon}")
-    classifier, confusion = learn(dataset)
-    n = len(confusion.classes)
-    change = ssub(np.full((n, n), 1 / n), confusion.probabilities)
-    yield Batch(0, dataset, classifier, confusion, change, (), (), change <= epsilon)
-    number = 0
+    if resumed is None:
+        classifier, confusion = learn(dataset)
+        n = len(confusion.classes)
+        number, decided = 0, 0
+        change = ssub(np.full((n, n), 1 / n), confusion.probabilities)
+    else:
+        classifier, confusion, change = resumed.classifier, resumed.confusion, resumed.change
+        number, decided = resumed.number, resumed.decided
+    yield Batch(number, dataset, classifier, confusion, change, (), (), change <= epsilon)
     while change > epsilon:
         number += 1
         robot = Robot(classifier, reason(confusion), planner, domain)
         instances, episodes = list[Instance](), list[Episode]()
-        while len(episodes) < batch_size:
+        while decided + len(episodes) < batch_size:
             instance, world = collect()
             episode = dt_control(robot, instance, world)
             instances.append(instance)
             episodes.append(episode)
             listener(instance, episode)
-        dataset = augmented(dataset, instances, episodes, f"batch {number}")
+        decided = 0
+        dataset = augmented(dataset, instances, episodes)
         previous = confusion
         classifier, confusion = learn(dataset)
         change = ssub(previous.probabilities, confusion.probabilities)
@@ -100,12 +126,13 @@ def ssub(first: np.ndarray, second: np.ndarray) -> float:
     return float(np.abs(first - second).sum())
 
 
-def augmented(dataset: Dataset, instances: list[Instance], episodes: list[Episode], name: str) -> Dataset:
-    """Omega with the (instance, reported label) pairs added; each new case is a group of its own.
+def augmented(dataset: Dataset, instances: list[Instance], episodes: list[Episode]) -> Dataset:
+    """Omega with the (instance, reported label) pairs added.
 
-    A decision that ended without a report has no label and adds nothing.
+    Each new case is a group of its own, but equal trajectories share one: a recorded track that is met twice
+    must not stand on both sides of a fold. A decision that ended without a report adds nothing.
     """
     pairs = [
         (i.trajectory, e.report) for i, e in zip(instances, episodes, strict=True) if e.report is not None
     ]
-    return dataset.extended(pairs, [f"{name}, case {k + 1}" for k in range(len(pairs))])
+    return dataset.extended(pairs, [fingerprint(trajectory) for trajectory, _ in pairs])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from lcorpp.decision.dt_control import Robot
 from lcorpp.errors import DecisionError, expected
 from lcorpp.interfaces import Planner, Vocabulary
-from lcorpp.values import Belief, Distribution, Instance
+from lcorpp.values import Belief, Distribution, Instance, Label, Likelihood
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,17 @@ class NoClassifier:
 class NoKnowledge:
     """In place of a reasoner: takes a label at its word and has no opinion without one.
 
+    A likelihood it takes for a distribution, as if all values were equally common.
+
     Without an opinion the planner starts from the start belief of its own model (strategy P).
     """
 
     domain: Vocabulary
 
-    def posterior(self, attribute: str, evidence: Mapping[str, str]) -> Distribution | None:
+    def posterior(self, attribute: str, evidence: Mapping[str, Label]) -> Distribution | None:
         claim = self.domain.claim(evidence)
+        if isinstance(claim, Likelihood):
+            return Distribution(claim.values, claim.weights / claim.weights.sum())
         return None if claim is None else Distribution.certain(claim, self.domain.values)
 
 

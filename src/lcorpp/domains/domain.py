@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import combinations_with_replacement
 from math import comb
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from lcorpp.errors import DomainError, expected
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program, with_classifier
-from lcorpp.values import Array, Belief, ConfusionMatrix, Distribution
+from lcorpp.values import JEFFREYS, Array, Belief, ConfusionMatrix, Distribution, Label, Likelihood
 
 LATTICE, MOST_STARTS = 10, 36
 """Steps from one corner of the simplex of priors to the next, and priors in all, at most (corners always)."""
@@ -29,6 +30,9 @@ class Simulation:
         simulated motion or recorded data feed it.
     trajectories: from people (attribute -> value) and a generator to (people, channels, time points);
         None where the domain has no people.py.
+    recordings: from the same, and the keyword `seconds` (shortest, longest), to a list of arrays (samples,
+        columns), one for each person, as a tracker records them; None where people.py has none.
+    columns: the names of those columns; () where there are no recordings.
     reaction: from a person, an action and a generator to an observation, in place of `reactions`; None
         where the domain has none.
     """
@@ -38,6 +42,8 @@ class Simulation:
     channel: Mapping[str, Mapping[str, float]] | None
     trajectories: Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array] | None
     reaction: Callable[[Mapping[str, str], str, np.random.Generator], str] | None
+    recordings: Callable[..., list[Array]] | None = None
+    columns: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +57,7 @@ class Domain:
     positive: the target value that F1, precision and recall are about; None averages over all values.
     classifier: "lstm" or "channel", what feeds the attribute unless the user says otherwise.
     tracks, epochs: how many simulated tracks to train on, and how often.
+    interval: seconds between two points of simulated tracks.
     data_labels: how recorded data writes the classes.
     pomdp: the planner's model. reports: report action -> target value.
     entry: (V, S) entry[v] the planner's states that carry target value v before any action.
@@ -72,6 +79,7 @@ class Domain:
     classifier: str
     tracks: int
     epochs: int
+    interval: float
     data_labels: Mapping[str, str]
     pomdp: Pomdp
     reports: Mapping[str, str]
@@ -85,8 +93,11 @@ class Domain:
         """The values of the target, in the order the knowledge declares them."""
         return self.program.attributes[self.target].values
 
-    def evidence(self, context: Mapping[str, str], label: str | None) -> Mapping[str, str]:
+    def evidence(self, context: Mapping[str, str], label: Label | None) -> Mapping[str, Label]:
         """What the reasoner is told: the observed facts and the label that claims class `label`.
+
+        A likelihood of the classes becomes one of the labels that claim them; `soft_program` is the program
+        in which that is right.
 
         Raises:
             DomainError: a fact or a class that this domain does not know.
@@ -99,13 +110,24 @@ class Domain:
                 raise DomainError(f"{name} cannot be {value!r}; {expected(known)}")
         if label is None:
             return dict(context)
+        if isinstance(label, Likelihood):
+            if set(label.values) != set(self.label_of):
+                classes = ", ".join(self.label_of)
+                raise DomainError(f"a likelihood of {', '.join(label.values)}; expected one of {classes}")
+            return {**context, self.attribute: label.renamed(self.label_of)}
         if label not in self.label_of:
             raise DomainError(f"unknown class {label!r}; {expected(tuple(self.label_of))}")
         return {**context, self.attribute: self.label_of[label]}
 
-    def claim(self, evidence: Mapping[str, str]) -> str | None:
-        """The target value that the label in the evidence stands for, None without a label."""
+    def claim(self, evidence: Mapping[str, Label]) -> Label | None:
+        """The target value that the label in the evidence stands for, None without a label.
+
+        A likelihood comes back as one of the target's values, in their order.
+        """
         label = evidence.get(self.attribute)
+        if isinstance(label, Likelihood):
+            weight_of = dict(label)
+            return Likelihood(self.values, np.array([weight_of[self.label_of[v]] for v in self.values]))
         return next((value for value, word in self.label_of.items() if word == label), None)
 
     def prior(self, marginal: Distribution) -> Belief:
@@ -147,6 +169,21 @@ class Domain:
         """Whether a belief (S,) is certain of the terminal state."""
         return self.terminal is not None and bool(belief[self.terminal] > 1 - 1e-9)
 
-    def program_for(self, confusion: ConfusionMatrix) -> Program:
-        """The knowledge with a classifier's confusion matrix as its rules; the knowledge itself stays."""
-        return with_classifier(self.program, self.attribute, self.target, confusion, self.label_of)
+    def program_for(self, confusion: ConfusionMatrix, smoothing: Fraction = JEFFREYS) -> Program:
+        """The knowledge with a classifier's confusion matrix as its rules; the knowledge itself stays.
+
+        Args:
+            smoothing: of the matrix, see `ConfusionMatrix.rates`.
+        """
+        return with_classifier(
+            self.program, self.attribute, self.target, confusion, self.label_of, smoothing=smoothing
+        )
+
+    @property
+    def soft_program(self) -> Program:
+        """The knowledge for soft evidence: the classifier's attribute stands for the truth itself.
+
+        How far to trust a classifier is then said with each person, by the likelihood in the evidence.
+        """
+        never_wrong = ConfusionMatrix(self.values, np.eye(len(self.values)))
+        return self.program_for(never_wrong, smoothing=Fraction(0))

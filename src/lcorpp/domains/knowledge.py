@@ -10,7 +10,11 @@ from lcorpp.domains.settings import Settings
 from lcorpp.errors import DomainError, expected
 from lcorpp.reasoning import Program, read_plog
 
-CLASSIFIERS = ("lstm", "channel")
+CLASSIFIERS = ("lstm", "fast", "summaries", "forest", "minirocket", "channel")
+"""The learners of `learning.learners`, by name, and the channel in place of one."""
+
+SHORTEST, INTERVAL, LONGEST = 1e-3, 0.033, 10.0
+"""Seconds between two points of simulated tracks: at least, by default as the mall's tracker had, at most."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,7 @@ class Learning:
     classifier: str
     tracks: int
     epochs: int
+    interval: float
     data_labels: Mapping[str, str]
 
 
@@ -80,9 +85,10 @@ def read_learning(section: Settings, knowledge: Knowledge) -> Learning:
             )
     tracks = section.count("tracks", 2 * len(knowledge.values), 1600)
     epochs = section.count("epochs", 1, 20)
+    interval = section.number("interval", SHORTEST, LONGEST, INTERVAL)
     section.close()
     label_of = {value: word for word, value in labels.items()}
-    return Learning(attribute, label_of, positive, classifier, tracks, epochs, data_labels)
+    return Learning(attribute, label_of, positive, classifier, tracks, epochs, interval, data_labels)
 
 
 def attribute_values(place: str, name: str, program: Program) -> tuple[str, ...]:

@@ -59,6 +59,7 @@ def load_domain(place: str | Path, *, preset: str | None = None) -> Domain:
         classifier=learning.classifier if simulation.trajectories else "channel",
         tracks=learning.tracks,
         epochs=learning.epochs,
+        interval=learning.interval,
         data_labels=learning.data_labels,
         pomdp=planning.pomdp,
         reports=planning.reports,

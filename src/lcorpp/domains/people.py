@@ -22,7 +22,9 @@ class People:
 
     It may define ``trajectory(person, rng)`` -> (channels, time points), its batch form
     ``trajectories(people, rng)`` -> (people, channels, time points), and ``reaction(person, action, rng)``
-    -> observation. A person is a mapping from the attributes of the truth program to values.
+    -> observation; besides these ``recordings(people, rng, *, seconds)`` -> one array (samples, columns) for
+    each person, with COLUMNS, the names of the columns, "time" the first. A person is a mapping from the
+    attributes of the truth program to values.
     """
 
     def __init__(self, path: Path) -> None:
@@ -38,6 +40,28 @@ class People:
     @property
     def has_reaction(self) -> bool:
         return hasattr(self._module, "reaction")
+
+    @property
+    def has_recordings(self) -> bool:
+        return hasattr(self._module, "recordings")
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The names of the columns of a recording, () without recordings."""
+        if not self.has_recordings:
+            return ()
+        columns = getattr(self._module, "COLUMNS", None)
+        if not (
+            isinstance(columns, tuple)
+            and all(isinstance(name, str) for name in columns)
+            and columns[:1] == ("time",)
+            and len(set(columns)) == len(columns)
+        ):
+            raise DomainError(
+                f"{self.path}: COLUMNS is {columns!r}; recordings() needs a tuple of different names there,"
+                " 'time' first"
+            )
+        return columns
 
     def trajectories(self, people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
         """(people, channels, time points) how they move."""
@@ -58,6 +82,38 @@ class People:
             raise DomainError(f"{self.path}: a track has a coordinate that is not a number")
         return array
 
+    def recordings(
+        self,
+        people: Sequence[Mapping[str, str]],
+        rng: np.random.Generator,
+        *,
+        seconds: tuple[float, float] | None = None,
+    ) -> list[Array]:
+        """One array (samples, columns) for each person, as a tracker records them.
+
+        Args:
+            seconds: the shortest and the longest duration; None takes what the domain has.
+        """
+        options = {} if seconds is None else {"seconds": seconds}
+        found = self._call("recordings", people, rng, **options)
+        try:
+            tables = [np.array(table, dtype=np.float64) for table in found]
+        except (TypeError, ValueError):
+            tables = []
+        width = len(self.columns)
+        if len(tables) != len(people) or any(
+            t.ndim != 2 or t.shape[1] != width or not len(t) for t in tables
+        ):
+            raise DomainError(
+                f"{self.path}: expected {len(people)} recordings, one for each person, of shape"
+                f" (samples, {width})"
+            )
+        if not all(np.isfinite(table).all() for table in tables):
+            raise DomainError(f"{self.path}: a recording has a value that is not a number")
+        if not all(np.all(np.diff(table[:, 0]) > 0) for table in tables):
+            raise DomainError(f"{self.path}: the times of a recording do not rise")
+        return tables
+
     def reaction(self, person: Mapping[str, str], action: str, rng: np.random.Generator) -> str:
         """What a person answers to an action."""
         answer = self._call("reaction", person, action, rng)
@@ -65,10 +121,10 @@ class People:
             raise DomainError(f"{self.path}: reaction() returned {answer!r}, expected an observation")
         return answer
 
-    def _call(self, name: str, *arguments: Any) -> Any:
+    def _call(self, name: str, *arguments: Any, **options: Any) -> Any:
         function: Callable[..., Any] = getattr(self._module, name)
         try:
-            return function(*arguments)
+            return function(*arguments, **options)
         except (Exception, SystemExit) as error:
             raise _blamed(self.path, f"{name}() failed", error) from error
 

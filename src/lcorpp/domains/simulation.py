@@ -32,6 +32,8 @@ def read_simulation(
         channel=_channel(section, truth, knowledge, learning),
         trajectories=people.trajectories if people and people.has_motion else None,
         reaction=people.reaction if people and people.has_reaction else None,
+        recordings=people.recordings if people and people.has_recordings else None,
+        columns=people.columns if people else (),
     )
     section.close()
     return simulation

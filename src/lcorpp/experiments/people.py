@@ -11,7 +11,7 @@ import numpy as np
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, DomainError
 from lcorpp.reasoning import Enumeration
-from lcorpp.values import Array, Dataset, Instance
+from lcorpp.values import Array, Dataset, Instance, Label
 
 Person = Mapping[str, str]
 """One person: every attribute of the truth program and its value."""
@@ -27,9 +27,9 @@ class Appearance(Protocol):
 class Reader(Protocol):
     """A classifier that reads many trajectories at once."""
 
-    def classify(self, instance: Instance) -> str: ...
+    def classify(self, instance: Instance) -> Label: ...
 
-    def classify_many(self, trajectories: Array) -> Sequence[str]: ...
+    def classify_many(self, trajectories: Array) -> Sequence[Label]: ...
 
 
 class Population:
@@ -147,4 +147,5 @@ def simulated_dataset(domain: Domain, appearance: Motion, count: int, rng: np.ra
         appearance.trajectories(people, rng),
         tuple(person[domain.target] for person in people),
         source=f"{len(people)} simulated tracks ({domain.folder.name}/people.py)",
+        interval=domain.interval,
     )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,8 @@ from lcorpp.learning import (
     TrainedClassifier,
     Validation,
     leak_note,
-    paper_pipeline,
-    read_authors,
+    learner,
+    read_data,
     split,
     train_and_validate,
 )
@@ -67,39 +68,73 @@ def motion_of(domain: Domain) -> Motion:
     return Motion(domain.simulation.trajectories)
 
 
-def recorded_training(domain: Domain, folder: Path, seed: int) -> Training:
-    """The authors' recorded tracks: 70% to train on, the people in the other 30% for the trials.
+def recorded_training(domain: Domain, path: Path, seed: int) -> Training:
+    """Recorded tracks: 70% to train on, the people in the other 30% for the trials.
+
+    Args:
+        path: whatever `read_data` reads: a folder of the authors' files, CSV, Parquet or .npz.
 
     Raises:
-        DomainError: the domain does not say how the data writes its classes.
-        FileError, ParseError, DataError: the data are missing, malformed or too few.
+        DataError: a class is none of the domain's values, the channels are not x and y, or there are too few.
+        FileError, ParseError: the data are missing or malformed.
     """
-    if not domain.data_labels:
-        raise DomainError(f"{domain.folder}/domain.toml: [learning] data_labels is missing; --data needs it")
+    written = domain.data_labels or {value: value for value in domain.values}
+    dataset = read_data(path, labels=written)
     try:
-        train, test = split(read_authors(folder, labels=domain.data_labels), seed=seed)
+        train, test = split(dataset, seed=seed)
         leak = leak_note(train) if len(domain.values) == 2 else None
     except DataError as error:
-        raise DataError(f"{folder}: {error}") from None
+        raise DataError(f"{path}: {error}") from None
     if leak is not None:
         train = replace(train, notes=(*train.notes, leak))
     return Training(train, Recorded(domain.target, test), PAPER_EPOCHS)
 
 
+def estimator_for(
+    training: Training,
+    name: str = "lstm",
+    *,
+    epochs: int | None = None,
+    seed: int = 0,
+    device: str = "cpu",
+    channels: Sequence[str] = ("x", "y"),
+) -> Any:
+    """The learner of that name for the tracks at hand, not yet trained.
+
+    Args:
+        name: see `learner`.
+        epochs: passes over the data; None takes what suits the data for "lstm", and the learner's own number
+            for others.
+        channels: what the classifier sees, see `Motion`.
+
+    Raises:
+        DataError: as `learner`.
+    """
+    suited = training.epochs if name == "lstm" else None
+    return learner(
+        name,
+        interval=training.dataset.interval,
+        inputs=training.dataset.channels,
+        channels=channels,
+        epochs=epochs or suited,
+        seed=seed,
+        device=device,
+    )
+
+
 def learn(
     dataset: Dataset,
     *,
-    epochs: int,
+    estimator: Any,
     seed: int,
     jobs: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[TrainedClassifier, Validation]:
-    """Lines 1 and 2 of Algorithm 1: train the paper's LSTM and cross-validate it.
+    """Lines 1 and 2 of Algorithm 1: train a classifier and cross-validate it.
 
     Args:
-        epochs: passes over the data in each training.
+        estimator: e.g. of `estimator_for`.
         jobs: processes for the folds and the final training.
         progress: called with the trainings done and their number.
     """
-    estimator = paper_pipeline(epochs=epochs, random_state=seed)
     return train_and_validate(estimator, dataset, folds=FOLDS, seed=seed, jobs=jobs, progress=progress)

@@ -16,7 +16,7 @@ from lcorpp.experiments.metrics import Scores, scores
 from lcorpp.experiments.people import Appearance, Population, Reader
 from lcorpp.experiments.simulated_world import Stage
 from lcorpp.processes import sheltered
-from lcorpp.values import Array, Instance
+from lcorpp.values import Array, Instance, Label
 
 CHUNK = 100
 """Decisions per chunk. A chunk is what one seed makes, so this number is part of every result."""
@@ -105,7 +105,7 @@ def run_chunk(experiment: Experiment, number: int, size: int) -> Outcomes:
     rng = np.random.default_rng([experiment.seed, number])
     people = Population(domain).people(size, rng)
     tracks = experiment.appearance.trajectories(people, rng)
-    labels: Sequence[str | None] = [None] * size
+    labels: Sequence[Label | None] = [None] * size
     if any(row.learns for row in rows):
         labels = experiment.reader.classify_many(tracks)
     truth = np.array([domain.values.index(person[domain.target]) for person in people])
@@ -146,7 +146,7 @@ def score(experiment: Experiment, outcomes: Outcomes) -> list[Scores]:
 class Said:
     """A classifier that has already been asked about this person."""
 
-    label: str | None
+    label: Label | None
 
-    def classify(self, instance: Instance) -> str | None:
+    def classify(self, instance: Instance) -> Label | None:
         return self.label

@@ -1,8 +1,9 @@
 """A trained classifier in one file: numbers and JSON, nothing that runs when it is loaded.
 
 The file is a numpy archive (.npz). Its entry `classifier` is JSON: format and version, the steps of the
-pipeline with their kind and parameters, and the confusion matrix. The entries `<step>/<name>` are what the
-steps have learnt.
+pipeline with their kind and parameters, the confusion matrix, the calibration and the cut. The entries
+`<step>/<name>` are what the steps have learnt. Steps of other kinds, such as forests, are kept by skops where
+that is installed, see `foreign`; a pickle is neither written nor read.
 """
 
 from __future__ import annotations
@@ -22,11 +23,14 @@ from sklearn.pipeline import Pipeline
 
 from lcorpp.errors import DataError, expected
 from lcorpp.files import read_bytes, write_atomically
+from lcorpp.learning.calibration import Calibration
 from lcorpp.learning.classifier import TrainedClassifier
+from lcorpp.learning.foreign import FOREIGN, pack, unpack
 from lcorpp.learning.motion import Motion, Scaling
+from lcorpp.learning.thresholds import Cut
 from lcorpp.values import ConfusionMatrix
 
-FORMAT, VERSION = "lcorpp classifier", 1
+FORMAT, VERSION = "lcorpp classifier", 2
 NOT_KEPT = "progress"
 """The one parameter that is a function, and not part of what was learnt."""
 
@@ -39,20 +43,23 @@ DAMAGED = (
 
 
 def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
-    """Write a pipeline such as `paper_pipeline` makes, trained, with its confusion matrix.
+    """Write a pipeline such as `learner` makes, trained, with its confusion matrix and calibration.
 
     Raises:
-        DataError: the classifier has a step of another kind, or is not trained.
+        DataError: the classifier is no pipeline, is not trained, or has a step that cannot be stored safely.
         FileError: the file cannot be written.
     """
     if not isinstance(classifier.estimator, Pipeline):
         raise DataError(f"only a pipeline can be stored, not {type(classifier.estimator).__name__}")
     kinds = _kinds()
-    steps, arrays = [], {}
+    steps: list[dict[str, Any]] = []
+    arrays: dict[str, Any] = {}
     for name, step in classifier.estimator.steps:
         kind = type(step).__name__
         if kinds.get(kind) is not type(step):
-            raise DataError(f"step {name!r} of kind {kind} cannot be stored; {expected(list(kinds))}")
+            steps.append({"name": name, "kind": FOREIGN, "parameters": {}})
+            arrays[f"{name}/{FOREIGN}"] = pack(name, step, tuple(kinds))
+            continue
         parameters = {key: value for key, value in step.get_params().items() if key != NOT_KEPT}
         steps.append({"name": name, "kind": kind, "parameters": parameters})
         try:
@@ -61,7 +68,14 @@ def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
             raise DataError(f"step {name!r} is not trained; nothing to store") from None
     matrix = classifier.confusion
     confusion = matrix and {"classes": list(matrix.classes), "counts": matrix.counts.tolist()}
-    head = {"format": FORMAT, "version": VERSION, "steps": steps, "confusion": confusion}
+    head = {
+        "format": FORMAT,
+        "version": VERSION,
+        "steps": steps,
+        "confusion": confusion,
+        "calibration": classifier.calibration and classifier.calibration.to_json(),
+        "cut": classifier.cut and [classifier.cut.name, classifier.cut.probability],
+    }
     buffer = io.BytesIO()
     np.savez(buffer, classifier=np.array(json.dumps(head)), **arrays)
     write_atomically(path, buffer.getvalue())
@@ -89,7 +103,13 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
         classes = tuple(str(name) for name in getattr(steps[-1][1], "classes_", ()))
         if not classes or (confusion and confusion.classes != classes):
             raise DataError(f"its last step tells {classes or 'no classes'} apart, its matrix {matrix}")
-        return TrainedClassifier(Pipeline(steps), confusion)
+        calibration = head["calibration"] and Calibration.from_json(head["calibration"])
+        cut = head["cut"] and Cut(str(head["cut"][0]), float(head["cut"][1]))
+        if (calibration and calibration.classes != classes) or (cut and cut.name not in classes):
+            raise DataError(
+                f"its last step tells {', '.join(classes)} apart, its calibration or cut does not"
+            )
+        return TrainedClassifier(Pipeline(steps), confusion, calibration, cut)
     except DataError as error:
         raise DataError(f"{path}: not a classifier that can be used: {error}") from None
     except DAMAGED as error:
@@ -98,15 +118,23 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
 
 def _kinds() -> dict[str, Any]:
     """The steps a stored pipeline may have, by name; only here does loading need torch."""
+    from lcorpp.learning.logistic import QuadraticLogistic
     from lcorpp.learning.lstm import LstmClassifier
+    from lcorpp.learning.summaries import Summaries
 
-    return {"Motion": Motion, "Scaling": Scaling, "LstmClassifier": LstmClassifier}
+    known = (Motion, Scaling, LstmClassifier, Summaries, QuadraticLogistic)
+    return {kind.__name__: kind for kind in known}
 
 
 def _step(step: dict[str, Any], arrays: dict[str, npt.NDArray[Any]]) -> Any:
     kinds = _kinds()
-    if step["kind"] not in kinds:
-        raise DataError(f"step of unknown kind {step['kind']!r}; {expected(list(kinds))}")
     mine = f"{step['name']}/"
     own = {name.removeprefix(mine): value for name, value in arrays.items() if name.startswith(mine)}
-    return kinds[step["kind"]](**step["parameters"]).from_arrays(own)
+    if step["kind"] == FOREIGN:
+        return unpack(step["name"], own[FOREIGN])
+    if step["kind"] not in kinds:
+        raise DataError(f"step of unknown kind {step['kind']!r}; {expected(list(kinds))}")
+    parameters = {  # JSON has no tuples
+        key: tuple(value) if isinstance(value, list) else value for key, value in step["parameters"].items()
+    }
+    return kinds[step["kind"]](**parameters).from_arrays(own)

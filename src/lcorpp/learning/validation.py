@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import joblib
@@ -16,8 +17,9 @@ from sklearn.model_selection import StratifiedGroupKFold
 
 from lcorpp.errors import DataError
 from lcorpp.learning.dataset import check_trainable
+from lcorpp.learning.fitting import fitted, predicted, with_probabilities
 from lcorpp.processes import sheltered
-from lcorpp.values import Array, ConfusionMatrix, Dataset, frozen
+from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset, frozen
 
 Progress = Callable[[int, int], None]
 """Told (parts done, parts in all)."""
@@ -29,7 +31,7 @@ Rows = npt.NDArray[np.intp]
 class Rate:
     """How often cases of class `given` were called `called`: a share with its interval.
 
-    count of cases were called so; value = count / cases; low and high bound the 95 % Jeffreys interval.
+    count of cases were called so; value = count / cases; low and high bound the interval.
     """
 
     given: str
@@ -50,6 +52,8 @@ class Validation:
     probabilities: (cases, K) the predicted distributions, columns as `classes`.
     auc: area under the ROC curve of the pooled probabilities; None unless there are two classes.
     folds: (cases,) the fold in which each case was held out.
+    labels: (cases,) the class each case is of.
+    groups: (cases,) whom each is of.
     """
 
     confusion: ConfusionMatrix
@@ -57,6 +61,8 @@ class Validation:
     probabilities: Array
     auc: float | None
     folds: tuple[int, ...]
+    labels: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "probabilities", frozen(self.probabilities))
@@ -75,16 +81,28 @@ class Validation:
         """Every entry of the confusion matrix as a rate with its interval; see `rates_intervals`."""
         return rates_intervals(self.confusion, level)
 
+    def recalled(self, predictions: Sequence[str]) -> Validation:
+        """The same cases called otherwise, e.g. by another threshold: (cases,) class names."""
+        counts = confusion_matrix(self.labels, list(predictions), labels=list(self.classes))
+        confusion = ConfusionMatrix(self.classes, counts.astype(np.float64))
+        return replace(self, confusion=confusion, predictions=tuple(predictions))
+
     def summary(self) -> tuple[Rate, ...]:
         """(K,) how often each class is recognised: the diagonal of `rates_interval`."""
         return tuple(row[i] for i, row in enumerate(self.rates_interval()))
 
 
-def rates_intervals(confusion: ConfusionMatrix, level: float = 0.95) -> tuple[tuple[Rate, ...], ...]:
-    """Every entry of a confusion matrix as a rate of its row, with its Jeffreys interval.
+def rates_intervals(
+    confusion: ConfusionMatrix, level: float = 0.95, smoothing: Fraction = JEFFREYS
+) -> tuple[tuple[Rate, ...], ...]:
+    """Every entry of a confusion matrix as a rate of its row, with its Beta interval.
 
     The diagonal of two classes is what is called TPR and TNR. An end of the interval is 0 where nothing was
     counted and 1 where everything was, as is usual for Jeffreys' intervals.
+
+    Args:
+        level: the probability that the interval holds.
+        smoothing: of the counts: `JEFFREYS` gives Jeffreys' interval, `LAPLACE` that of a uniform prior.
 
     Source: Brown, Cai and DasGupta, Statistical Science 16, 2001.
     """
@@ -93,7 +111,7 @@ def rates_intervals(confusion: ConfusionMatrix, level: float = 0.95) -> tuple[tu
         cases = sum(row)
         rates = []
         for called, count in zip(confusion.classes, row, strict=True):
-            a, b, tail = count + 0.5, cases - count + 0.5, (1 - level) / 2
+            a, b, tail = count + float(smoothing), cases - count + float(smoothing), (1 - level) / 2
             low = float(betaincinv(a, b, tail)) if count else 0.0
             high = float(betaincinv(a, b, 1 - tail)) if count < cases else 1.0
             rates.append(Rate(given, called, count, cases, count / cases if cases else 0.0, low, high))
@@ -113,15 +131,16 @@ def cross_validate(
     """Predict every case from training on the other folds; groups stay together, classes in proportion.
 
     Args:
-        estimator: a scikit-learn classifier with `predict_proba` on (cases, channels, time points); it is
-            cloned for every fold and stays as it is. Its own `progress` is not called.
+        estimator: a scikit-learn classifier on (cases, channels, time points), see `with_probabilities`; it
+            is cloned for every fold and stays as it is. Its own `progress` is not called.
         folds: parts the groups are divided into.
         seed: of the division.
         jobs: processes to use; the result is the same for any number.
         progress: told how many folds are done.
 
     Raises:
-        DataError: `dataset` cannot be learnt from or divided so; see `check_trainable`.
+        DataError: `dataset` cannot be learnt from or divided so; see `check_trainable`. The estimator fails,
+            or gives no probabilities.
     """
     return fit_and_validate(estimator, dataset, folds, seed, jobs, progress, whole=False)[1]
 
@@ -150,21 +169,21 @@ def fit_and_validate(
     if whole:
         parts.insert(0, (-1, everything, everything[:0]))  # the longest first, the others fill up
 
-    quiet = _silenced(estimator)
+    quiet = _silenced(with_probabilities(estimator))
     work = (
         joblib.delayed(_part)(quiet, dataset.trajectories, labels, classes, fold, train, test)
         for fold, train, test in parts
     )
-    fitted = None
+    final = None
     probabilities = np.empty((len(dataset), len(classes)))
     with joblib.parallel_config(backend="loky", n_jobs=min(jobs, len(parts)), inner_max_num_threads=1):
         with sheltered():
             results = joblib.Parallel(return_as="generator_unordered")(work)
-        for done, (fold, trained, predicted) in enumerate(results, start=1):
+        for done, (fold, trained, told) in enumerate(results, start=1):
             if fold < 0:
-                fitted = trained
+                final = trained
             else:
-                probabilities[held_out == fold] = predicted
+                probabilities[held_out == fold] = told
             if progress is not None:
                 progress(done, len(parts))
 
@@ -172,12 +191,14 @@ def fit_and_validate(
     names = tuple(classes.tolist())
     counts = confusion_matrix(labels, predictions, labels=classes).astype(np.float64)
     auc = float(roc_auc_score(labels == classes[1], probabilities[:, 1])) if len(classes) == 2 else None
-    return fitted, Validation(
+    return final, Validation(
         ConfusionMatrix(names, counts),
         tuple(predictions.tolist()),
         probabilities,
         auc,
         tuple(held_out.tolist()),
+        dataset.labels,
+        dataset.groups,
     )
 
 
@@ -218,9 +239,9 @@ def _part(
     test: Rows,
 ) -> tuple[int, Any, Array | None]:
     """Train on some rows; the trained classifier where there is nothing to test, else the predictions."""
-    trained = clone(estimator).fit(tracks[train], labels[train])
-    if not len(test):
-        return fold, trained, None
+    trained = fitted(estimator, tracks[train], labels[train])
     if trained.classes_.tolist() != classes.tolist():
         raise DataError(f"the classifier learnt {trained.classes_.tolist()}, not {classes.tolist()}")
-    return fold, None, trained.predict_proba(tracks[test])
+    if not len(test):
+        return fold, trained, None
+    return fold, None, predicted(trained, tracks[test])

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 
 from lcorpp.errors import ProgramError, expected
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.signature import Attribute
 from lcorpp.reasoning.language.syntax import Literal, Number, Probability, Selection, Statement, Term
 from lcorpp.reasoning.program import Program
-from lcorpp.values import ConfusionMatrix
+from lcorpp.values import JEFFREYS, ConfusionMatrix
 
 
 def with_classifier(
@@ -18,6 +19,8 @@ def with_classifier(
     target: str,
     confusion: ConfusionMatrix,
     label_of: Mapping[str, str],
+    *,
+    smoothing: Fraction = JEFFREYS,
 ) -> Program:
     """The program in which the classifier errs as the confusion matrix says.
 
@@ -28,6 +31,7 @@ def with_classifier(
         target: the attribute that it classifies; the classes are values of it.
         confusion: how often the classifier said what about whom; its smoothed rates are used, exactly.
         label_of: class -> the value of `attribute` that says so.
+        smoothing: of the confusion matrix, see `ConfusionMatrix.rates`.
 
     Raises:
         ProgramError: a name on one side is unknown on the other, or `attribute` is not selected at random.
@@ -51,7 +55,7 @@ def with_classifier(
     if len(set(labels)) < len(labels):
         raise ProgramError(f"classes share a label of {attribute}: {', '.join(labels)}")
     rules: list[Statement] = []
-    for name, row in zip(confusion.classes, confusion.rates(), strict=True):
+    for name, row in zip(confusion.classes, confusion.rates(smoothing), strict=True):
         condition = Literal(Term(target), "=", parse_term(name, "<class>"))
         for label, rate in zip(labels, row, strict=True):
             number = Number(rate)

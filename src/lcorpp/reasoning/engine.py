@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
     from lcorpp.reasoning.circuit.compiled import Circuit
     from lcorpp.reasoning.enumeration import Enumeration
-    from lcorpp.values import Distribution
+    from lcorpp.reasoning.soft_evidence import SoftEvidence
+    from lcorpp.values import Distribution, Label
 
 LOG = logging.getLogger("lcorpp.reasoning")
 
@@ -61,18 +62,20 @@ class Engine:
         self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}
         self._paths: dict[Hashable, Paths] = {}
+        self._weighing: dict[Hashable, SoftEvidence] = {}
 
     def __reduce__(self) -> tuple[Callable[[Program, int], Engine], tuple[Program, int]]:
         return _again, (self.program, self.samples)
 
     def posterior(
-        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
+        self, attribute: str, evidence: Mapping[str, Label], do: Mapping[str, str] = NOTHING
     ) -> Distribution:
         """The marginal of `attribute` given evidence and interventions.
 
         Args:
             attribute: an attribute or a term of one, such as ``roll(d1)``.
-            evidence, do: term -> value.
+            evidence: term -> value, or -> the likelihood of its values (see `soft_evidence`).
+            do: term -> value.
 
         Raises:
             ProgramError: the program does not know a name, `attribute` may have no value under the evidence,
@@ -85,9 +88,31 @@ class Engine:
         except TypeError:  # what cannot be a key is no value either, and is told so
             answer = None
         if answer is None:
-            answer = self._posterior(attribute, evidence, do)
+            facts = self._hard(evidence)
+            if facts is None:  # every likelihood is another, so that to keep answers would only fill memory
+                return self._soft(do).posterior(attribute, evidence)
+            answer = self._posterior(attribute, facts, do)
             _keep(self._answers, asked, answer)
         return answer
+
+    @staticmethod
+    def _hard(evidence: Mapping[str, Label]) -> Mapping[str, str] | None:
+        """The evidence where all of it is hard, None where there is a likelihood."""
+        if all(isinstance(value, str) for value in evidence.values()):
+            return evidence  # type: ignore[return-value]
+        from lcorpp.values import Likelihood  # here, as it loads numpy
+
+        soft = any(isinstance(value, Likelihood) for value in evidence.values())
+        return None if soft else evidence  # type: ignore[return-value]  # what else there is is refused
+
+    def _soft(self, do: Mapping[str, str]) -> SoftEvidence:
+        key = frozenset(do.items())
+        if key not in self._weighing:
+            from lcorpp.reasoning.soft_evidence import SoftEvidence  # here, as it loads numpy
+
+            made = SoftEvidence(self.program, lambda name, facts: self.posterior(name, facts, do))
+            _keep(self._weighing, key, made)
+        return self._weighing[key]
 
     def _posterior(self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str]) -> Distribution:
         term = ground(term_of(self.program, attribute))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from lcorpp.reasoning.circuit.compiled import Circuit
     from lcorpp.reasoning.engine import Engine
-    from lcorpp.values import Distribution
+    from lcorpp.values import Distribution, Label
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Program:
     def posterior(
         self,
         attribute: str,
-        obs: Mapping[str, str] = MappingProxyType({}),
+        obs: Mapping[str, Label] = MappingProxyType({}),
         do: Mapping[str, str] = MappingProxyType({}),
     ) -> Distribution:
         """The marginal of an attribute given observations and interventions.
@@ -89,7 +89,8 @@ class Program:
 
         Args:
             attribute: an attribute or a term of one, such as ``roll(d1)``.
-            obs, do: term -> value.
+            obs: term -> value, or -> the likelihood of its values, which weighs them.
+            do: term -> value.
 
         Raises:
             ProgramError: the program does not know a name, `attribute` may have no value under the evidence,

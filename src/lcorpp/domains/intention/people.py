@@ -1,84 +1,79 @@
-"""People in a shopping mall, simulated: how they walk when they want the robot, and when they do not.
+"""People in a shopping mall as a tracker sees them; `walking.py` says how they walk.
 
-Intention drives motion only through where a person wants to go and how fast; the noise knows nothing of it.
-All walk down a corridor past the robot, which stands at the origin near one wall and looks across. Who is
-not interested passes by, is curious (slows down, veers towards the robot, walks on) or lingers (slows down
-for something else). Who is interested decides at some distance, heads for a place in front of the robot,
-takes off speed on the way, and sometimes hesitates. What is seen is the last ten seconds before the person
-comes within a distance of the robot that is drawn alike for everybody, so that the end tells nothing.
+What is seen of a person is the last seconds before he or she comes within a distance of the robot that is
+drawn alike for everybody, and so are the seconds, the tracker's rate and all of its errors: only motion tells
+who is interested. Two functions give the same people: `trajectories`, x and y at a fixed rate over ten
+seconds, and `recordings`, of different duration, with the other channels that a mall's tracker has.
 
-The model is a social force: acceleration towards the wanted velocity, pushed away by walls and robot
-(Helbing and Molnar 1995). Units are metres and seconds.
-
-This file is loaded by its path as part of a domain folder; it needs nothing but numpy.
+Units are metres, seconds and radians; the robot stands at the origin. Both files are loaded by their path as
+part of a domain folder; they need nothing but numpy.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import importlib.util
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-Wants = Callable[[Array, Array], tuple[Array, Array, Array]]
+
+
+def _beside(name: str) -> ModuleType:
+    """Another file of this folder, loaded as this one is: by its path."""
+    spec = importlib.util.spec_from_file_location(
+        f"{__name__}_{name}", Path(__file__).with_name(f"{name}.py")
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+walking = _beside("walking")
 
 POINTS = 304
 """Time points of a trajectory."""
 INTERVAL = 0.033
 """Seconds between two of them, as the mall's tracker had."""
-STEP = 3 * INTERVAL
-"""Seconds between two steps of the simulation; the points between are interpolated."""
-LONGEST = 60.0
-"""Seconds after which a walk that did not come near the robot is given up."""
-
-START = 24.0
-"""Distance along the corridor from which people come: at top speed still ten seconds away."""
-WALLS = (-1.0, 5.0)
-"""The walls of the corridor, across it; the robot stands at 0."""
-LANE = (0.5, 2.0)
-"""Where across the corridor people walk, uniform."""
-SPEED, SPEED_DEVIATION, SPEED_RANGE = 1.15, 0.22, (0.5, 1.9)
-"""Walking speed, normal and truncated."""
-RELAXATION = 0.6
-"""Time in which velocity adapts to the wanted one."""
-STEERING, STEERING_TIME = 0.2, 1.2
-"""Deviation (radians) and correlation time of the wander around the wanted heading."""
-PACE, PACE_TIME = 0.08, 2.0
-"""Relative deviation and correlation time of the wanted speed."""
-LOOK_AHEAD = 5.0
-"""How far ahead a passer-by aims along the own lane."""
-WALL_PUSH, WALL_RANGE = 1.0, 0.3
-"""Acceleration at a wall and the distance over which it fades."""
-ROBOT_PUSH, ROBOT_RADIUS, ROBOT_RANGE = 1.0, 0.6, 0.25
-"""Acceleration at the robot's radius and the distance over which it fades."""
-
-NOTICE = (8.0, 18.0)
-"""Distance from the robot at which an interested person decides to go there."""
-APPROACH = (0.6, 0.85)
-"""Share of the walking speed kept from then on."""
-STAND, STAND_ANGLE, STAND_SPREAD = (0.8, 1.8), 1.2, 0.8
-"""Where an interested person stops: distance from the robot; angle from the corridor towards the robot's
-front (radians, mean and deviation)."""
-BRAKING = 2.0
-"""An interested person walks no faster than would cover the remaining way in this time."""
-HESITATING, HESITATION, HESITATION_TIME = 1 / 3, (2.0, 7.0), (1.0, 3.0)
-"""Share of interested people who hesitate, at which distance from the robot, and how long."""
-
-CURIOUS, LINGERING = 0.2, 0.15
-"""Shares of people not interested who are curious about the robot, and who linger; the rest pass by."""
-CURIOSITY, CURIOUS_PACE, CURIOUS_VEER = (3.0, 10.0), (0.55, 0.9), (0.2, 0.7)
-"""At which distance the curious slow down, to which share of their speed, and by which share of the own
-lane they come closer."""
-LINGER, LINGER_PACE, LINGER_TIME = (2.0, 12.0), (0.2, 0.7), (2.0, 6.0)
-"""At which distance others linger, at which share of their speed, and how long."""
+SECONDS = (10.0, 14.0)
+"""How long people are recorded, uniform."""
+LONGEST = 30.0
+"""The longest recording that can be asked for."""
+COLUMNS = ("time", "x", "y", "z", "velocity", "heading", "facing")
+"""What is recorded: z is the height of the head, heading the direction of motion, facing that of the body."""
 
 SEEN_UNTIL = (1.2, 3.0)
-"""Distance from the robot at which the trajectory ends, uniform and alike for everybody."""
-NOISE, NOISE_TIME = 0.04, 0.2
-"""Deviation of the tracker (metres, each coordinate) and its correlation time."""
+"""Distance from the robot at which a track ends, uniform and alike for everybody."""
+JITTER = 0.004
+"""Largest error in the moment of a sample of a recording; its stamp tells the true moment."""
+ERROR, ERROR_TIME = 0.02, 1.0
+"""Deviation of the tracker (each coordinate) and its correlation time: slow, since trackers filter."""
+SWAY, SWAY_SPREAD, SWAY_LARGEST, SWAY_RATE = 0.015, 1.2, 0.05, (0.75, 1.0)
+"""How far the body sways in walking, to the side and along (median), how people differ in it (deviation of
+the logarithm), at most, and strides in a second. To the side .019 to .035 metres (Orendurff et al., The
+effect of walking speed on center of mass displacement, JRRD 41, 2004), less where a tracker filters; fitted
+to acceleration and turning of the walkers named in walking.py."""
+SWAY_SPEED = 0.5
+"""Below this speed people sway less."""
+HIDDEN, HIDDEN_TIME = 0.6, (1.0, 4.0)
+"""Share of people who are hidden once, and for how long: the tracker joins the ends by a straight line.
+Fitted to the share of straight pieces in the walkers' tracks."""
+HEIGHT, HEIGHT_DEVIATION = 1.65, 0.09
+"""Height of the head, normal."""
+ESTIMATED_OVER = 0.5
+"""Velocity and heading are estimated from the way of the last half second."""
+TURNED, TURN_ERROR, TURN_TIME = (0.3, 0.9), 0.3, 1.0
+"""By which share of the angle people turn to what they attend to; deviation and correlation time of that."""
 
+BLOCK = 2000
+"""People simulated at once, which bounds the memory."""
 INTENTIONS = ("interested", "not_interested")
 
 
@@ -98,126 +93,154 @@ def trajectories(people: Sequence[Mapping[str, str]], rng: np.random.Generator) 
     Raises:
         ValueError: a person without an intention, or with an unknown one.
     """
+    interested = _interested(people)
+    tracks = np.empty((len(people), 2, POINTS))
+    for start in range(0, len(people), BLOCK):
+        rows = slice(start, start + BLOCK)
+        back = np.arange(POINTS - 1, -1, -1) * INTERVAL
+        seen = _seen(interested[rows], np.broadcast_to(back, (len(interested[rows]), POINTS)), rng)
+        tracks[rows] = _tracked(seen.path, back[0] - back, rng)
+    return tracks
+
+
+def recordings(
+    people: Sequence[Mapping[str, str]],
+    rng: np.random.Generator,
+    *,
+    seconds: tuple[float, float] = SECONDS,
+) -> list[Array]:
+    """What a mall's tracker writes about people: for each an array (samples, 7), columns as COLUMNS.
+
+    Args:
+        people: n persons; of each only "intention" matters, "interested" or "not_interested".
+        rng: source of all randomness.
+        seconds: the shortest and the longest duration, drawn uniformly and alike for everybody; a duration
+            is never shorter than drawn, and longer by less than INTERVAL.
+
+    Returns:
+        n arrays; time starts at 0 and rises by about INTERVAL.
+
+    Raises:
+        ValueError: a person without an intention, or with an unknown one; durations that are not
+            INTERVAL <= shortest <= longest <= LONGEST.
+    """
+    interested = _interested(people)
+    shortest, longest = seconds
+    if not INTERVAL <= shortest <= longest <= LONGEST:
+        raise ValueError(f"seconds is {seconds}; expected {INTERVAL} <= shortest <= longest <= {LONGEST:g}")
+    found: list[Array] = []
+    for start in range(0, len(people), BLOCK):
+        rows = interested[start : start + BLOCK]
+        drawn = rng.uniform(shortest, longest, size=len(rows))
+        points = np.ceil(drawn / INTERVAL - 1e-9).astype(np.intp) + 1
+        found += _recorded(rows, points, rng)
+    return found
+
+
+def _recorded(interested: Flags, points: npt.NDArray[np.intp], rng: np.random.Generator) -> list[Array]:
+    """Recordings of so many samples (n,); the shorter ones are cut from the end of the longest."""
+    n, most = len(points), int(points.max())
+    moments = np.arange(most) * INTERVAL + rng.uniform(-JITTER, JITTER, size=(n, most))
+    ends = np.arange(most) == most - points[:, None]  # exact at both ends, so that a duration is
+    ends[:, -1] = True
+    moments = np.where(ends, np.arange(most) * INTERVAL, moments)
+    seen = _seen(interested, (most - 1) * INTERVAL - moments, rng)
+    place = _tracked(seen.path, moments, rng)
+
+    lag = max(1, round(ESTIMATED_OVER / INTERVAL))
+    now = np.arange(most)
+    first = (most - points)[:, None]
+    before = np.maximum(now - lag, first)
+    now = np.maximum(now, before + 1).clip(max=most - 1)  # the first sample has the second one's estimate
+    row = np.arange(n)[:, None]
+    before = np.minimum(before, now - 1)
+    way = place.transpose(0, 2, 1)[row, now] - place.transpose(0, 2, 1)[row, before]
+    velocity = np.hypot(way[..., 0], way[..., 1]) / (moments[row, now] - moments[row, before])
+    heading = np.arctan2(way[..., 1], way[..., 0])
+
+    to_robot = _wrapped(np.arctan2(-place[:, 1], -place[:, 0]) - heading)
+    turned = seen.attending * rng.uniform(*TURNED, size=(n, 1))
+    noise = walking.correlated(rng, (n, most), TURN_ERROR, INTERVAL / TURN_TIME)
+    facing = _wrapped(heading + turned * to_robot + noise)
+    height = rng.normal(HEIGHT, HEIGHT_DEVIATION, size=(n, 1))
+    z = height + walking.correlated(rng, (n, most), ERROR, INTERVAL / ERROR_TIME)
+
+    columns = np.stack([moments, place[:, 0], place[:, 1], z, velocity, heading, facing], axis=2)
+    columns[..., 0] -= columns[row, first, 0]
+    return [table[most - count :].copy() for table, count in zip(columns, points, strict=True)]
+
+
+class _Seen(NamedTuple):
+    """path: (n, 2, points) true positions. attending: (n, points) whether they attend to the robot."""
+
+    path: Array
+    attending: Flags
+
+
+def _interested(people: Sequence[Mapping[str, str]]) -> Flags:
+    """(n,) who is interested."""
     for person in people:
         if person.get("intention") not in INTENTIONS:
             raise ValueError(
                 f"intention is {person.get('intention')!r}; expected one of {', '.join(INTENTIONS)}"
             )
-    interested = np.array([person["intention"] == "interested" for person in people], dtype=bool)
-    until = rng.uniform(*SEEN_UNTIL, size=len(people))
-    paths = np.empty((len(people), 2, POINTS))
-    missing = np.arange(len(people))
+    return np.array([person["intention"] == "interested" for person in people], dtype=bool)
+
+
+def _seen(interested: Flags, back: Array, rng: np.random.Generator) -> _Seen:
+    """Where n people truly are at moments `back` (n, points), in seconds before they come near the robot."""
+    n, points = back.shape
+    until = rng.uniform(*SEEN_UNTIL, size=len(back))
+    where, attending = np.empty((n, 2, points)), np.empty((n, points), dtype=bool)
+    missing = np.arange(n)
     while len(missing):  # who passes too far away is not the person the robot saw: another one walks
-        found, seen = _walk(interested[missing], until[missing], rng)
-        paths[missing[seen]] = found[seen]
-        missing = missing[~seen]
-    noisy: Array = paths + _correlated(rng, paths.shape, NOISE, INTERVAL / NOISE_TIME)
-    return noisy
+        walks = walking.walk(interested[missing], until[missing], back[missing].max(axis=1), rng)
+        whole = np.flatnonzero(walks.whole)
+        rows, column = missing[whole], whole[:, None]
+        at = np.clip(walks.arrival[whole, None] - back[rows] / walking.STEP, 0, None)
+        step = at.astype(np.intp)
+        share = np.expand_dims(at - step, -1)
+        after = np.minimum(step + 1, len(walks.path) - 1)
+        path = walks.path[step, column] * (1 - share) + walks.path[after, column] * share
+        where[rows] = path.transpose(0, 2, 1)
+        attending[rows] = walks.attending[step, column]
+        missing = missing[~walks.whole]
+    return _Seen(where, attending)
 
 
-def _walk(interested: Flags, until: Array, rng: np.random.Generator) -> tuple[Array, Flags]:
-    """One walk for each of n people.
+def _tracked(path: Array, moments: Array, rng: np.random.Generator) -> Array:
+    """True positions (n, 2, points) at `moments` (n or 1, points) as the tracker has them."""
+    n, _, points = path.shape
+    velocity = np.gradient(path, INTERVAL, axis=2)
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    ahead = velocity / np.maximum(speed, 1e-6)[:, None]
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    size = np.minimum(SWAY * np.exp(SWAY_SPREAD * rng.standard_normal((n, 1))), SWAY_LARGEST)
+    size = size * np.minimum(speed / SWAY_SPEED, 1)
+    phase = 2 * np.pi * (rng.uniform(*SWAY_RATE, size=(n, 1)) * moments + rng.uniform(size=(2, n, 1)))
+    swaying = ahead * (size * np.sin(phase[0]))[:, None] + left * (size * np.sin(phase[1]))[:, None]
 
-    Args:
-        interested: (n,) the intentions. until: (n,) the distances at which the trajectories end.
-
-    Returns:
-        (n, 2, POINTS) paths without noise, and (n,) whether they are whole: the others never came so near.
-    """
-    n = len(interested)
-    side = rng.choice([-1.0, 1.0], size=n)
-    lane = rng.uniform(*LANE, size=n)
-    speed = np.clip(rng.normal(SPEED, SPEED_DEVIATION, size=n), *SPEED_RANGE)
-    wants = _wants(interested, side, lane, rng)
-
-    steps = int(LONGEST / STEP)
-    wander = _correlated(rng, (n, steps), STEERING, STEP / STEERING_TIME)
-    pace = speed[:, None] * (1 + _correlated(rng, (n, steps), PACE, STEP / PACE_TIME))
-    position = np.stack([side * START, lane], axis=1)
-    velocity = np.stack([-side * speed, np.zeros(n)], axis=1)
-    path = np.empty((steps, n, 2))
-    arrival = np.full(n, steps)
-    for step in range(steps):
-        path[step] = position
-        distance = np.hypot(position[:, 0], position[:, 1])
-        arrival = np.where((distance <= until) & (arrival == steps), step, arrival)
-        if step % 20 == 0 and np.all((arrival < steps) | (position[:, 0] * side < -until)):
-            break
-        direction, share, limit = wants(position, distance)
-        wanted = np.minimum(pace[:, step] * share, limit)
-        angle = np.arctan2(direction[:, 1], direction[:, 0]) + wander[:, step]
-        aim = wanted[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        velocity = velocity + STEP * ((aim - velocity) / RELAXATION + _push(position, distance))
-        position = position + STEP * velocity
-
-    needed = int(np.ceil(INTERVAL * (POINTS - 1) / STEP)) + 1
-    whole = (arrival < steps) & (arrival >= needed)
-    back = np.arange(POINTS - 1, -1, -1) * INTERVAL / STEP  # steps before the arrival
-    at = np.maximum(np.where(whole, arrival, needed)[:, None] - back, 0.0)
-    before = at.astype(np.intp)
-    part = (at - before)[..., None]
-    after = np.minimum(before + 1, steps - 1)
-    row = np.arange(n)[:, None]
-    points = path[before, row] * (1 - part) + path[after, row] * part
-    return points.transpose(0, 2, 1), whole
+    error = walking.correlated(rng, path.shape, ERROR * np.sqrt(2), INTERVAL / ERROR_TIME)
+    keep = np.exp(-INTERVAL / ERROR_TIME)
+    for i in range(1, points):  # filtered once more: what a tracker says does not jump
+        error[..., i] = keep * error[..., i - 1] + (1 - keep) * error[..., i]
+    return _joined(path + swaying + error, rng)
 
 
-def _wants(interested: Flags, side: Array, lane: Array, rng: np.random.Generator) -> Wants:
-    """What everybody is after, as a function of position (n, 2) and distance (n,) from the robot.
-
-    It gives the direction (n, 2) to walk in, the share (n,) of the own pace and a limit (n,) of the speed.
-    """
-    n = len(interested)
-    kind = rng.uniform(size=n)
-    notice = rng.uniform(*NOTICE, size=n)
-    approach = rng.uniform(*APPROACH, size=n)
-    angle = np.clip(rng.normal(STAND_ANGLE, STAND_SPREAD, size=n), 0.0, np.pi / 2)
-    stand = rng.uniform(*STAND, size=n)[:, None] * np.stack([side * np.cos(angle), np.sin(angle)], axis=1)
-    hesitates = interested & (kind < HESITATING)
-    curious = ~interested & (kind < CURIOUS)
-    lingers = ~interested & (kind >= CURIOUS) & (kind < CURIOUS + LINGERING)
-    curiosity = rng.uniform(*CURIOSITY, size=n)
-    curious_pace = rng.uniform(*CURIOUS_PACE, size=n)
-    near_lane = lane * (1 - rng.uniform(*CURIOUS_VEER, size=n))
-    pause_at = np.where(hesitates, rng.uniform(*HESITATION, size=n), rng.uniform(*LINGER, size=n))
-    pause_time = np.where(hesitates, rng.uniform(*HESITATION_TIME, size=n), rng.uniform(*LINGER_TIME, size=n))
-    pause_pace = np.where(hesitates, 0.25, rng.uniform(*LINGER_PACE, size=n))
-    paused = np.zeros(n)
-    decided = np.zeros(n, dtype=bool)
-    drawn = np.zeros(n, dtype=bool)
-
-    def wants(position: Array, distance: Array) -> tuple[Array, Array, Array]:
-        decided[:] |= interested & (distance < notice)
-        drawn[:] |= curious & (distance < curiosity)
-        pausing = (hesitates | lingers) & (distance < pause_at) & (paused < pause_time)
-        paused[pausing] += STEP
-        ahead = np.stack([-side * LOOK_AHEAD, np.where(drawn, near_lane, lane) - position[:, 1]], axis=1)
-        there = stand - position
-        direction = np.where(decided[:, None], there, ahead)
-        share = np.where(decided, approach, 1.0)
-        share = np.where(drawn & (position[:, 0] * side > 0), curious_pace, share)
-        share = np.where(pausing, pause_pace, share)
-        limit = np.where(decided, np.hypot(there[:, 0], there[:, 1]) / BRAKING + 0.1, np.inf)
-        return direction, share, limit
-
-    return wants
+def _joined(place: Array, rng: np.random.Generator) -> Array:
+    """Tracks (n, 2, points) in which some people were hidden once and are joined by a straight line."""
+    n, _, points = place.shape
+    hidden = rng.uniform(size=n) < HIDDEN
+    length = np.minimum(rng.uniform(*HIDDEN_TIME, size=n) / INTERVAL, points - 1).astype(np.intp)
+    first = (rng.uniform(size=n) * (points - length)).astype(np.intp)
+    last = np.minimum(first + np.where(hidden, np.maximum(length, 1), 1), points - 1)
+    first = np.minimum(first, last - 1)
+    row = np.arange(n)
+    one, other = place[row, :, first][:, :, None], place[row, :, last][:, :, None]
+    share = ((np.arange(points) - first[:, None]) / (last - first)[:, None])[:, None]
+    return np.where((share > 0) & (share < 1), one + (other - one) * share, place)
 
 
-def _push(position: Array, distance: Array) -> Array:
-    """(n, 2) acceleration away from the walls and the robot at positions (n, 2), distances (n,) from it."""
-    away = np.exp((ROBOT_RADIUS - distance) / ROBOT_RANGE) * ROBOT_PUSH
-    push = position / np.maximum(distance, 1e-6)[:, None] * np.minimum(away, ROBOT_PUSH)[:, None]
-    low, high = WALLS
-    push[:, 1] += WALL_PUSH * np.exp(np.minimum(low - position[:, 1], 0) / WALL_RANGE)
-    push[:, 1] -= WALL_PUSH * np.exp(np.minimum(position[:, 1] - high, 0) / WALL_RANGE)
-    return push
-
-
-def _correlated(rng: np.random.Generator, shape: tuple[int, ...], deviation: float, step: float) -> Array:
-    """Stationary noise of `shape`, correlated along the last axis; `step` in units of correlation times."""
-    noise = rng.standard_normal((shape[-1], *shape[:-1])) * deviation  # time first: that is quick to go along
-    keep = np.exp(-step)
-    noise[1:] *= np.sqrt(1 - keep**2)
-    for i in range(1, len(noise)):
-        noise[i] += keep * noise[i - 1]
-    return np.moveaxis(noise, 0, -1)
+def _wrapped(angle: Array) -> Array:
+    """Angles in (-pi, pi]."""
+    return np.pi - (np.pi - angle) % (2 * np.pi)

@@ -1,0 +1,40 @@
+"""Your own recording: refused with the place, repaired on request, checked for leaks, made a data set."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from lcorpp.errors import LcorppError
+from lcorpp.learning import dataset_of, leak_check, read_recording
+from lcorpp.learning.data.tracks import mended_rows
+
+rng = np.random.default_rng(0)
+lines = ["track,time,x,y,label"]
+for number in range(60):
+    wants = number % 2  # who wants the robot walks more slowly, and is always recorded for two seconds longer
+    for i in range(110 + 20 * wants):
+        t, speed = i / 10, 1.2 - 0.3 * wants
+        x, y = speed * t + rng.normal(0, 0.02), number / 30 + rng.normal(0, 0.02)
+        lines.append(f"{number},{t:.1f},{x:.3f},{y:.3f},{('passes', 'wants')[wants]}")
+lines[40] = lines[40].replace(",3.9,", ",,")  # a time is missing
+lines.append(lines[-1])  # a row is there twice
+
+with tempfile.TemporaryDirectory() as folder:
+    file = Path(folder) / "people.csv"
+    file.write_text("\n".join(lines) + "\n")
+    try:
+        read_recording(file)
+    except LcorppError as error:
+        print("refused:", str(error).splitlines()[0].removeprefix(f"{folder}/"))
+    recording = read_recording(file, repair=["nonfinite", "duplicates"])
+
+for reason, (rows, places) in mended_rows(recording.mends).items():
+    print(f"repaired: {reason}, {rows} rows in {places} places")
+for leak in leak_check(recording):
+    print(f"{leak.name:<13} AUC {leak.auc:.2f} {'LEAK' if leak.flagged else ''}".rstrip())
+data = dataset_of(recording, interval=0.1, points=101)  # ten seconds of everybody: no durations are left
+print(f"a data set of {data.trajectories.shape}: {', '.join(data.channels)} every {data.interval:g} s")
+print(f"duration      AUC {leak_check(data)[1].auc:.2f}")

@@ -1,0 +1,127 @@
+"""The columns of the plain long CSV as a Parquet file; pyarrow reads and writes it (extra `parquet`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lcorpp.errors import DataError, FileError, expected
+from lcorpp.learning.data.assembly import Assembly
+from lcorpp.learning.data.formats import Request, gathered
+from lcorpp.learning.data.long_csv import NAMES, NEEDED, WORDS, unused
+from lcorpp.learning.data.rows import LINES, Batch, Progress
+from lcorpp.learning.data.tracks import Track
+
+SUFFIXES = (".parquet", ".pq")
+
+
+def pyarrow() -> Any:
+    """The modules of pyarrow that are needed.
+
+    Raises:
+        DataError: it is not installed.
+    """
+    try:
+        import pyarrow
+        import pyarrow.compute
+        import pyarrow.parquet
+    except ImportError:
+        raise DataError("Parquet files need pyarrow; install lcorpp[parquet], or use CSV") from None
+    return pyarrow
+
+
+class ParquetFile:
+    """A Parquet file whose rows are numbered from 1."""
+
+    def __init__(self, path: Path) -> None:
+        self.file, self.ended = str(path), True
+        self._arrow = pyarrow()
+        try:
+            with open(path, "rb"):
+                pass
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise FileError(f"{path}: cannot be read: {reason}") from None
+        try:
+            self._table = self._arrow.parquet.ParquetFile(path)
+        except (OSError, ValueError) as error:  # pyarrow's own errors are both
+            raise DataError(f"{path}: not a Parquet file, or a damaged one: {error}") from None
+        self.names = [name.strip().lower() for name in self._table.schema_arrow.names]
+        for name in NEEDED:
+            if name not in self.names:
+                raise DataError(
+                    f"{path}: no column {name!r}; {expected(list(NAMES))}, and found {self.names}"
+                )
+        if len(set(self.names)) < len(self.names):
+            raise DataError(f"{path}: a column is there twice: {', '.join(self.names)}")
+
+    def refusal(self, line: int, field: str, message: str) -> DataError:
+        """A DataError that names the row and the column."""
+        column = f", column {field!r}" if field else ""
+        return DataError(f"{self.file}: row {line}{column}: {message}")
+
+    def batches(
+        self, numbers: tuple[str, ...], words: tuple[str, ...], progress: Progress | None = None
+    ) -> Iterator[Batch]:
+        """All rows; what is null is NaN, or no word.
+
+        Raises:
+            DataError: a column is not of its kind, or the file is damaged.
+        """
+        wanted = {name: self._table.schema_arrow.names[self.names.index(name)] for name in (*numbers, *words)}
+        line, rows = 1, self._table.metadata.num_rows
+        try:
+            for part in self._table.iter_batches(batch_size=LINES, columns=list(wanted.values())):
+                yield Batch(
+                    np.arange(line, line + part.num_rows, dtype=np.int64),
+                    {name: self._numbers(part.column(wanted[name]), name) for name in numbers},
+                    {name: self._words(part.column(wanted[name]), name) for name in words},
+                )
+                line += part.num_rows
+                if progress is not None:
+                    progress(line - 1, rows)
+        except (OSError, ValueError) as error:
+            raise DataError(f"{self.file}: damaged after row {line}: {error}") from None
+
+    def _numbers(self, column: Any, name: str) -> Any:
+        types = self._arrow.types
+        if not (types.is_integer(column.type) or types.is_floating(column.type)):
+            raise self.refusal(1, name, f"the column is of type {column.type}; expected numbers")
+        values = self._arrow.compute.cast(column, self._arrow.float64(), safe=False)
+        return self._arrow.compute.fill_null(values, float("nan")).to_numpy(zero_copy_only=False)
+
+    def _words(self, column: Any, name: str) -> list[str]:
+        types = self._arrow.types
+        if types.is_dictionary(column.type):
+            column = column.dictionary_decode()
+        if types.is_floating(column.type) or types.is_nested(column.type):
+            raise self.refusal(
+                1, name, f"the column is of type {column.type}; expected words or whole numbers"
+            )
+        words = self._arrow.compute.cast(column, self._arrow.string())
+        return ["" if word is None else word.strip() for word in words.to_pylist()]
+
+
+def read_parquet(path: Path, request: Request) -> tuple[list[Track], tuple[str, ...]]:
+    """Read a file of this form.
+
+    Returns:
+        The tracks, in metres, and notes on them.
+
+    Raises:
+        FileError: the file cannot be read.
+        DataError: it is not a Parquet file, columns are wrong, pyarrow is not installed, or a row or a track
+            is wrong and its repair was not asked for.
+    """
+    file = ParquetFile(path)
+    words = tuple(name for name in WORDS if name in file.names)
+    numbers = tuple(name for name in NAMES if name in file.names and name not in ("track", *WORDS))
+    assembly = Assembly(numbers[1:], words)
+    batches = file.batches(numbers, ("track", *words), request.progress)
+    tracks = gathered(file, batches, assembly, request)
+    if not tracks and request.only is None and not request.ledger.mends:
+        raise DataError(f"{path}: no rows")
+    return tracks, unused(file.names)

@@ -1,0 +1,211 @@
+"""Recordings of any of the formats, known by what they are rather than by what they are called."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from lcorpp.errors import DataError, FileError, ParseError
+from lcorpp.files import open_text
+from lcorpp.learning.authors import read_authors
+from lcorpp.learning.data.atc import FIELDS, read_atc
+from lcorpp.learning.data.formats import Request
+from lcorpp.learning.data.labels import WholeFile, labelled, meaning, read_labels, unknown
+from lcorpp.learning.data.long_csv import NEEDED, read_long_csv
+from lcorpp.learning.data.mending import GAP
+from lcorpp.learning.data.parquet import SUFFIXES, read_parquet
+from lcorpp.learning.data.rectangular import SUFFIX, load_dataset, recording_of
+from lcorpp.learning.data.repair import Ledger
+from lcorpp.learning.data.rows import Progress
+from lcorpp.learning.data.tracks import Recording
+from lcorpp.learning.data.windows import INTERVAL, POINTS, dataset_of
+from lcorpp.learning.store import is_store, read_store
+from lcorpp.values import Dataset
+
+Kind = Literal["authors", "npz", "store", "parquet", "atc", "long"]
+
+RECTANGULAR = ("authors", "npz", "store")
+"""The kinds whose tracks all have the same time points."""
+
+WRITTEN = {"0": "0", "1": "1"}
+"""The labels of the authors' files, where nobody says what they mean."""
+
+Pose = tuple[float, float, float]
+
+
+def read_data(
+    path: str | Path,
+    *,
+    labels: Mapping[str, str] | None = None,
+    label_file: str | Path | None = None,
+    interval: float | None = None,
+    points: int | None = None,
+    channels: Sequence[str] | None = None,
+    repair: Collection[str] = (),
+    robot: Pose | None = None,
+    gap: float = GAP,
+    progress: Progress | None = None,
+) -> Dataset:
+    """Read labelled tracks of any format as a data set to learn from.
+
+    The authors' files, .npz and stores are rectangular already and stay as they are unless an argument says
+    otherwise; of other formats the last ten seconds of each track are taken, 304 points .033 s apart.
+
+    Args:
+        interval, points, channels: of the data set; see `dataset_of`.
+        others: as those of `read_recording`.
+
+    Raises:
+        FileError, ParseError, DataError: as `read_recording` and `dataset_of`.
+    """
+    kind = kind_of(path)
+    asked = (interval, points, channels, robot, label_file)
+    if kind in RECTANGULAR:
+        whole = _rectangular(Path(path), kind, labels, Ledger(repair))
+        if all(argument is None for argument in asked):
+            return whole
+        interval, points = interval or whole.interval, points or whole.trajectories.shape[2]
+    recording = read_recording(
+        path,
+        labels=labels,
+        label_file=label_file,
+        repair=repair,
+        robot=robot,
+        gap=gap,
+        progress=progress,
+    )
+    try:
+        return dataset_of(
+            recording, interval=interval or INTERVAL, points=points or POINTS, channels=channels
+        )
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
+
+
+def read_recording(
+    path: str | Path,
+    *,
+    labels: Mapping[str, str] | None = None,
+    label_file: str | Path | None = None,
+    repair: Collection[str] = (),
+    robot: Pose | None = None,
+    gap: float = GAP,
+    progress: Progress | None = None,
+) -> Recording:
+    """Read tracks: a folder of the authors' files, a long CSV, ATC tracking data, Parquet, .npz, or a store.
+
+    Of a store (see `lcorpp.learning.store`) the tracks that have a label are read.
+
+    Args:
+        labels: what the written labels mean, e.g. {"1": "interested", "0": "not_interested"}; a class
+            stands for itself, too. None takes every label as it is.
+        label_file: a CSV of ids and labels, for a file without labels; only those tracks are read.
+        repair: names among `REPAIRS`, or "all"; what is not asked for is refused.
+        robot: where the robot stood in the frame of the file (x and y in metres) and which way it faced
+            (radians); None says that the file is in the robot's frame.
+        gap: seconds of silence after which an id is held to be somebody else's.
+        progress: told (bytes read, bytes in all).
+
+    Raises:
+        FileError: a file is missing or cannot be read.
+        ParseError: a row or a track is wrong, and its repair was not asked for.
+        DataError: as ParseError, where a file has no lines; or an argument is wrong.
+    """
+    file, kind = Path(path), kind_of(path)
+    if not gap > 0:
+        raise DataError(f"the longest silence is {gap} s; expected a number above 0")
+    ledger = Ledger(repair)
+    classes = None if label_file is None else read_labels(label_file, labels)
+    if kind in RECTANGULAR:
+        if classes is not None:
+            raise DataError(f"{path}: has labels of its own; {label_file} cannot give others")
+        whole = recording_of(_rectangular(file, kind, labels, ledger))
+        recording = replace(whole, mends=tuple(ledger.mends))
+    else:
+        only = None if classes is None else classes.keys()
+        request = Request(ledger, labels, only, gap, progress)
+        reader = {"atc": read_atc, "long": read_long_csv, "parquet": read_parquet}[kind]
+        tracks, notes = reader(file, request)
+        if classes is not None:
+            found = labelled(tracks, classes, file, ledger)
+            missing = len(classes) - len({track.group for track in found})
+            if missing:
+                notes = (*notes, f"{missing} of {len(classes)} ids of {label_file} have no tracks")
+            tracks = found
+        recording = Recording(tuple(tracks), file.name, notes, tuple(ledger.mends))
+    return recording if robot is None else recording.seen_from(*robot)
+
+
+def kind_of(path: str | Path) -> Kind:
+    """What a file or a folder holds.
+
+    Raises:
+        FileError: it is missing or cannot be read, or is not text.
+        ParseError: its first line is none of a known format.
+    """
+    file = Path(path)
+    if file.is_dir():
+        return "authors"
+    suffix = file.suffix.lower()
+    if suffix == SUFFIX:
+        return "npz"
+    if is_store(file):
+        return "store"
+    if suffix in SUFFIXES:
+        return "parquet"
+    with open_text(file) as opened:
+        try:
+            start = opened.read(20_000)
+        except UnicodeDecodeError:
+            start = "\0"
+    if "\0" in start:
+        raise FileError(f"{path}: not text; expected CSV, .npz, .parquet or a folder of the authors' files")
+    for number, text in enumerate(start.splitlines(), start=1):
+        if not text.strip():
+            continue
+        cells = _cells(text)
+        if cells is None or not all(_is_number(cell) for cell in cells):
+            return (
+                "atc" if cells is not None and len(cells) == len(FIELDS) and _is_number(cells[0]) else "long"
+            )
+        if len(cells) == len(FIELDS):
+            return "atc"
+        hint = " (the authors' files are read as a folder)" if file.stem.startswith("interpos") else ""
+        message = (
+            f"{len(cells)} columns of numbers; expected a line that names {', '.join(NEEDED)}, or the"
+            f" {len(FIELDS)} columns of ATC data: {', '.join(FIELDS)}{hint}"
+        )
+        raise ParseError(str(path), number, 1, message, text)
+    raise ParseError(str(path), 1, 1, f"the file is empty; expected a line that names {', '.join(NEEDED)}")
+
+
+def _cells(text: str) -> list[str] | None:
+    try:
+        return next(csv.reader([text], strict=True), None)
+    except csv.Error:
+        return None
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _rectangular(file: Path, kind: Kind, labels: Mapping[str, str] | None, ledger: Ledger) -> Dataset:
+    if kind == "authors":
+        return read_authors(file, labels=labels or WRITTEN)
+    dataset = load_dataset(file) if kind == "npz" else read_store(file).dataset()
+    classes = [meaning(word, labels) for word in dataset.labels]
+    for case, (word, found) in enumerate(zip(dataset.labels, classes, strict=True)):
+        if found is None:
+            message = f"case {case} (counted from 0): {unknown(word, labels)}"
+            track = dataset.groups[case]
+            ledger.mend("labels", WholeFile(str(file)), 1, message, "left out", track=track)
+    known = [case for case, found in enumerate(classes) if found is not None]
+    return replace(dataset.take(known), labels=tuple(str(classes[case]) for case in known))

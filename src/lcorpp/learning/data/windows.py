@@ -1,0 +1,113 @@
+"""Tracks of unequal length as a rectangular data set: the same seconds of each, at a fixed interval."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from lcorpp.errors import DataError, expected
+from lcorpp.learning.data.tracks import ANGLES, Recording, Track, wrapped
+from lcorpp.values import CHANNELS, Array, Dataset
+
+INTERVAL, POINTS = 0.033, 304
+"""The paper's: 304 points at 30 Hz, ten seconds."""
+
+End = Literal["last", "first"]
+
+
+def dataset_of(
+    recording: Recording,
+    *,
+    interval: float = INTERVAL,
+    points: int = POINTS,
+    channels: Sequence[str] | None = None,
+    end: End = "last",
+) -> Dataset:
+    """The same number of seconds of every track, its time points `interval` seconds apart.
+
+    A track is too short, and left out, if it lasts less than (points - 1) * interval, by more than half an
+    interval; how many are is said in the notes. Between samples lies a straight line, and for an angle the
+    shorter way round.
+
+    Args:
+        recording: tracks, every one with a label.
+        interval: seconds between two time points. points: time points of a case.
+        channels: what to keep, x and y among it; None keeps what every track has.
+        end: the last seconds of each track, or the first.
+
+    Returns:
+        Cases in the order of the tracks.
+
+    Raises:
+        DataError: an argument is out of range, a track has no label or lacks a channel, or all are short.
+    """
+    if points < 2:
+        raise DataError(f"a data set needs at least 2 time points, not {points}")
+    if not 0 < interval < float("inf"):
+        raise DataError(f"the interval is {interval} s; expected a finite number above 0")
+    if end not in ("last", "first"):
+        raise DataError(f"unknown end {end!r}; {expected(('last', 'first'))}")
+    if not recording.tracks:
+        raise DataError(f"{recording.source or 'the recording'}: there are no tracks")
+    names = recording.channels if channels is None else tuple(channels)
+    for track in recording.tracks:
+        _check(track, names)
+    needed = (points - 1) * interval
+    kept = [track for track in recording.tracks if track.duration > needed - interval / 2]
+    if not kept:
+        longest = max(track.duration for track in recording.tracks)
+        raise DataError(
+            f"{recording.source or 'the recording'}: every track is shorter than {needed:g} s"
+            f" ({points} points, {interval:g} s apart); the longest lasts {longest:.3f} s"
+        )
+    notes = recording.notes
+    if len(kept) < len(recording):
+        notes = (*notes, _left_out(recording, kept, needed))
+    return Dataset(
+        np.stack([window(track, names, interval, points, end) for track in kept]),
+        tuple(str(track.label) for track in kept),
+        tuple(track.group for track in kept),
+        recording.source,
+        notes,
+        interval,
+        names,
+    )
+
+
+def window(track: Track, channels: Sequence[str], interval: float, points: int, end: End) -> Array:
+    """(channels, points) of one track; outside of its times it stays where it begins or ends."""
+    steps = np.arange(points) * interval
+    at = track.times[0] + steps if end == "first" else track.times[-1] - steps[::-1]
+    rows = []
+    for name in channels:
+        values = track.columns[name]
+        if name in ANGLES:
+            rows.append(wrapped(np.interp(at, track.times, np.unwrap(values))))
+        else:
+            rows.append(np.interp(at, track.times, values))
+    return np.stack(rows)
+
+
+def _check(track: Track, channels: Sequence[str]) -> None:
+    if track.label is None:
+        raise DataError(
+            f"track {track.id!r} has no label; a data set to learn from needs one for every track"
+        )
+    for name in channels:
+        if name not in CHANNELS:
+            raise DataError(f"unknown channel {name!r}; {expected(CHANNELS)}")
+        if name not in track.columns:
+            raise DataError(f"track {track.id!r} has no {name}; {expected(list(track.columns))}")
+
+
+def _left_out(recording: Recording, kept: list[Track], needed: float) -> str:
+    """How many tracks of each class were too short."""
+    short = {track.id for track in recording.tracks} - {track.id for track in kept}
+    of_class: dict[str, int] = {}
+    for track in recording.tracks:
+        if track.id in short:
+            of_class[str(track.label)] = of_class.get(str(track.label), 0) + 1
+    told = ", ".join(f"{count} {name}" for name, count in sorted(of_class.items()))
+    return f"{len(short)} of {len(recording)} tracks are shorter than {needed:g} s and left out: {told}"

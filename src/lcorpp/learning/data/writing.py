@@ -1,0 +1,112 @@
+"""Recordings as files that others read, too: the plain long CSV, or Parquet of the same columns."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from lcorpp.errors import DataError, FileError, expected
+from lcorpp.files import written_atomically
+from lcorpp.learning.data.long_csv import NAMES
+from lcorpp.learning.data.parquet import SUFFIXES, pyarrow
+from lcorpp.learning.data.tracks import COLUMNS, Mend, Recording, Track
+
+DECIMALS = 4
+"""Of every number in CSV: a tenth of a millimetre and of a millisecond."""
+
+
+def write_recording(recording: Recording, path: str | Path) -> None:
+    """Write all tracks as a long CSV (.csv) or as Parquet (.parquet), whole or not at all.
+
+    Numbers of a CSV have four decimals; those of Parquet are exact. Columns that not every track has are
+    left away, as are the labels if a track has none.
+
+    Raises:
+        FileError: the file cannot be written, or its name ends in neither way.
+        DataError: there are no tracks, a track has two samples within a tenth of a millisecond, which CSV
+            cannot tell apart, or pyarrow is not installed.
+    """
+    if not recording.tracks:
+        raise DataError(f"{path}: there are no tracks to write")
+    suffix = Path(path).suffix.lower()
+    if suffix == ".csv":
+        _write_csv(recording, path)
+    elif suffix in SUFFIXES:
+        _write_parquet(recording, path)
+    else:
+        raise FileError(f"{path}: not the name of a recording; {expected(('.csv', *SUFFIXES))} at its end")
+
+
+def columns_of(recording: Recording) -> tuple[str, ...]:
+    """The columns that are written, in the order of `long_csv.NAMES`."""
+    numbers = [name for name in COLUMNS if all(name in track.columns for track in recording.tracks)]
+    words = [] if None in recording.labels else ["label"]
+    if any(track.group != track.id for track in recording.tracks):
+        words.append("group")
+    return tuple(name for name in NAMES if name in ("track", "time", *numbers, *words))
+
+
+def _write_csv(recording: Recording, path: str | Path) -> None:
+    names = columns_of(recording)
+    with written_atomically(path) as file:
+        file.write(_csv_line(names))
+        for track in recording.tracks:
+            file.write(_rows(track, names, path))
+
+
+def _csv_line(words: Iterable[str]) -> bytes:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(words)
+    return text.getvalue().encode()
+
+
+def _rows(track: Track, names: tuple[str, ...], path: str | Path) -> bytes:
+    times = np.round(track.times, DECIMALS)
+    if np.diff(times).min() <= 0:
+        raise DataError(
+            f"{path}: track {track.id!r} has samples within {10**-DECIMALS:g} s, which CSV with {DECIMALS}"
+            " decimals cannot tell apart; expected a longer interval, or a name that ends in .parquet"
+        )
+    words = {"track": track.id, "label": str(track.label), "group": track.group}
+    form, numbers = [], []
+    for name in names:
+        if name in words:  # a word with a comma is quoted, and a per cent sign is a plain one
+            form.append(_csv_line([words[name]]).decode().rstrip("\n").replace("%", "%%"))
+        else:
+            form.append(f"%.{DECIMALS}f")
+            numbers.append(track.times if name == "time" else track.columns[name])
+    line = ",".join(form) + "\n"
+    return "".join(line % row for row in zip(*(n.tolist() for n in numbers), strict=True)).encode()
+
+
+def _write_parquet(recording: Recording, path: str | Path) -> None:
+    arrow, names = pyarrow(), columns_of(recording)
+    words = [name for name in names if name in ("track", "label", "group")]
+    fields = [(name, arrow.string() if name in words else arrow.float64()) for name in names]
+    schema = arrow.schema(fields)
+    with written_atomically(path) as file, arrow.parquet.ParquetWriter(file, schema) as writer:
+        for start in range(0, len(recording), 1000):
+            some = recording.tracks[start : start + 1000]
+            columns = []
+            for name in names:
+                if name in words:
+                    said = {"track": "id", "label": "label", "group": "group"}[name]
+                    columns.append(np.repeat([str(getattr(t, said)) for t in some], [len(t) for t in some]))
+                else:
+                    columns.append(
+                        np.concatenate([t.times if name == "time" else t.columns[name] for t in some])
+                    )
+            writer.write_table(arrow.table(dict(zip(names, map(arrow.array, columns), strict=True)), schema))
+
+
+def mends_table(mends: Iterable[Mend]) -> str:
+    """Every mend as a line of CSV text below a heading."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(Mend._fields)
+    table.writerows(mends)
+    return text.getvalue()

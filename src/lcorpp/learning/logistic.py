@@ -1,0 +1,116 @@
+"""Logistic regression on numbers and their squares: quick, smooth, and stored as a few arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import expit, softmax
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.linear_model import LogisticRegression
+from sklearn.utils.validation import check_is_fitted
+
+from lcorpp.errors import DataError
+from lcorpp.values import Array
+
+FARTHEST = 3.0
+"""Deviations from the mean beyond which a number counts as this far: one odd track must not rule."""
+
+ITERATIONS = 2000
+
+
+class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
+    """Scikit-learn's logistic regression on standardised features and their squares.
+
+    With the squares, a middle may speak for a class and both ends against it. Classes count alike, however
+    many cases they have.
+
+    Args:
+        strength: of the features against the penalty: scikit-learn's C.
+
+    Attributes:
+        classes_: (K,) the class names in order, after `fit`.
+        mean_, scale_: (features,) of the training data.
+        weights_: (1 or K, 2 features), bias_: (1 or K,) one row for two classes.
+    """
+
+    def __init__(self, *, strength: float = 0.02) -> None:
+        self.strength = strength
+
+    def fit(self, X: npt.ArrayLike, y: npt.ArrayLike) -> Self:
+        """Train on X (cases, features) and class names y (cases,).
+
+        Raises:
+            DataError: `strength` is not above 0.
+        """
+        if not 0 < self.strength < float("inf"):
+            raise DataError(f"strength must be a finite number above 0, not {self.strength}")
+        features = np.asarray(X, dtype=np.float64)
+        self.mean_: Array = features.mean(axis=0)
+        deviation = features.std(axis=0)
+        self.scale_: Array = np.where(deviation > 1e-9, deviation, 1.0)
+        model = LogisticRegression(C=self.strength, max_iter=ITERATIONS, class_weight="balanced")
+        model.fit(self._curved(features), y)
+        self.classes_, self.weights_, self.bias_ = model.classes_, model.coef_, model.intercept_
+        return self
+
+    def predict_proba(self, X: npt.ArrayLike) -> Array:
+        """(cases, K) the probability of each of `classes_`, rows summing to 1.
+
+        Raises:
+            DataError: X has other features than the training data.
+        """
+        check_is_fitted(self, "weights_")
+        features = np.asarray(X, dtype=np.float64)
+        if features.ndim != 2 or features.shape[1] != len(self.mean_):
+            raise DataError(f"trained on {len(self.mean_)} features, given shape {features.shape}")
+        scores = self._curved(features) @ self.weights_.T + self.bias_
+        if len(self.classes_) == 2:
+            return np.concatenate([expit(-scores), expit(scores)], axis=1)
+        return np.asarray(softmax(scores, axis=1))
+
+    def predict(self, X: npt.ArrayLike) -> npt.NDArray[Any]:
+        """(cases,) the most probable of `classes_`."""
+        return np.asarray(self.classes_[self.predict_proba(X).argmax(axis=1)])
+
+    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """What was fitted, for `storage`."""
+        check_is_fitted(self, "weights_")
+        return {
+            "classes": self.classes_.astype(np.str_),
+            "mean": self.mean_,
+            "scale": self.scale_,
+            "weights": self.weights_,
+            "bias": self.bias_,
+        }
+
+    def from_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+        """Take over what `to_arrays` gave.
+
+        Raises:
+            DataError: the arrays do not belong together.
+        """
+        classes, mean, scale = arrays["classes"], arrays["mean"], arrays["scale"]
+        weights, bias = arrays["weights"], arrays["bias"]
+        rows = 1 if len(classes) == 2 else len(classes)
+        if (
+            classes.ndim != 1
+            or len(classes) < 2
+            or mean.ndim != 1
+            or scale.shape != mean.shape
+            or weights.shape != (rows, 2 * len(mean))
+            or bias.shape != (rows,)
+            or not all(np.isfinite(array).all() for array in (mean, scale, weights, bias))
+            or not (scale > 0).all()
+        ):
+            raise DataError("a logistic regression needs finite weights, two a feature, and scales above 0")
+        self.classes_, self.mean_, self.scale_ = classes, mean, scale
+        self.weights_, self.bias_ = weights, bias
+        return self
+
+    def _curved(self, features: Array) -> Array:
+        """(cases, 2 features) standardised features and their squares."""
+        z = np.clip((features - self.mean_) / self.scale_, -FARTHEST, FARTHEST)
+        return np.concatenate([z, z**2 - 1], axis=1)

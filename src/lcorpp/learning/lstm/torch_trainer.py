@@ -1,0 +1,132 @@
+"""Training by torch: on a GPU, and where there was no compiler at installation.
+
+This is the only module that imports torch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.errors import DataError
+from lcorpp.learning.lstm.training import Cases, Draw, Plan
+from lcorpp.learning.lstm.weights import Weights
+from lcorpp.values import Array
+
+try:
+    import torch
+    from torch import nn
+    from torch.nn import functional
+except ModuleNotFoundError:
+    raise DataError(
+        "to train the LSTM on a GPU, or without the compiled kernels, torch is needed, which is not"
+        " installed: pip install 'lcorpp[torch]'"
+    ) from None
+
+
+class TorchTrainer:
+    """A `Trainer` whose gradients are torch's."""
+
+    def __init__(self, start: Weights, cases: Cases, plan: Plan, device: str) -> None:
+        self._plan, self._device, self._binary = plan, device, cases.classes == 2
+        # Born on "meta", so that torch's global random state is not touched.
+        self._lstm = nn.LSTM(start.channels, start.units, batch_first=True, device="meta")
+        self._lstm = self._lstm.to_empty(device=device)
+        self._lstm.bias_hh_l0.requires_grad_(False).zero_()  # torch has two biases where one is enough
+        self._lstm.weight_ih_l0.data.copy_(_tensor(start.inputs))
+        self._lstm.weight_hh_l0.data.copy_(_tensor(start.recurrent))
+        self._lstm.bias_ih_l0.data.copy_(_tensor(start.bias))
+        self._dense = _tensor(start.dense).to(device).requires_grad_()
+        self._dense_bias = _tensor(start.dense_bias).to(device).requires_grad_()
+        self._adam = _Adam(self._parameters())
+        self._inputs = _tensor(cases.inputs).to(device)
+        self._targets = _tensor(cases.targets).to(device, torch.float32 if self._binary else torch.int64)
+        self._weights = _tensor(cases.weights).to(device)
+
+    def epoch(self, draw: Draw, rates: Array) -> None:
+        """As in `Trainer`."""
+        with _one_thread():
+            order = torch.from_numpy(draw.order).to(self._device)
+            masks = (torch.from_numpy(draw.kept) / (1 - self._plan.dropout)).to(self._device, torch.float32)
+            batches = zip(
+                order.split(self._plan.batch_size), masks.split(self._plan.batch_size), rates, strict=True
+            )
+            for rows, mask, rate in batches:
+                for parameter in self._parameters():
+                    parameter.grad = None
+                self._loss(rows, mask).backward()
+                self._adam.step(float(rate))
+
+    def weights(self) -> Weights:
+        """As in `Trainer`."""
+        return Weights(*(parameter.detach().cpu().numpy() for parameter in self._parameters()))
+
+    def _parameters(self) -> list[torch.Tensor]:
+        """In the order of `Weights`."""
+        lstm = self._lstm
+        return [lstm.weight_ih_l0, lstm.weight_hh_l0, lstm.bias_ih_l0, self._dense, self._dense_bias]
+
+    def _loss(self, rows: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        last = self._lstm(self._inputs[rows])[0][:, -1]
+        scores = functional.linear(last * mask, self._dense, self._dense_bias)
+        if self._binary:
+            losses = functional.binary_cross_entropy_with_logits(
+                scores[:, 0], self._targets[rows], reduction="none"
+            )
+        else:
+            losses = functional.cross_entropy(scores, self._targets[rows], reduction="none")
+        return (losses * self._weights[rows]).mean()
+
+
+class _Adam:
+    """Adam as torch.optim.Adam does it; that one loads the compiler, which costs every process 2 seconds.
+
+    Source: Kingma and Ba 2015, algorithm 1, with its decay rates .9 and .999 and epsilon 1e-8.
+    """
+
+    def __init__(self, parameters: list[torch.Tensor]) -> None:
+        self.parameters, self.steps = parameters, 0
+        self.first = [torch.zeros_like(p) for p in parameters]
+        self.second = [torch.zeros_like(p) for p in parameters]
+
+    @torch.no_grad()  # type: ignore[untyped-decorator]
+    def step(self, rate: float) -> None:
+        """Move every parameter by its gradient."""
+        self.steps += 1
+        size = rate / (1 - 0.9**self.steps)
+        correction = (1 - 0.999**self.steps) ** 0.5
+        for parameter, first, second in zip(self.parameters, self.first, self.second, strict=True):
+            gradient = parameter.grad
+            first.lerp_(gradient, 0.1)
+            second.mul_(0.999).addcmul_(gradient, gradient, value=0.001)
+            parameter.addcdiv_(first, (second.sqrt() / correction).add_(1e-8), value=-size)
+
+
+def check_cuda() -> None:
+    """Return if there is a GPU that torch can use.
+
+    Raises:
+        DataError: there is none.
+    """
+    if not torch.cuda.is_available():
+        raise DataError("device 'cuda' is not available here: torch sees no GPU; expected cpu")
+
+
+def _tensor(array: npt.NDArray[Any]) -> torch.Tensor:
+    return torch.from_numpy(np.array(array))  # a copy: torch takes no read-only arrays
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Work with one thread: on matrices this small more threads only wait for each other, up to 80 times
+    longer on a busy machine. Folds run as processes instead."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

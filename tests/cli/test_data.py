@@ -1,0 +1,153 @@
+"""`lcorpp data`: made, fetched, described, drawn; and bad input refused as everywhere."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lcorpp.learning import read_data, read_recording, write_recording
+from lcorpp.learning.data.repair import REPAIRS
+from tests.learning.recorded.server import serving
+from tests.learning.recorded.texts import GOOD, atc_rows, crowd, rows
+
+ROOMS = Path(__file__).parents[2] / "tests/domains/rooms"
+REAL = Path(__file__).parents[3] / "shared" / "data" / "authors"
+
+
+def refused(ended, *words):
+    assert ended.code == 2
+    assert "Traceback" not in ended.err + ended.out
+    for word in words:
+        assert word in ended.err
+
+
+def test_make_and_describe(lcorpp, tmp_path):
+    file = tmp_path / "people.csv"
+    ended = lcorpp("data", "make", "-o", file, "--tracks", 40, "--positives", 10, "--seed", 3)
+    assert ended.code == 0
+    assert f"wrote {file}: 40 tracks (10 interested, 30 not_interested), seed 3" in ended.out
+    recording = read_recording(file)
+    assert (len(recording), recording.labels.count("interested")) == (40, 10)
+    assert recording.channels == ("x", "y", "velocity", "heading", "facing")
+    assert read_data(file).trajectories.shape == (40, 5, 304)  # nobody is too short
+
+    ended = lcorpp("data", "describe", file)
+    assert ended.code == 0
+    assert "40 tracks of 40 people; x, y, z, velocity, heading, facing" in ended.out
+    assert "interested          10      10" in ended.out
+    assert "identical tracks: none" in ended.out
+    assert "end position" in ended.out
+
+    again = tmp_path / "again.csv"
+    assert lcorpp("data", "make", "-o", again, "--tracks", 40, "--positives", 10, "--seed", 3).code == 0
+    assert again.read_bytes() == file.read_bytes()
+
+
+def test_make_a_data_set(lcorpp, tmp_path):
+    file = tmp_path / "people.npz"
+    assert lcorpp("data", "make", "intention", "-o", file, "--tracks", 37, "--seconds", 10, 12).code == 0
+    data = read_data(file)
+    assert data.trajectories.shape == (37, 5, 304)
+    assert data.labels.count("interested") == 1  # 63 of 2286
+
+
+def test_plot(lcorpp, tmp_path):
+    write_recording(crowd(6), tmp_path / "a.csv")
+    ended = lcorpp("data", "plot", tmp_path / "a.csv", tmp_path / "a.png")
+    assert (ended.code, ended.out) == (0, f"wrote {tmp_path / 'a.png'}\n")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_describe_says_what_was_repaired_and_writes_each(lcorpp, tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_text(GOOD + "c,0,1,1,in\n" + rows("d", "") + "b,1")
+    refused(lcorpp("data", "describe", file), "a.csv:39:1: ", "repair 'cut' would leave out the last line")
+    ended = lcorpp("data", "describe", file, "--repair", "all", "--report", tmp_path / "r.csv")
+    assert ended.code == 0
+    assert "cut: 1 rows in 1 places (leave out the last line of a file that ends in the middle" in ended.out
+    assert "labels: 12 rows in 1 places" in ended.out
+    assert "leak check: not possible: a leak check needs every class in two groups; in is in 1" in ended.out
+    assert len((tmp_path / "r.csv").read_text().splitlines()) == 4
+    refused(lcorpp("data", "describe", file, "--repair", "short"), "a.csv:39:1")
+
+
+def test_describe_tracking_data_without_labels(lcorpp, tmp_path):
+    (tmp_path / "atc.csv").write_text("".join(atc_rows(name, speed=0.5 + name / 10) for name in range(6)))
+    ended = lcorpp("data", "describe", tmp_path / "atc.csv")
+    assert "without a label       6       6        72" in ended.out
+    assert "leak check: not possible: a leak check needs labels; track '0' has none" in ended.out
+    (tmp_path / "labels.csv").write_text("".join(f"{name},{name % 2}\n" for name in range(6)))
+    labelled = ("--label-file", tmp_path / "labels.csv", "--label", "1=in", "--label", "0=out")
+    ended = lcorpp("data", "describe", tmp_path / "atc.csv", *labelled, "--robot", 1, 2, 3.14)
+    assert "out         3       3" in ended.out
+    assert "duration      0.500 [0.500, 0.500]  no leak" in ended.out
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the authors' data is not here (shared/data/authors)")
+def test_describe_finds_the_leaks_of_the_authors_tracks(lcorpp):
+    ended = lcorpp("data", "describe", REAL, "--label", "1=interested", "--label", "0=not_interested")
+    assert ended.code == 0
+    assert "123 tracks of 109 people; x, y" in ended.out
+    assert "people with several tracks: 13" in ended.out
+    assert "end position  0.98" in ended.out
+    assert ended.out.count("  LEAK") == 2
+
+
+def test_fetch(lcorpp, tmp_path, monkeypatch):
+    pytest.importorskip("pooch", reason="pooch is not installed")
+    monkeypatch.setenv("NO_PROXY", "*")
+    content = (GOOD + rows("c", "in", samples=2000)).encode()
+    digest = hashlib.sha256(content).hexdigest()
+    with serving(content) as web:
+        web.cut = 30_000
+        ended = lcorpp("data", "fetch", web.url, "-o", tmp_path / "new", "--sha256", digest)
+        assert (ended.code, ended.err.strip()) == (0, "")
+        assert f"{len(content)} bytes, sha256 {digest}" in ended.out
+        refused(
+            lcorpp("data", "fetch", web.url, "-o", tmp_path, "--sha256", "0" * 64), "not the file expected"
+        )
+        web.status = 404
+        refused(lcorpp("data", "fetch", web.url, "-o", tmp_path), "the server answered 404")
+    assert len(read_recording(tmp_path / "new" / "people here.csv")) == 3
+
+
+def test_what_makes_no_sense(lcorpp, tmp_path):
+    good = tmp_path / "a.csv"
+    good.write_text(GOOD)
+    refused(
+        lcorpp("data", "make", "-o", tmp_path / "a.txt"), "a.txt: not the name of a recording; expected one"
+    )
+    refused(lcorpp("data", "make", "-o", tmp_path / "no" / "a.csv"), "cannot be written")
+    refused(lcorpp("data", "make", "-o", good, "--tracks", 5, "--positives", 6), "--positives 6 is more than")
+    refused(lcorpp("data", "make", "-o", good, "--seconds", 5, 1), "seconds")
+    refused(lcorpp("data", "make", ROOMS, "-o", good), "no people.py with recordings")
+    refused(lcorpp("data", "describe", tmp_path / "none.csv"), "none.csv: cannot be read: No such file")
+    refused(lcorpp("data", "describe", good, "--repair", "magic"), "unknown repair 'magic'")
+    refused(lcorpp("data", "describe", good, "--label", "in"), "expected WORD=CLASS")
+    refused(lcorpp("data", "describe", good, "--label", "1=one"), "a.csv:2:", "unknown label 'in'")
+    refused(lcorpp("data", "describe", good, "--gap", "-1"), "the longest silence is -1.0 s")
+    refused(lcorpp("data", "describe", good, "--report", tmp_path / "no" / "r.csv"), "cannot be written")
+    refused(lcorpp("data", "plot", good, tmp_path / "a.txt"), "not the name of a picture")
+    refused(lcorpp("data", "fetch", "nothing"), "'nothing' is not the address of a file")
+    refused(lcorpp("data", "fetch", "authors", "--sha256", "0" * 64), "--sha256 is for an address")
+    (tmp_path / "few.csv").write_text("track,time,x,y\nc,0,1,1\n")
+    refused(lcorpp("data", "describe", tmp_path / "few.csv", "--repair", "all"), "no track is left")
+    assert good.read_text() == GOOD
+
+
+def test_numbers_are_those_of_the_file(lcorpp, tmp_path):
+    recording = crowd(10)
+    write_recording(recording, tmp_path / "a.csv")
+    ended = lcorpp("data", "describe", tmp_path / "a.csv")
+    median = np.median([track.duration for track in recording.tracks if track.label == "in"])
+    assert f"{median:.1f} [" in ended.out
+
+
+def test_the_help_names_every_repair(lcorpp):
+    ended = lcorpp("data", "describe", "--help")
+    assert ended.code == 0
+    for name in (*REPAIRS, "all"):
+        assert f" {name}" in ended.out

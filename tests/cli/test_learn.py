@@ -1,0 +1,124 @@
+"""`lcorpp learn --store`: what was decided is kept, and an interrupted run goes on as if it had not been."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lcorpp.experiments.memory import Memory
+from lcorpp.learning.store import Layout, Store, read_store
+
+ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
+OPTIONS = ("--tracks", 60, "--learner", "summaries", "--batch-size", 4, "--epsilon", 0, "--jobs", 1)
+
+
+def stored(path):
+    """What must not depend on interruptions."""
+    reading = read_store(path)
+    said = [
+        (s.label, dict(s.belief), dict(s.context), s.group, s.extra["batch"], s.extra["simulated"])
+        for s in reading
+    ]
+    return said, reading.trajectories().tolist()
+
+
+def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "lcorpp.experiments.augmentation.plot_batches", lambda *_: None
+    )  # takes half the time
+    learn = ("learn", ROOMS, *OPTIONS, "--max-batches", 3)
+    plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")
+    assert plain.code == 0, plain.err
+    assert f"{tmp_path / 'plain.tracks'}: 0 tracks" in plain.out
+    with (tmp_path / "plain" / "batches.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["tracks"]) for row in rows] == [60, 64, 68, 72]
+
+    keep, save, calls = Memory.keep, Memory.save, []
+
+    def interrupted(original):
+        """Ctrl-C after the first decision, the training of batch 1 and the last decision of batch 2."""
+
+        def call(memory, *arguments):
+            kept = original(memory, *arguments)
+            calls.append(original)
+            if len(calls) in (2, 7, 12):
+                raise KeyboardInterrupt
+            return kept
+
+        return call
+
+    monkeypatch.setattr(Memory, "keep", interrupted(keep))
+    monkeypatch.setattr(Memory, "save", interrupted(save))
+    common = (*learn, "--store", tmp_path / "s.tracks", "--out", tmp_path / "out")
+    outs = []
+    while not outs or "stopped after 3 batches" not in outs[-1].out:
+        outs.append(lcorpp(*common))
+        assert outs[-1].code == 0, outs[-1].err
+        assert "note:" not in outs[-1].out
+        assert len(outs) < 9
+    assert len(outs) == 4
+    assert "interrupted: the batches above are kept; so is every decision, in" in outs[0].err
+    for ended, words in zip(
+        outs[1:], ("0, 1 decisions of the next are made", "1\n", "1, 4 decisions"), strict=True
+    ):
+        assert f"goes on after batch {words}" in ended.out
+    assert (tmp_path / "out" / "batches.csv").read_text() == (tmp_path / "plain" / "batches.csv").read_text()
+    assert stored(tmp_path / "s.tracks") == stored(tmp_path / "plain.tracks")
+    batches = [line for line in plain.out.splitlines() if line.startswith("batch")]
+    told = [line for ended in outs for line in ended.out.splitlines() if line.startswith("batch 3")]
+    assert told == batches[3:]
+
+    again = lcorpp(*learn, "--store", tmp_path / "s.tracks", "--max-batches", 4)
+    assert "goes on after batch 3\n" in again.out
+    assert "stopped after 4 batches" in again.out
+    assert len(read_store(tmp_path / "s.tracks")) == 16
+
+
+def test_what_a_store_cannot_be(lcorpp, tmp_path):
+    (tmp_path / "text").write_text("hello")
+    Store(tmp_path / "other", Layout(("x", "y"), 0.033, ("a", "b"))).close()
+    for path, words in (
+        (tmp_path, "is not a file; a store of tracks is one"),
+        (tmp_path / "text", "not a store of tracks; expected a file that begins with 'lcorpp tracks '"),
+        (tmp_path / "other", "its classes: a, b; the tracks to be stored have: lab, office, store"),
+        (tmp_path / "no" / "s", "No such file"),
+    ):
+        ended = lcorpp("learn", ROOMS, *OPTIONS, "--store", path)
+        assert (ended.code, words in ended.err) == (2, True), ended.err
+    with Store(tmp_path / "s", Layout(("x", "y"), 0.033, ("lab", "office", "store"), 12)):
+        ended = lcorpp("learn", ROOMS, *OPTIONS, "--store", tmp_path / "s")
+    assert ended.code == 2
+    assert "is being written to already" in ended.err
+
+
+@pytest.fixture
+def damaged(tmp_path):
+    from tests.learning.stores import filled
+
+    path = tmp_path / "s.tracks"
+    content = bytearray(filled(path, 8))
+    content[read_store(path).tracks[2].place + 90] ^= 1
+    path.write_bytes(content[:-3])
+    return path
+
+
+def test_check_tells_what_a_store_holds_and_lacks(lcorpp, damaged, tmp_path):
+    ended = lcorpp("check", damaged)
+    assert ended.code == 2
+    assert f"{damaged}: 6 tracks (2 interested by report, " in ended.out
+    assert "bytes are no whole record" in ended.out
+    assert "damaged in 1 place; the other records are right" in ended.err
+    assert "1 record lost" in ended.err
+    from tests.learning.stores import filled
+
+    filled(tmp_path / "right", 8)
+    ended = lcorpp("check", tmp_path / "right")
+    assert ended.code == 0
+    assert (
+        "8 tracks (1 interested by a person, 2 interested by report, 1 not_interested by a person, "
+        in ended.out
+    )
+    assert ended.out.rstrip().endswith("x, y every 0.033 s: right")
+    assert np.isfinite(read_store(tmp_path / "right").trajectories()).all()

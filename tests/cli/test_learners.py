@@ -1,0 +1,138 @@
+"""`lcorpp run` with any learner, with soft evidence and with thresholds."""
+
+import json
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_bad_input import refused
+
+ROOMS = Path(__file__).parents[1] / "domains/rooms"
+FEW = ("--trials", 60, "--tracks", 60, "--jobs", 1, "--strategy", "L+R")
+NAMES = ["summaries", "forest", "lstm", "fast"]
+AEON = [
+    pytest.mark.skipif(find_spec("aeon") is None, reason="aeon is not installed: pip install 'lcorpp[aeon]'"),
+    pytest.mark.slow,
+]
+
+
+@pytest.mark.parametrize("name", [*NAMES, pytest.param("minirocket", marks=AEON)])
+def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
+    """Shows 6."""
+    passes = ("--epochs", 2) if name in ("lstm", "fast") else ()
+    ended = lcorpp("run", *FEW, "--learner", name, *passes, "--out", tmp_path)
+    assert ended.code == 0, ended.err
+    for words in (f"{name}, five-fold on", "interested people (30) are called", "AUC", "best youden"):
+        assert words in ended.out
+    content = json.loads((tmp_path / "report.json").read_text())
+    assert list(content["classes"]["interested"]) == [
+        *("cases", "auc", "roc", "said", "calibrated", "thresholds"),
+    ]
+    assert content["classes"]["interested"]["thresholds"][0]["prevalence"] == pytest.approx(0.4)  # as known
+    assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads((tmp_path / "results.json").read_text())["configuration"]["classifier"] == name
+    kept = (tmp_path / "classifier.npz").exists()
+    assert kept or "the classifier is not saved" in ended.out
+
+
+def test_one_of_your_own(lcorpp, tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text("from sklearn.dummy import DummyClassifier\ndef guess():\n    return DummyClassifier()\n")
+    ended = lcorpp("run", *FEW, "--learner", f"{file}:guess")
+    assert ended.code == 0, ended.err
+    assert "mine.py:guess, five-fold on" in ended.out
+
+
+def test_soft_evidence_now_and_from_the_file(lcorpp, tmp_path):
+    soft = (*FEW, "--evidence", "soft")
+    first = lcorpp("run", *soft, "--learner", "summaries", "--out", tmp_path)
+    assert first.code == 0, first.err
+    assert json.loads((tmp_path / "results.json").read_text())["configuration"]["evidence"] == "soft"
+    again = lcorpp(
+        "run",
+        "--trials",
+        60,
+        "--jobs",
+        1,
+        "--strategy",
+        "L+R",
+        "--evidence",
+        "soft",
+        "--classifier",
+        tmp_path / "classifier.npz",
+    )
+    assert again.code == 0, again.err
+    rows = [[line for line in ended.out.splitlines() if "L+R" in line] for ended in (first, again)]
+    assert rows[0] == rows[1]
+    assert len(rows[0]) == 1
+
+
+def test_soft_evidence_of_three_rooms(lcorpp):
+    ended = lcorpp("run", ROOMS, *FEW, "--learner", "summaries", "--evidence", "soft")
+    assert ended.code == 0, ended.err
+    assert "lab people (20) are called" in ended.out
+
+
+def test_a_threshold_is_chosen_or_given(lcorpp):
+    chosen = lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "accuracy", "--prevalence", 0.02)
+    assert chosen.code == 0, chosen.err
+    assert "best where the share is: interested 0.02" in chosen.out
+    costly = lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "9:1")
+    assert costly.code == 0, costly.err
+    assert "least cost" in costly.out
+    given = lcorpp("run", *FEW, "--learner", "summaries", "--threshold", 0)
+    assert "interested people are called so from 0.000 on" in given.out
+    assert "not_interested people (30) are called: interested 1.000" in given.out
+
+
+def test_smoothing_and_channels(lcorpp):
+    common = (*FEW, "--learner", "summaries", "--threshold", 0)
+    hard = lcorpp("run", *common, "--smoothing", "laplace", "--channels", "x,y,velocity")
+    assert hard.code == 0, hard.err
+    assert "called: interested 1.000 [0.888, 1.000]" in hard.out  # Beta(31, 1)
+    assert "called: interested 1.000 [0.920, 1.000]" in lcorpp("run", *common).out  # Beta(30.5, .5)
+
+
+def test_explain_with_a_likelihood(lcorpp):
+    facts = ("explain", "--fact", "time=afternoon", "--fact", "location=classroom", "--seed", 1)
+    ended = lcorpp(*facts, "--likelihood", "one=0.24", "--likelihood", "zero=0.71")
+    assert ended.code == 0, ended.err
+    for words in ("in proportion", "0.359531", "0.220250"):  # as the label of rates .24 and .71 would have it
+        assert words in ended.out
+
+
+def test_options_that_make_no_sense(lcorpp, tmp_path):
+    refused(lcorpp("run", "--learner", "lstn"), "unknown learner 'lstn'; expected one of lstm, fast")
+    refused(
+        lcorpp("run", "--learner", "forest", "--epochs", 3, "--tracks", 40, "--jobs", 1), "makes no passes"
+    )
+    refused(
+        lcorpp("run", "--learner", "forest", "--device", "cuda", "--tracks", 40, "--jobs", 1),
+        "on the cpu alone",
+    )
+    refused(lcorpp("run", "--learner", "lstm", "--device", "tpu", "--tracks", 40, "--jobs", 1), "'tpu'")
+    refused(lcorpp("run", "--learner", "lstm", "--classifier", "channel"), "both say who classifies")
+    refused(lcorpp("run", "--classifier", "channel", "--evidence", "soft"), "a channel says labels only")
+    refused(lcorpp("run", "--classifier", "channel", "--epochs", 2), "--epochs: nothing is trained")
+    refused(
+        lcorpp("run", "--classifier", tmp_path / "x.npz", "--threshold", "f1"),
+        "nothing is trained",
+    )
+    refused(lcorpp("run", "--classifier", tmp_path / "x.npz", "--channels", "x"), "--channels: nothing")
+    refused(lcorpp("run", "--evidence", "soft", "--smoothing", "laplace"), "whose labels are used")
+    refused(lcorpp("run", "--learner", "lstm", "--channels", "x,z", "--tracks", 40, "--jobs", 1), "'z'")
+    refused(lcorpp("run", "--learner", "lstm", "--channels", "facing", "--tracks", 40, "--jobs", 1), "facing")
+    refused(lcorpp("run", "--evidence", "firm"), "firm")
+    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "speed"), "unknown goal 'speed'")
+    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "1:2:3"), "unknown goal '1:2:3'")
+    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "0:0"), "not both 0")
+    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "nan"), "from nan on")
+    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", 7), "called interested from 7")
+    refused(lcorpp("run", ROOMS, *FEW, "--learner", "summaries", "--threshold", "f1"), "for two classes")
+    refused(lcorpp("run", "--prevalence", 0), "--prevalence")
+    refused(lcorpp("explain", "--likelihood", "one"), "expected VALUE=NUMBER")
+    refused(lcorpp("explain", "--likelihood", "one=1", "--likelihood", "one=2"), "given twice")
+    refused(lcorpp("explain", "--likelihood", "two=1"), "--likelihood 'two'", "one, zero")
+    refused(lcorpp("explain", "--likelihood", "one=-1"), "expected finite weights")
+    refused(lcorpp("explain", "--likelihood", "one=1", "--label", "one"), "expected one of them")

@@ -1,0 +1,193 @@
+"""Kill Algorithm 1 again and again and see that no accepted record is lost: `python -m tests.learning.kills`.
+
+A child process runs the algorithm with its memory (store and checkpoint), telling through a pipe what it has
+been promised is kept. It is killed (SIGKILL) at a random moment, while it starts, appends or trains, and the
+next one goes on. In the end the store must hold what a run without kills stores, record by record, and the
+confusion matrix must be the same. Records are written in small pieces, so that many kills tear one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import itertools
+import json
+import os
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+
+import numpy as np
+
+from lcorpp.decision import lcorpp
+from lcorpp.experiments.memory import Memory
+from lcorpp.learning import train_and_validate
+from lcorpp.learning.learners import learner
+from lcorpp.learning.store import read_store
+from lcorpp.values import Dataset, Distribution, Episode, Instance
+from tests.decision.fakes import VALUES, Answers, Mind, Plan, Words
+
+INTERVAL, POINTS, BATCH = 0.2, 20, 24
+PIECE, PAUSE = 64, 2e-4
+"""Bytes written at a time, and seconds in between: a record of this test takes ten writes and some ms."""
+
+
+def walk(slow: bool, rng: np.random.Generator) -> np.ndarray:
+    """(2, POINTS) somebody walks along x, slowly or not, and not very steadily."""
+    steps = rng.normal(0.15 if slow else 0.2, 0.05, POINTS - 1)
+    return np.stack([np.cumsum([0, *steps]), rng.normal(0, 0.02, POINTS)])
+
+
+def beginning() -> Dataset:
+    rng = np.random.default_rng(0)
+    labels = tuple(VALUES[row % 2] for row in range(40))
+    return Dataset(np.array([walk(x == "yes", rng) for x in labels]), labels, interval=INTERVAL)
+
+
+def meet(number: int) -> tuple[Instance, Answers]:
+    """The person with that place in the line, who answers rightly three times of four."""
+    rng = np.random.default_rng([1, number])
+    slow = bool(rng.random() < 0.5)
+    answers = ["nod" if (rng.random() < 0.75) == slow else "shake" for _ in range(200)]
+    return Instance(walk(slow, rng), {"sky": "grey"}), Answers(*answers)
+
+
+def run(path: Path, tell, batches: int | None = None) -> None:
+    """Algorithm 1 from wherever it is, for ever or until so many batches are completed."""
+    data, words = beginning(), Words()
+
+    def learn(dataset: Dataset):
+        tell("training")
+        estimator = learner("summaries", interval=INTERVAL)
+        trained, validation = train_and_validate(estimator, dataset, folds=2, seed=0)
+        return trained, validation.confusion
+
+    def decided(instance: Instance, episode: Episode) -> None:
+        belief = Distribution(VALUES, episode.steps[-1].belief)
+        tell(f"kept {memory.keep(instance, episode, belief, {})} {episode.report}")
+
+    with Memory(path, data, VALUES, {"seed": 0}) as memory:
+        for note in memory.notes:
+            tell(f"note {note}")
+        line = itertools.count(memory.met)
+        loop = lcorpp(
+            memory.omega(),
+            learn=learn,
+            reason=lambda _: Mind(),
+            planner=Plan(),
+            domain=words,
+            collect=lambda: meet(next(line)),
+            batch_size=BATCH,
+            epsilon=0,
+            listener=decided,
+            resumed=memory.resumed(learn),
+        )
+        for batch in loop:
+            memory.save(batch, [])
+            tell(f"batch {batch.number}")
+            if batch.settled or batch.number == batches:
+                return
+
+
+def killed_run(path: Path, delay: float) -> list[str]:
+    """What a child that is killed after `delay` seconds had told before."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            os.close(reader)
+            write = os.write
+
+            def slowly(file: int, content: bytes) -> int:
+                time.sleep(PAUSE)
+                return write(file, content[:PIECE])
+
+            os.write = slowly
+            run(path, lambda words: write(writer, f"{words}\n".encode()))
+        except BaseException:
+            traceback.print_exc()
+        os._exit(1)
+    os.close(writer)
+    time.sleep(delay)
+    os.kill(child, signal.SIGKILL)
+    with os.fdopen(reader, encoding="utf-8") as pipe:
+        told = pipe.read().splitlines()
+    _, status = os.waitpid(child, 0)
+    assert os.WIFSIGNALED(status), f"the child ended by itself, having told {told[-3:]}"
+    return told
+
+
+def check(path: Path, accepted: dict[str, str], number: int) -> None:
+    """What was promised is there, and nothing else but perhaps the end of one record."""
+    reading = read_store(path)
+    assert not reading.damage, reading.damage
+    there = {stored.id: stored.label for stored in reading}
+    lost = {id: label for id, label in accepted.items() if there.get(id) != label}
+    assert not lost, f"lost: {lost}"
+    assert len(there) <= len(accepted) + 1, "records that nobody was told of"
+    accepted.update(there)  # the one that was on the disk, while the child could no longer tell
+    if number >= 0:
+        content = json.loads((path.with_name(f"{path.name}.checkpoint") / "checkpoint.json").read_text())
+        assert content["number"] in (number, number + 1)
+
+
+def facts(path: Path) -> tuple[list, np.ndarray, list]:
+    """All that must not depend on kills: what was stored, and the last matrix."""
+    reading = read_store(path)
+    rows = [
+        (s.number, s.label, s.source, dict(s.belief or ()), s.group, s.extra["batch"], s.extra["met"])
+        for s in reading
+    ]
+    content = json.loads((path.with_name(f"{path.name}.checkpoint") / "checkpoint.json").read_text())
+    return rows, reading.trajectories(), [content["number"], content["counts"], content["change"]]
+
+
+def main(kills: int, seed: int, longest: float, folder: Path) -> str:
+    rng = np.random.default_rng(seed)
+    path, plain = folder / "killed.tracks", folder / "plain.tracks"
+    run(folder / "first.tracks", lambda _: None, 1)  # imports everything: the children need not
+    accepted: dict[str, str] = {}
+    number, where = -1, collections.Counter[str]()
+    for _ in range(kills):
+        told = killed_run(path, rng.uniform(0, longest))
+        for line in told:
+            word, _, rest = line.partition(" ")
+            if word == "kept":
+                id, _, label = rest.partition(" ")
+                accepted[id] = label
+            elif word == "batch":
+                number = int(rest)
+            elif word == "note":
+                assert "are no whole record" in rest, rest
+        phases = {"": "starting", "note": "starting", "training": "training"}
+        where[phases.get(told[-1].partition(" ")[0] if told else "", "appending")] += 1
+        if path.exists() and path.stat().st_size:
+            check(path, accepted, number)
+    torn = len(list(folder.glob("killed.tracks.cut-*")))
+    run(path, lambda _: None, number + 2)
+    run(plain, lambda _: None, number + 2)
+    (rows, tracks, matrix), (rows_, tracks_, matrix_) = facts(path), facts(plain)
+    assert rows == rows_
+    assert np.array_equal(tracks, tracks_)
+    assert matrix == matrix_
+    left = sorted(file.name for file in path.with_name(f"{path.name}.checkpoint").iterdir())
+    assert len(left) == 2, f"{left} where the checkpoint and its classifier are expected"
+    phases = ", ".join(f"{count} while {name}" for name, count in where.most_common())
+    return (
+        f"{kills} kills ({phases}): {len(accepted)} records accepted, none lost; {torn} torn ones moved"
+        f" aside; {number + 2} batches, equal to those of a run without kills"
+    )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0, help="of the moments")
+    parser.add_argument("--longest", type=float, default=0.4, help="seconds before a kill, at most")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as made:
+        print(main(options.kills, options.seed, options.longest, Path(made)))
+    sys.exit(0)

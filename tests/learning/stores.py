@@ -1,0 +1,40 @@
+"""Small stores with known content, for the tests of the store."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from lcorpp.learning.store import Entry, Layout, Store
+from lcorpp.values import Distribution
+
+CLASSES = ("interested", "not_interested")
+LAYOUT = Layout(("x", "y"), 0.033, CLASSES)
+
+
+def walk(row: int, points: int = 4) -> np.ndarray:
+    """(2, points) a walk that no other row has."""
+    return np.arange(2.0 * points).reshape(2, points) / 100 + row
+
+
+def track(row: int, points: int = 4, **others: object) -> Entry:
+    """The row-th track: every third is labelled by a person, every seventh has no label."""
+    label = None if row % 7 == 6 else CLASSES[row % 2]
+    facts = {
+        "source": "person" if row % 3 == 2 else "robot",
+        "belief": Distribution(CLASSES, np.array([0.5 + row % 5 / 10, 0.5 - row % 5 / 10])),
+        "context": {"time": "afternoon", "location": f"room {row}"},
+        "id": f"t{row}",
+        "time": datetime(2026, 1, 1, 12, 0, row % 60, tzinfo=UTC),
+        "extra": {"row": row},
+    }
+    return Entry(walk(row, points), **{"label": label, **facts, **others})  # type: ignore[arg-type]
+
+
+def filled(path: Path, rows: int, layout: Layout = LAYOUT, points: int = 4) -> bytes:
+    """Make a store of the first tracks; its bytes."""
+    with Store(path, layout) as store:
+        store.extend([track(row, points) for row in range(rows)], durable=False)
+    return path.read_bytes()

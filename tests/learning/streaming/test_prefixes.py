@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sklearn.metrics import roc_auc_score
+from sklearn.pipeline import make_pipeline
+
+from lcorpp.errors import DataError
+from lcorpp.learning import Motion
+from lcorpp.learning.streaming import OverTime, follow, out_of_fold_over_time, prefix
+from lcorpp.learning.streaming.plots import over_time_figure, save_over_time
+from lcorpp.values import Dataset
+from tests.learning.data import walkers
+
+from .people import ByWay, by_way, lstm
+
+DATA = walkers(60)
+
+
+@pytest.mark.parametrize(("share", "points"), [(0.25, 10), (0.5, 20), (0.51, 20), (1.0, 40), (0.05, 2)])
+def test_a_prefix_is_the_beginning_of_everything(share, points):
+    part = prefix(DATA, share)
+    assert np.array_equal(part.trajectories, DATA.trajectories[:, :, :points])
+    assert (part.labels, part.groups, part.interval) == (DATA.labels, DATA.groups, DATA.interval)
+
+
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [
+        (0.0, r"must lie in \(0, 1\], not 0.0"),
+        (1.1, "not 1.1"),
+        (float("nan"), "not nan"),
+        (0.03, "1 of 40 time points show no motion"),
+    ],
+)
+def test_a_share_out_of_range_is_told(share, words):
+    with pytest.raises(DataError, match=words):
+        prefix(DATA, share)
+
+
+@pytest.mark.parametrize("pipeline", [lstm(), by_way()], ids=["lstm", "by way"])
+def test_following_is_asking_about_every_beginning(pipeline):
+    data = Dataset(DATA.trajectories, tuple(["interested", "not_interested"] * 30), DATA.groups)
+    said = follow(pipeline, data)
+    assert said.probabilities.shape == (60, 40, 2)
+    assert np.isnan(said.probabilities[:, :11]).all()
+    for share in (0.3, 0.5, 1.0):
+        expected = pipeline.predict_proba(prefix(data, share).trajectories)
+        at = round(share * 40) - 1
+        np.testing.assert_allclose(said.probabilities[:, at], expected, atol=1e-6)
+        positive = [label == "not_interested" for label in data.labels]
+        assert said.auc_at(share) == pytest.approx(roc_auc_score(positive, expected[:, 1]), abs=0.01)
+    assert said.seconds[-1] == pytest.approx(39 * 0.033)
+
+
+def test_the_longest_tracks_and_slow_samples_are_followed_to_their_end():
+    tracks = np.cumsum(np.full((2, 2, 200), 1.0), axis=2) * np.array([1.0, 2.0])[:, None, None]
+    data = Dataset(tracks, ("interested", "not_interested"), interval=1.5)
+    pipeline = lstm(interval=1.5)
+    said = follow(pipeline, data)
+    np.testing.assert_allclose(said.probabilities[:, -1], pipeline.predict_proba(tracks), atol=1e-6)
+
+
+def test_tracks_of_another_kind_are_told():
+    with pytest.raises(DataError, match="the pipeline takes x, y, facing, the tracks are x, y"):
+        follow(lstm(inputs=("x", "y", "facing")), DATA)
+    broken = np.array(DATA.trajectories)
+    broken[1, 0, 2] = np.nan
+    with pytest.raises(DataError, match="case 1, channel 0, time point 2"):
+        follow(lstm(), Dataset(broken, DATA.labels))
+
+
+def test_out_of_fold_nobody_is_judged_by_what_was_learnt_from_them():
+    class Strict(ByWay):
+        def predict_proba(self, X):
+            assert not self.learnt_ & set(X[:, 0, 1])
+            return super().predict_proba(X)
+
+    said = out_of_fold_over_time(make_pipeline(Motion(), Strict()), two_labels(), folds=3)
+    assert np.isnan(said.auc[:11]).all()
+    assert said.auc_at(1.0) > 0.95
+    again = out_of_fold_over_time(by_way(), two_labels(), folds=3)
+    assert np.array_equal(said.probabilities, again.probabilities, equal_nan=True)
+
+
+def two_labels() -> Dataset:
+    labels = tuple({"fast": "interested", "slow": "not_interested"}[label] for label in DATA.labels)
+    return Dataset(DATA.trajectories, labels, DATA.groups)
+
+
+def test_auc_needs_two_classes_and_a_class_a_name():
+    said = OverTime(np.full((2, 3, 3), 1 / 3), (1, 2, 3), ("a", "b"), ("a", "b", "c"), 0.1)
+    with pytest.raises(DataError, match="an AUC needs two classes, not 3"):
+        said.auc  # noqa: B018
+    with pytest.raises(DataError, match="unknown class 'd'; expected one of a, b, c"):
+        said.of("d")
+
+
+def test_the_figure_shows_everybody_s_class_and_the_auc(tmp_path):
+    said = follow(by_way(), two_labels())
+    figure = over_time_figure(said, shown=3)
+    top, bottom = figure.axes
+    assert [text.get_text() for text in top.get_legend().get_texts()] == [
+        "interested (30)",
+        "not interested (30)",
+    ]
+    assert len(top.lines) == 2 * (1 + 3)
+    assert bottom.get_ylabel() == "AUC by then"
+    three = OverTime(np.full((2, 5, 3), 1 / 3), (1, 2, 2, 3, 3), ("a", "b"), ("a", "b", "c"), 0.1)
+    assert len(over_time_figure(three, of="c").axes) == 1
+    save_over_time(said, tmp_path / "said.png")
+    assert (tmp_path / "said.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,202 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lcorpp.errors import DataError
+from lcorpp.learning.resampling import regular
+from lcorpp.learning.streaming.track import Repairs, Rules, Track
+
+INPUTS = ("x", "y", "facing")
+
+
+def rules(**changed: float) -> Rules:
+    usual = {
+        "rate": 2.0,
+        "patience": 0.0,
+        "longest_gap": 1.0,
+        "longest": 60.0,
+        "fastest": 12.0,
+        "forget": 5.0,
+    }
+    return Rules(**{**usual, "forget": 5.0, **changed})
+
+
+def track(**changed: float) -> Track:
+    return Track(rules(**changed), INPUTS, (2,))
+
+
+def still(x: float = 0.0) -> tuple[float, ...]:
+    return (x, 0.0, 0.0)
+
+
+def points(of: Track, samples) -> list[tuple[float, ...]]:
+    """What becomes known of samples (time, x), in turn, from the beginning of the present track."""
+    found: list[tuple[float, ...]] = []
+    for time, x in samples:
+        of.arrive(time, still(x))
+        more, anew = of.drain()
+        found = [*more] if anew else [*found, *more]
+    return found
+
+
+def test_by_hand():
+    """Two points a second of samples at 10, 10.2, 10.6, 11 s."""
+    one = track()
+    assert points(one, [(10, 0), (10.2, 2)]) == [still(0)]
+    assert (one.count, one.time) == (1, 10)
+    assert points(one, [(10.6, 4)]) == [pytest.approx(still(3.5))]
+    assert points(one, [(11, 5)]) == [still(5)]
+    assert (one.number, one.count, one.time) == (1, 3, 11)
+    assert str(one.repairs) == "4 samples"
+
+
+def test_one_gap_can_make_several_points_known():
+    assert points(track(rate=4.0), [(0, 0), (1, 4)]) == [still(x) for x in range(5)]
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    rate=st.floats(0.5, 40),
+    origin=st.sampled_from([0.0, 1.7e9]),
+    end=st.integers(1, 50),
+)
+def test_what_becomes_known_is_what_regular_says(seed, rate, origin, end):
+    rng = np.random.default_rng(seed)
+    times = (origin + np.cumsum(rng.choice([0.033, 0.2, 0.9], 50) * rng.uniform(0.3, 1.1, 50)))[:end]
+    samples = np.cumsum(rng.uniform(-0.05, 0.05, (3, 50)), axis=1)[:, :end]
+    samples[2] = rng.uniform(-10, 10, end)
+    one = Track(rules(rate=rate), INPUTS, (2,))
+    found = []
+    for time, sample in zip(times.tolist(), samples.T.tolist(), strict=True):
+        one.arrive(time, tuple(sample))
+        found += one.drain()[0]
+        assert len(found) == one.count
+    expected = regular(times, samples, rate, angles=(2,))
+    assert np.array(found).T.shape == expected.shape
+    np.testing.assert_allclose(np.array(found).T, expected, rtol=0, atol=1e-12)  # rounding of one product
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 10**6), patience=st.floats(0.02, 0.9))
+def test_the_order_of_arrival_within_the_patience_does_not_matter(seed, patience):
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.01, 0.1, 60) + (rng.uniform(size=60) < 0.05) * 1.5)
+    xs = np.cumsum(rng.uniform(-0.05, 0.05, 60))
+    arrival = np.argsort(times + rng.uniform(0, 0.99 * patience, 60))
+    results = []
+    for order in (np.arange(60), arrival):
+        one = track(patience=patience)
+        found = points(one, zip(times[order].tolist(), xs[order].tolist(), strict=True))
+        one.finish()
+        more, anew = one.drain()
+        results.append((more if anew else [*found, *more], one.number, one.repairs))
+    assert results[0] == results[1]
+    assert results[0][2].late == 0
+
+
+def test_patience_waits_no_longer_than_it_has_to():
+    one = track(patience=0.3)
+    assert points(one, [(0.1, 1), (0.0, 0), (0.29, 2)]) == []
+    assert points(one, [(0.4, 4)]) == [still(0)]
+    assert points(one, [(0.85, 8.5), (0.79, 7.9), (0.5, 5)]) == [still(5)]
+
+
+def test_what_comes_too_late_is_dropped_and_counted():
+    one = track()
+    assert points(one, [(0, 0), (0.55, 5.5), (0.45, 9), (0.54, 9)]) == [still(0), pytest.approx(still(5))]
+    assert str(one.repairs) == "4 samples; late ones dropped: 2; gaps bridged: 1"
+    patient = track(patience=0.2)
+    points(patient, [(0, 0), (0.5, 0), (0.25, 0), (0.29, 0)])
+    assert patient.repairs.late == 0
+    points(patient, [(0.24, 0), (0.29, 0), (0.299, 1)])
+    assert (patient.repairs.late, patient.repairs.duplicates) == (1, 1)
+
+
+def test_the_first_of_two_samples_of_one_time_is_kept():
+    for patience in (0.0, 0.2):
+        one = track(patience=patience)
+        found = points(one, [(0, 0), (0.5, 1), (0.5, 2), (1.0, 3), (1.0, 7), (1.5, 4)])
+        assert found[:3] == [still(0), still(1), still(3)]
+        assert one.repairs.duplicates == 2
+
+
+@pytest.mark.parametrize(
+    ("time", "sample", "words"),
+    [
+        (0.5, (0.0, math.nan, 0.0), "y is nan at 0.500 s"),
+        (0.5, (math.inf, 0.0, 0.0), "x is inf at 0.500 s"),
+        (0.5, (0.0, 0.0, 1e300), "facing is 1e+300 at 0.500 s"),
+        (math.nan, (0.0, 0.0, 0.0), "its time is nan"),
+        (math.inf, (0.0, 0.0, 0.0), "its time is inf"),
+    ],
+)
+def test_what_is_not_a_number_is_refused_by_name_and_the_rest_goes_on(time, sample, words):
+    one = track()
+    one.arrive(0.0, still(0))
+    one.arrive(time, sample)
+    one.arrive(0.4, (math.nan,) * 3)
+    one.arrive(1.0, still(1))
+    assert one.drain() == ([still(0), still(0.5), still(1)], True)
+    assert str(one.repairs) == f"4 samples; refused: 2 (the first: {words}); gaps bridged: 1"
+
+
+def test_gaps_up_to_the_longest_are_bridged_longer_ones_begin_anew():
+    one = track()
+    assert points(one, [(0, 0), (1.0, 2)]) == [still(0), still(1), still(2)]
+    assert (one.number, one.repairs.bridged, one.repairs.gaps) == (1, 1, 0)
+    assert points(one, [(2.01, 3), (2.51, 4)]) == [still(3), still(4)]
+    assert (one.number, one.repairs.bridged, one.repairs.gaps, one.time) == (2, 1, 1, 2.51)
+
+
+def test_a_jump_is_another_person_or_other_units():
+    one = track()
+    assert points(one, [(0, 0), (0.03, 1.5), (0.06, 0), (0.09, 5)]) == [still(5)]
+    assert (one.number, one.repairs.jumps) == (2, 1)
+    millimetres = track()
+    assert points(millimetres, [(step * 0.033, step * 40.0) for step in range(90)]) == [still(89 * 40.0)]
+    assert millimetres.repairs.jumps == 89
+
+
+def test_a_clock_that_goes_back_begins_anew():
+    for patience in (0.0, 0.2):
+        one = track(patience=patience)
+        found = points(one, [(100, 0), (100.5, 1), (101, 2), (3, 7), (3.5, 8), (4, 9)])
+        assert found[:2] == [still(7), still(8)]
+        assert (one.number, one.repairs.turned_back, one.repairs.late) == (2, 1, 0)
+
+
+def test_a_track_has_a_longest_time():
+    one = track(longest=2.0)
+    assert points(one, [(step * 0.25, step) for step in range(10)]) == [still(9)]
+    assert (one.number, one.repairs.too_long, one.time) == (2, 1, 2.25)
+
+
+def test_repairs_are_added():
+    total = Repairs(samples=3, refused=1, first_refused="a")
+    total.add(Repairs(samples=2, refused=2, first_refused="b", jumps=1))
+    assert total == Repairs(samples=5, refused=3, first_refused="a", jumps=1)
+    assert str(total) == "5 samples; refused: 3 (the first: a); begun anew after a jump: 1"
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"patience": -0.1}, "patience must be at least 0 and at most longest_gap, 1 s, not -0.1"),
+        ({"patience": 1.1}, "not 1.1"),
+        ({"patience": math.nan}, "not nan"),
+        ({"longest_gap": 0.0}, "longest_gap must be above 0, not 0.0"),
+        ({"longest_gap": math.inf}, "longest_gap must be finite, not inf"),
+        ({"forget": 0.5}, "forget must be at least longest_gap, 1 s, not 0.5"),
+        ({"fastest": math.nan}, "fastest must be above 0, not nan"),
+        ({"longest": 0.9}, "longest must be at least two points, 1 s, not 0.9"),
+    ],
+)
+def test_rules_out_of_range_are_told(changed, words):
+    with pytest.raises(DataError, match=words):
+        rules(**changed)
