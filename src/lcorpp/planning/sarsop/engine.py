@@ -44,6 +44,7 @@ class Prediction(Protocol):
 class Tree(Protocol):
     """Beliefs, numbered as they were met, and the two bounds they share.
 
+    One thread at a time: the compiled one lets others run meanwhile, and they must not use the same tree.
     A group is a block of the model, or the one of beliefs over several. Numbers that are out of range raise
     IndexError, arrays that do not fit ValueError or TypeError.
     """
