@@ -72,6 +72,9 @@ class Tree(Protocol):
     def vectors(self, group: int) -> tuple[Indices, Array, Indices]:
         """The states (n,) of a group, its alpha vectors (K, n) and the actions (K,) they begin with."""
 
+    def origins(self, group: int) -> tuple[Array, Indices]:
+        """The vectors (K, n) and actions (K,) of a group that were pruned and that those left go on with."""
+
     def points(self) -> tuple[Array, *Points]:
         """The upper bound: corners (S,), and where each point begins, its states, weights and value."""
 
