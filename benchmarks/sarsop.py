@@ -188,6 +188,7 @@ def _plot(found: dict[str, dict[str, History]], path: Path) -> None:
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     columns = 3
     rows = -(-len(found) // columns)
@@ -199,6 +200,7 @@ def _plot(found: dict[str, dict[str, History]], path: Path) -> None:
                 axis.step(times, [max(high - low, PRECISION / 10) for _, low, high in history], where="post",
                           label=name, color=colour)  # fmt: skip
         axis.set(title=model, xscale="log", yscale="log")
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.title.set_fontsize(9)
         axis.grid(alpha=0.3)
     for axis in list(axes.flat)[len(found) :]:

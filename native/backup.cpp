@@ -2,17 +2,11 @@
 // Source: Kurniawati, Hsu and Lee, RSS 2008, algorithm 3.
 
 #include <algorithm>
+#include <utility>
 
 #include "tree.hpp"
 
 namespace lcorpp {
-
-namespace {
-
-// Share of the largest value that a new bound must gain; less is rounding.
-constexpr double kGain = 1e-11;
-
-}  // namespace
 
 void Tree::backup(Index number) {
     refresh(number);
@@ -34,7 +28,8 @@ void Tree::backup(Index number) {
     }
     witness(node);
     if (node.branches[static_cast<std::size_t>(action)].lower > node.held + kGain * scale) {
-        const std::vector<double> made = vector(node, action);
+        std::vector<Stamp> from;
+        const std::vector<double> made = vector(node, action, from);
         // What the vector is worth here, not what looking ahead said: their rounding differs.
         const bool local = static_cast<std::size_t>(node.group) < model.members.size();
         double value = 0.0;
@@ -45,6 +40,7 @@ void Tree::backup(Index number) {
         if (value > node.held) {
             node.witness = next_vector_;
             node.held = value;
+            origins.note(next_vector_, std::move(from));
             sets[static_cast<std::size_t>(node.group)].add(made, action, next_vector_++);
         }
     }
@@ -60,13 +56,14 @@ void Tree::backup(Index number) {
 // R(a) + gamma sum over o of T Z (the best vector at the child of a and o), over the states of the node's
 // group. Where an observation is impossible from this belief, the vector that is best after the action alone
 // is taken: any vector is right there, this one serves the neighbouring beliefs.
-std::vector<double> Tree::vector(Node& node, Index action) {
+std::vector<double> Tree::vector(Node& node, Index action, std::vector<Stamp>& from) {
     const Branch& branch = node.branches[static_cast<std::size_t>(action)];
     const Rows& T = model.transition;
     const Rows& Z = model.observation;
     std::vector<Index> row(static_cast<std::size_t>(model.observations), -1);
     for (std::size_t c = 0; c < branch.children.size(); ++c) {
         const Child& child = branch.children[c];
+        from.push_back(child.best);
         row[static_cast<std::size_t>(child.observation)] = sets[static_cast<std::size_t>(child.group)].row(child.best);
     }
     std::vector<Index> usual(model.members.size(), -1);
@@ -82,6 +79,7 @@ std::vector<double> Tree::vector(Node& node, Index action) {
         }
         found = part.size() ? best(block, part.state.data(), part.weight.data(), part.size(), 0).row
                             : sets[static_cast<std::size_t>(block)].central();
+        from.push_back(sets[static_cast<std::size_t>(block)].stamp(static_cast<std::size_t>(found)));
         return found;
     };
     std::fill(future_.begin(), future_.end(), kInfinity);

@@ -338,5 +338,18 @@ NB_MODULE(_native, m) {
             }
             return std::make_tuple(made(tree.states_of(static_cast<Index>(group)), {set.states()}),
                                    made(std::move(table), {set.count(), set.states()}), made(actions, {set.count()}));
+        })
+        .def("origins", [](Tree& tree, std::size_t group) {
+            if (group >= tree.sets.size()) throw nb::index_error("there is no such group");
+            const std::size_t states = tree.sets[group].states();
+            std::vector<double> table;
+            std::vector<Index> actions;
+            for (const Origins::Retired* needed : tree.origins.needed(tree.sets)) {
+                if (static_cast<std::size_t>(needed->group) != group) continue;
+                actions.push_back(needed->action);
+                table.insert(table.end(), needed->values.begin(), needed->values.end());
+            }
+            const std::size_t count = actions.size();
+            return std::make_tuple(made(std::move(table), {count, states}), made(std::move(actions), {count}));
         });
 }

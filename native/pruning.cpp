@@ -57,6 +57,7 @@ void Tree::prune(const std::vector<Index>& roots, double delta, double cap, doub
         if (!at[g].empty()) prune_set(static_cast<Index>(g), at[g], delta, cap);
         kept_[g] = sets[g].count();
     }
+    origins.collect(sets);
 }
 
 // A vector survives at belief b when the best vector there does not beat it in all of b's neighbourhood of
@@ -100,7 +101,7 @@ void Tree::prune_set(Index group, const std::vector<Index>& at, double delta, do
         }
     }
     for (const Index row : winner) radius[static_cast<std::size_t>(row)] = -1.0;
-    // What other vectors may have been made from where the search never was stays, or they promise too much.
+    // They go on with themselves.
     for (std::size_t row = 0; row < count; ++row) {
         if (set.stamp(row) < model.actions) radius[row] = -1.0;
     }
@@ -113,6 +114,7 @@ void Tree::prune_set(Index group, const std::vector<Index>& at, double delta, do
     }
     std::vector<char> kept(count);
     for (std::size_t row = 0; row < count; ++row) kept[row] = radius[row] < delta || radius[row] == -1.0;
+    origins.retire(set, group, kept, kGain * scale);
     set.keep(kept);
 }
 

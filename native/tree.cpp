@@ -72,6 +72,7 @@ std::vector<double> by_state(const Model& model, const std::vector<double>& tabl
 
 Tree::Tree(const Model& model_, const std::vector<double>& informed, const std::vector<double>& blind)
     : model(model_),
+      origins(model_.actions),
       sawtooth(model_, by_state(model_, informed), model_.members.size() + 1),
       successors_(model_),
       everything_(static_cast<std::size_t>(model_.states)),
@@ -98,6 +99,7 @@ Tree::Tree(const Model& model_, const std::vector<double>& informed, const std::
 }
 
 void Tree::add_vector(Index group, const std::vector<double>& vector, Index action) {
+    origins.note_foreign(next_vector_);
     sets[static_cast<std::size_t>(group)].add(vector, action, next_vector_++);
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "model.hpp"
+#include "origins.hpp"
 #include "sawtooth.hpp"
 #include "vectors.hpp"
 
@@ -17,6 +18,9 @@ namespace lcorpp {
 
 // Entries of outcomes, 12 bytes each, that are kept with their nodes; beyond, they are worked out anew.
 constexpr std::size_t kRoom = std::size_t{1} << 25;
+
+// Share of the largest value that a new bound must gain; less is rounding.
+constexpr double kGain = 1e-11;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -98,6 +102,7 @@ class Tree {
 
     std::deque<Node> nodes;  // they stay where they are while others come
     std::vector<VectorSet> sets;  // for each block; the last for beliefs over several
+    Origins origins;              // of the vectors
     Sawtooth sawtooth;
     double scale = 1.0;           // the largest value in the model: what rounding is measured by
 
@@ -113,7 +118,8 @@ class Tree {
     void refresh_lower(Node& node, Index action);
     void refresh_upper(Node& node, Index action);
     void witness(Node& node);
-    std::vector<double> vector(Node& node, Index action);
+    // The new vector, and the stamps of those it goes on with.
+    std::vector<double> vector(Node& node, Index action, std::vector<Stamp>& from);
     Best best(Index group, const Index* states, const double* weights, std::size_t n, std::size_t first);
     Index group_of(const Weights& belief) const;
     std::vector<Index> reachable(const std::vector<Index>& roots) const;

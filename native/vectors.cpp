@@ -74,6 +74,19 @@ void VectorSet::distances(std::size_t from, std::vector<double>& out) const {
     for (double& distance : out) distance = std::sqrt(distance);
 }
 
+Index VectorSet::above(std::size_t row, const std::vector<char>& kept, double slack) const {
+    std::vector<std::size_t> left;
+    for (std::size_t other = 0; other < count(); ++other) {
+        if (kept[other] && sums_[other] >= sums_[row] - slack * static_cast<double>(states_)) left.push_back(other);
+    }
+    for (std::size_t s = 0; s < states_ && !left.empty(); ++s) {
+        const double* run = table_.data() + s * capacity_;
+        const double least = run[row] - slack;
+        left.erase(std::remove_if(left.begin(), left.end(), [&](std::size_t other) { return run[other] < least; }), left.end());
+    }
+    return left.empty() ? -1 : static_cast<Index>(left.front());
+}
+
 void VectorSet::add(const std::vector<double>& vector, Index action, Stamp stamp) {
     if (count() == capacity_) grow();
     const std::size_t row = count();

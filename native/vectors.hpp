@@ -39,6 +39,9 @@ class VectorSet {
     // The Euclidean distances of all rows from one.
     void distances(std::size_t from, std::vector<double>& out) const;
 
+    // The first row among the kept that is worth as much as another in every state, less `slack`; -1 for none.
+    Index above(std::size_t row, const std::vector<char>& kept, double slack) const;
+
     // The row that is best on the average over all states: what to do where nothing is known.
     Index central() const { return central_; }
 

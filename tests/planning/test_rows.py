@@ -76,3 +76,10 @@ def test_columns_rise():
 def test_what_is_no_table(table):
     with pytest.raises(ModelError, match="a table"):
         Rows.of(table)
+
+
+@pytest.mark.parametrize("columns", [np.array([0, 2**31]), np.array([0.0, 0.5])])
+def test_columns_that_do_not_fit_are_refused(columns):
+    """A number beyond 32 bits would come to stand for another state."""
+    with pytest.raises(ModelError, match="whole numbers up to 2147483647"):
+        Rows((1, 1, 2), np.array([0, 2]), columns, np.array([0.5, 0.5]))

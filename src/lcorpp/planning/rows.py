@@ -27,6 +27,11 @@ def _frozen(array: npt.NDArray[_Kind]) -> npt.NDArray[_Kind]:
     return array
 
 
+def _odd(array: npt.NDArray[Any], given: npt.NDArray[Any]) -> object:
+    """The first number given that came to be another."""
+    return given[array != given].flat[0] if array.shape == given.shape else given.shape
+
+
 @dataclass(frozen=True, eq=False)
 class Rows:
     """An (A, R, N) table in compressed rows: row (a, r) has the entries begins[a R + r] to the next one's.
@@ -49,7 +54,12 @@ class Rows:
     def __post_init__(self) -> None:
         A, R, N = self.shape
         for field, kind in (("begins", np.int64), ("columns", np.int32), ("values", np.float64)):
-            array = np.ascontiguousarray(getattr(self, field), dtype=kind)
+            given = np.asarray(getattr(self, field))
+            with np.errstate(invalid="ignore"):  # what does not fit is told below
+                array = np.ascontiguousarray(given, dtype=kind)
+            if field != "values" and not np.array_equal(array, given):
+                most = 2**31 - 1 if field == "columns" else 2**63 - 1
+                raise ModelError(f"{field} are whole numbers up to {most}, not {_odd(array, given)}")
             if array is getattr(self, field) and array.flags.writeable:
                 array = array.copy()
             array.setflags(write=False)

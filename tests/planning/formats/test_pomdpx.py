@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import FileError, ParseError
-from lcorpp.planning import read_pomdpx
+from lcorpp.planning import read_pomdp, read_pomdpx
 from tests.planning.factored_models import rover
 from tests.planning.formats.pomdpx_texts import DIAGRAMS, HEAD, TEXT, parsed
 
@@ -14,6 +14,13 @@ def test_one_problem_written_three_ways(text):
     read, own = parsed(text).flat(), rover().flat()
     assert read.fingerprint == own.fingerprint
     assert (read.start == own.start).all()
+
+
+def test_xml_is_read_under_any_name(tmp_path):
+    """sarsop for R publishes one as .pomdp."""
+    file = tmp_path / "rover.pomdp"
+    file.write_text("\n" + TEXT[TEXT.index("<pomdpx") :])
+    assert read_pomdp(file).fingerprint == rover().flat().fingerprint
 
 
 def test_functions_may_come_before_variables():

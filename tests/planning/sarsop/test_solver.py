@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 
 from lcorpp.errors import ModelError, PolicyError
-from lcorpp.planning import Planner, Pomdp, parse_pomdp, read_pomdp, solve
+from lcorpp.planning import Planner, Pomdp, Progress, parse_pomdp, read_pomdp, solve
 from lcorpp.planning.certification import certificate
 from tests.planning.models import LCORPP, SHARED, TIGER, pomdps, shared_model
 
@@ -273,10 +273,15 @@ def test_a_policy_from_elsewhere_has_no_gap():
 
 def test_an_interrupt_reaches_the_kernels():
     """The signal comes while compiled code runs; the search ends with what it has."""
+    pomdp = read_pomdp(shared_model("tag-avoid.pomdp"))
+
+    def soon(now: Progress) -> None:
+        if now.trials == 1:
+            signal.setitimer(signal.ITIMER_REAL, 0.3)
+
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
     try:
-        signal.setitimer(signal.ITIMER_REAL, 0.5)
-        solution = solve(read_pomdp(shared_model("tag-avoid.pomdp")), precision=1e-6, time_limit=60)
+        solution = solve(pomdp, precision=1e-6, time_limit=60, callback=soon)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
@@ -287,7 +292,7 @@ def test_an_interrupt_reaches_the_kernels():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(file.name for file in SHARED.glob("*.pomdp*")) or ["tag-avoid.pomdp"])
 def test_the_policy_earns_what_is_claimed(name):
-    """Checked from scratch: nothing that the vectors were made from may be lost by pruning."""
+    """Checked from scratch: what vectors were made from and is pruned goes with the policy."""
     pomdp = read_pomdp(shared_model(name))
     found = certificate(pomdp, solve(pomdp, time_limit=4), most_nodes=20_000)
     assert found.verdict == "confirmed", found.told()

@@ -44,6 +44,9 @@ def assert_same(left: Any, right: Any, actions: int) -> None:
         mine, others = left.vectors(group), right.vectors(group)
         assert [mine[0].tolist(), mine[2].tolist()] == [others[0].tolist(), others[2].tolist()]
         assert mine[1] == close(others[1])
+        mine, others = left.origins(group), right.origins(group)
+        assert mine[1].tolist() == others[1].tolist()
+        assert mine[0] == close(others[0])
     mine, others = left.points(), right.points()
     assert [mine[1].tolist(), mine[2].tolist()] == [others[1].tolist(), others[2].tolist()]
     for k in (0, 3, 4):

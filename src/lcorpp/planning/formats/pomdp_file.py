@@ -22,18 +22,22 @@ from lcorpp.planning.rows import Rows
 
 
 def read_pomdp(path: str | Path) -> Pomdp:
-    """Read a model: a .pomdpx file where its name ends so, otherwise a .pomdp file.
+    """Read a model: a .pomdpx file where its name ends so or it is XML, otherwise a .pomdp file.
 
     Raises:
         FileError: the file cannot be read.
         ParseError: the text is malformed; file, line and column are told.
         ModelError: the model is too large to be held.
     """
-    if Path(path).suffix.lower() == ".pomdpx":
+    xml = Path(path).suffix.lower() == ".pomdpx"
+    text = "" if xml else read_text(path)
+    if xml or text.lstrip("\ufeff \t\r\n").startswith(
+        "<"
+    ):  # published under either name; no .pomdp begins so
         from lcorpp.planning.formats.pomdpx import read_pomdpx
 
         return read_pomdpx(path)
-    return parse_pomdp(read_text(path), file=str(path))
+    return parse_pomdp(text, file=str(path))
 
 
 def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:

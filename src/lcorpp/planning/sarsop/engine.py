@@ -44,6 +44,7 @@ class Prediction(Protocol):
 class Tree(Protocol):
     """Beliefs, numbered as they were met, and the two bounds they share.
 
+    One thread at a time: the compiled one lets others run meanwhile, and they must not use the same tree.
     A group is a block of the model, or the one of beliefs over several. Numbers that are out of range raise
     IndexError, arrays that do not fit ValueError or TypeError.
     """
@@ -70,6 +71,9 @@ class Tree(Protocol):
 
     def vectors(self, group: int) -> tuple[Indices, Array, Indices]:
         """The states (n,) of a group, its alpha vectors (K, n) and the actions (K,) they begin with."""
+
+    def origins(self, group: int) -> tuple[Array, Indices]:
+        """The vectors (K, n) and actions (K,) of a group that were pruned and that those left go on with."""
 
     def points(self) -> tuple[Array, *Points]:
         """The upper bound: corners (S,), and where each point begins, its states, weights and value."""

@@ -196,8 +196,11 @@ class _Search:
         pieces = []
         for group in range(tree.groups):
             states, vectors, actions = tree.vectors(group)
-            if len(actions):
-                pieces.append(Piece(states.astype(np.intp), vectors, actions.astype(np.intp)))
+            # without those they go on with, the policy could earn less than its vectors promise
+            table, first = tree.origins(group)
+            table, first = np.concatenate([vectors, table]), np.concatenate([actions, first])
+            if len(first):
+                pieces.append(Piece(states.astype(np.intp), table, first.astype(np.intp)))
         above = SawtoothBound(self.informed, *tree.points())
         return Solution(
             policy=Policy.of_pieces(self.pomdp, pieces, above),

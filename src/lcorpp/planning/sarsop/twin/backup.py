@@ -39,10 +39,11 @@ def backup(tree: Tree, number: int) -> None:
 def _raise_lower(tree: Tree, node: Node, action: int) -> None:
     witness(tree, node)
     if node.lower[action] > node.held + GAIN * tree.scale:
-        vector = _alpha(tree, node, action)
+        vector, origins = _alpha(tree, node, action)
         # what the vector is worth here, not what looking ahead said: their rounding differs
         value = float(node.belief.weights[0] @ vector[node.belief.places])
         if value > node.held:
+            tree.origins_of.note(tree.next_vector, origins)
             tree.sets[node.belief.group].add(vector, action, tree.next_vector)
             node.held, node.witness = value, tree.next_vector
             tree.next_vector += 1
@@ -59,11 +60,12 @@ def _lower_upper(tree: Tree, number: int) -> None:
             tree.sawtooth.retire(node.belief.group, old)
 
 
-def _alpha(tree: Tree, node: Node, action: int) -> Array:
+def _alpha(tree: Tree, node: Node, action: int) -> tuple[Array, list[int]]:
     """(n,) R(a) + gamma sum over o of T Z (the best vector at the child of a and o), by state of the group.
 
     Where an observation is impossible from this belief, the vector that is best after the action alone is
-    taken: any vector is right there, this one serves the neighbouring beliefs.
+    taken: any vector is right there, this one serves the neighbouring beliefs. Beside it, the stamps of the
+    vectors it goes on with.
     """
     model, branch = tree.model, node.branches[action]
     chosen = np.full(model.observations, -1, dtype=np.intp)
@@ -73,28 +75,34 @@ def _alpha(tree: Tree, node: Node, action: int) -> Array:
     states = model.states_of(node.belief.group)
     index, owner = entries(model.transition, action * model.states + states)
     reached, which = np.unique(model.transition.columns[index].astype(np.intp), return_inverse=True)
-    following = _following(tree, node, action, chosen, reached)[which]
-    sums = np.bincount(owner, model.transition.values[index] * following, minlength=len(states))
-    return np.asarray(model.reward[action, states] + model.discount * sums)
+    following, usual = _following(tree, node, action, chosen, reached)
+    sums = np.bincount(owner, model.transition.values[index] * following[which], minlength=len(states))
+    made = np.asarray(model.reward[action, states] + model.discount * sums)
+    return made, [*branch.best.tolist(), *usual]
 
 
-def _following(tree: Tree, node: Node, action: int, chosen: Indices, reached: Indices) -> Array:
+def _following(
+    tree: Tree, node: Node, action: int, chosen: Indices, reached: Indices
+) -> tuple[Array, list[int]]:
     """(n,) what is to be expected after an action that ended in the states reached (n,).
 
-    chosen: (O,) by observation the vector of the block where it leads, -1 for one that is impossible.
+    chosen: (O,) by observation the vector of the block where it leads, -1 for one that is impossible: there
+    one of the stamps beside it is taken.
     """
     model = tree.model
     index, owner = entries(model.observation, action * model.states + reached)
     seen, state = model.observation.columns[index], reached[owner]
-    block, worth = model.block[state], np.empty(len(index))
+    block, worth, taken = model.block[state], np.empty(len(index)), []
     for b in np.unique(block):
         own = np.flatnonzero(block == b)
         vector = chosen[seen[own]]
         if (vector < 0).any():
-            vector[vector < 0] = _usual(tree, node, action, int(b))
+            usual = _usual(tree, node, action, int(b))
+            vector[vector < 0] = usual
+            taken.append(int(tree.sets[b].stamps[usual]))
         worth[own] = tree.sets[b].table[model.local[state[own]], vector]
     sums = np.bincount(owner, model.observation.values[index] * worth, minlength=len(reached))
-    return np.asarray(sums, dtype=np.float64)
+    return np.asarray(sums, dtype=np.float64), taken
 
 
 def _usual(tree: Tree, node: Node, action: int, block: int) -> int:

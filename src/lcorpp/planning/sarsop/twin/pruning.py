@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lcorpp.planning.sarsop.twin.backup import GAIN
 from lcorpp.planning.sarsop.twin.node import Node
 from lcorpp.planning.sarsop.twin.refresh import witness
 from lcorpp.values import Array
@@ -45,6 +46,7 @@ def prune(tree: Tree, roots: Sequence[int], delta: float, cap: float, growth: fl
         if g in at:
             _prune_set(tree, g, at[g], delta, cap)
         tree.kept[g] = tree.sets[g].count
+    tree.origins_of.collect(tree.sets)
 
 
 def reachable(tree: Tree, roots: Sequence[int]) -> list[int]:
@@ -88,7 +90,7 @@ def _prune_set(tree: Tree, group: int, at: list[Node], delta: float, cap: float)
         np.minimum(radius, ratio, out=radius)
     best = np.array(sorted(winners))
     radius[best] = -1.0
-    # What other vectors may have been made from where the search never was stays, or they promise too much.
+    # They go on with themselves.
     blind = vectors.stamps < tree.model.actions
     radius[blind] = -1.0
     allowed = int(min(cap * len(best), vectors.count))
@@ -97,4 +99,5 @@ def _prune_set(tree: Tree, group: int, at: list[Node], delta: float, cap: float)
     kept = radius < delta
     kept[best] = True
     kept[blind] = True
+    tree.origins_of.retire(vectors, group, kept, GAIN * tree.scale)
     vectors.keep(kept)

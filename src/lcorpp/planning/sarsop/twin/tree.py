@@ -17,6 +17,7 @@ from lcorpp.planning.sarsop.twin.backup import backup
 from lcorpp.planning.sarsop.twin.bounds import checked_table
 from lcorpp.planning.sarsop.twin.model import Beliefs, Model
 from lcorpp.planning.sarsop.twin.node import Node
+from lcorpp.planning.sarsop.twin.origins import Origins
 from lcorpp.planning.sarsop.twin.prediction import BINS, Prediction
 from lcorpp.planning.sarsop.twin.pruning import prune
 from lcorpp.planning.sarsop.twin.refresh import look, open_branch, refresh, witness
@@ -40,7 +41,8 @@ class Tree:
 
     model: the problem. nodes: by number. sets: the vectors of each group. sawtooth: the upper bound.
     scale: the largest value in the model, what rounding is measured by.
-    next_vector: the next vector's stamp. kept: by group, how many vectors the last pruning left.
+    next_vector: the next vector's stamp. origins_of: what the vectors go on with.
+    kept: by group, how many vectors the last pruning left.
     room: how many numbers of outcomes may still be kept.
 
     Raises:
@@ -64,6 +66,7 @@ class Tree:
             for a in range(model.actions):
                 self.sets[g].add(blind[a, model.states_of(g)], a, a)
         self.next_vector = model.actions
+        self.origins_of = Origins(model.actions)
         self.kept = [vectors.count for vectors in self.sets]
         self.room = ROOM
         self._known: dict[tuple[bytes, bytes], int] = {}
@@ -98,6 +101,13 @@ class Tree:
         held = self.sets[self._group(group)]
         states = self.model.states_of(group).astype(np.int32)
         return states, np.ascontiguousarray(held.table.T), held.actions.copy()
+
+    def origins(self, group: int) -> tuple[Array, npt.NDArray[np.int32]]:
+        """The vectors (K, n) and actions (K,) of a group that were pruned and that those left go on with."""
+        n = self.sets[self._group(group)].table.shape[0]
+        needed = [vector for vector in self.origins_of.needed(self.sets) if vector.group == group]
+        table = np.array([vector.values for vector in needed]).reshape(len(needed), n)
+        return table, np.array([vector.action for vector in needed], dtype=np.int32)
 
     def points(self) -> tuple[Array, *Points]:
         """The upper bound: corners (S,), and where each point begins, its states, weights and value."""
@@ -172,6 +182,7 @@ class Tree:
         if table.shape != (len(first), len(self.model.states_of(group))) or not np.isfinite(table).all():
             raise ValueError("vectors of another group, or not finite")
         for vector, action in zip(table, [self._action(a) for a in first.tolist()], strict=True):
+            self.origins_of.note_foreign(self.next_vector)
             held.add(vector, action, self.next_vector)
             self.next_vector += 1
 
