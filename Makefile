@@ -25,13 +25,13 @@ help:
 	@echo "make test        set up, then run the tests"
 	@echo "make check       lint, types, import rules and tests"
 	@echo "make check-slow  the checks that take minutes"
-	@echo "make bench       compare with plingo, ProbLog, plog 2.0 and APPL, those that are there (some 30 minutes)"
+	@echo "make bench       compare with plingo, ProbLog, plog 2.0, APPL and Keras, those that are there (some 40 minutes)"
 	@echo "make format      format the code"
 	@echo "make clean       remove the environment and what was made"
 
 demo: $(VENV)/.runtime
 	$(BIN)/lcorpp explain intention --fact time=afternoon --fact location=classroom --label zero
-	$(BIN)/lcorpp run intention --trials 1000 --out out/demo $(if $(TRAINED),--classifier $(TRAINED),--epochs 12)
+	$(BIN)/lcorpp run intention --trials 1000 --out out/demo $(if $(TRAINED),--classifier $(TRAINED),--learner fast)
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -m "not slow" -n 2
@@ -52,7 +52,7 @@ check-slow: $(VENV)/.dev
 # The C++ kernels under the address and undefined-behaviour sanitizers, in an environment of their own.
 sanitize: $(VENV)-sanitize/.installed
 	LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" ASAN_OPTIONS=detect_leaks=0 \
-	  $(VENV)-sanitize/bin/python -m pytest -m "not slow" tests/planning
+	  $(VENV)-sanitize/bin/python -m pytest -m "not slow" tests/planning tests/learning/test_lstm*.py
 
 $(VENV)-sanitize/.installed: $(NATIVE)
 	$(PYTHON) -m venv $(VENV)-sanitize
@@ -66,6 +66,7 @@ MODELS ?= $(wildcard src/lcorpp/domains/*/*.pomdp ../shared/pomdp/*.pomdp ../sha
 bench: $(VENV)-bench/.peers
 	$(VENV)-bench/bin/python benchmarks/plog.py
 	$(VENV)-bench/bin/python benchmarks/sarsop.py $(MODELS)
+	$(VENV)-bench/bin/python benchmarks/learner.py
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
@@ -90,6 +91,7 @@ $(VENV)/.dev: $(NATIVE) | $(VENV)/.torch
 
 $(VENV)-bench/.peers: pyproject.toml
 	$(PYTHON) -m venv $(VENV)-bench
+	$(VENV)-bench/bin/pip install --quiet --disable-pip-version-check $(TORCH)
 	$(VENV)-bench/bin/pip install --quiet --disable-pip-version-check -e '.[bench]'
 	touch $@
 
