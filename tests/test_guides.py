@@ -1,8 +1,8 @@
 """The guides in docs/ from top to bottom: commands end well and print what is told, lines have their values.
 
 Blocks: ``sh`` is run, the ``text`` after it is what is printed (``...`` stands for anything); of ``python``
-each line with ``# =`` has that value; blocks of another kind with a name are files. A second word after ``sh`` or
-``text`` says why the block is not run; after ``python`` it names a package that is needed.
+each line with ``# =`` has that value; blocks of another kind with a name are files. A second word after
+``sh`` or ``text`` says why the block is not run; after ``python`` it names a package that is needed.
 """
 
 from __future__ import annotations
