@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.learning import read_data, read_recording, write_recording
+from lcorpp.learning import read_data, read_recording, save_dataset, write_recording
 from lcorpp.learning.data.repair import REPAIRS
+from lcorpp.values import Dataset
 from tests.learning.recorded.server import serving
 from tests.learning.recorded.texts import GOOD, atc_rows, crowd, rows
 
@@ -151,3 +152,30 @@ def test_the_help_names_every_repair(lcorpp):
     assert ended.code == 0
     for name in (*REPAIRS, "all"):
         assert f" {name}" in ended.out
+
+
+def test_what_a_hostile_tester_found(lcorpp, tmp_path):
+    """A huge number, a report over its own source, two meanings of a label, no address: one message each."""
+    file = tmp_path / "people.csv"
+    file.write_text("track,time,x,y,label\na,0,0,0,p\na,1,1,0,p\na,2,1e200,0,p\nb,0,0,0,q\nb,1,1,1,q\n")
+    for arguments, words in (
+        ((), "people.csv:4:5: track 'a': the x is 1e+200; expected a finite number up to 1e+09"),
+        (("--report", str(file)), "is the file that is described"),
+        (("--label", "p=1", "--label", "p=2"), "--label p: means '1' and '2'; expected one meaning"),
+    ):
+        ended = lcorpp("data", "describe", str(file), *arguments)
+        assert (ended.code, "Traceback" in ended.err) == (2, False)
+        assert words in " ".join(ended.err.split())
+    assert file.read_text().startswith("track,time")
+    assert lcorpp("data", "fetch", "http://[::1").code == 2
+
+
+def test_a_stored_data_set_in_millimetres_is_refused(lcorpp, tmp_path):
+    walk = np.cumsum(np.full((4, 2, 50), 40.0), axis=2)  # 40 mm between two samples
+    dataset = Dataset(walk, ("a", "b", "a", "b"))
+    save_dataset(dataset, tmp_path / "walks.npz")
+    ended = lcorpp("data", "describe", str(tmp_path / "walks.npz"))
+    assert ended.code == 2
+    assert "it looks like millimetres taken for metres" in " ".join(ended.err.split())
+    read = read_data(tmp_path / "walks.npz", repair=("units",))
+    assert np.allclose(read.trajectories, walk / 1000)

@@ -59,7 +59,7 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monk
         assert "note:" not in outs[-1].out
         assert len(outs) < 9
     assert len(outs) == 4
-    assert "interrupted: the batches above are kept; so is every decision, in" in outs[0].err
+    assert "interrupted: the batches above are kept; every decision is kept in" in outs[0].err
     for ended, words in zip(
         outs[1:], ("0, 1 decisions of the next are made", "1\n", "1, 4 decisions"), strict=True
     ):

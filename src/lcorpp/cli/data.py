@@ -152,6 +152,8 @@ def describe(
 ) -> None:
     """Say what recorded tracks hold, what was repaired, and whether anything but motion tells the label."""
     if report is not None:
+        if report.exists() and path.exists() and report.samefile(path):
+            raise DataError(f"--report {report}: is the file that is described")
         models.check_writable(report)
     recording = _read(path, label, label_file, repair, robot, gap)
 
@@ -196,7 +198,11 @@ def _read(
 ) -> Recording:
     from lcorpp.learning import read_recording
 
-    labels = dict(_meaning(words) for words in label) if label else None
+    labels: dict[str, str] | None = None
+    for word, name in map(_meaning, label or ()):
+        labels = labels or {}
+        if labels.setdefault(word, name) != name:
+            raise DataError(f"--label {word}: means {labels[word]!r} and {name!r}; expected one meaning")
     with show.progress(f"reading {path.name}") as advance:
         return read_recording(
             path,

@@ -108,7 +108,9 @@ def trained_eyes(
     goal = None if wanted.threshold is None else _goal(domain, positive, wanted.threshold)
     learner(wanted.learner, epochs=wanted.epochs, device=wanted.device)  # mistakes are told before the work
     training = (
-        recorded_training(domain, data, seed) if data else simulated_training(domain, seed, tracks=tracks)
+        recorded_training(domain, data, seed, channels=wanted.channels)
+        if data
+        else simulated_training(domain, seed, tracks=tracks)
     )
     estimator = estimator_for(
         training,
@@ -158,8 +160,9 @@ def stored_eyes(domain: Domain, file: Path, trust: Trust, *, data: Path | None, 
     """
     from lcorpp.experiments.training import motion_of, recorded_training
 
-    recorded = recorded_training(domain, data, seed) if data else None
     trained, confusion = _loaded(domain, file)
+    inputs = getattr(trained.estimator.steps[0][1], "inputs", ("x", "y"))
+    recorded = recorded_training(domain, data, seed, channels=inputs) if data else None
     if recorded is not None:
         _check_motion(file, trained, recorded.dataset)
     rates = _told(confusion, trust)
@@ -173,6 +176,7 @@ def _evidence(
 ) -> tuple[Reader, Program]:
     """Who reads the tracks, and the rules that say how far to trust that."""
     if trust.soft:
+        show.console.print("the reasoner is told likelihoods in place of labels")
         return trained.soft(), domain.soft_program
     return trained, domain.program_for(confusion, trust.smoothing)
 

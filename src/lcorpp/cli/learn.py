@@ -70,7 +70,7 @@ def learn(
         recorded_training(loaded, data, seed) if data else simulated_training(loaded, seed, tracks=tracks)
     )
     for note in training.dataset.notes:
-        show.console.print(f"note: {note}", style="yellow")
+        show.console.print(f"note: {note}", style="yellow", markup=False)
     name = learner or (loaded.classifier if loaded.classifier != "channel" else "lstm")
     estimator = estimator_for(training, name, epochs=epochs, seed=seed, device=device)
     soft = evidence is show.Evidence.soft
@@ -125,7 +125,7 @@ def learn(
         try:
             for position, batch in enumerate(batches):
                 if resumed is not None and position == 0:
-                    show.console.print(log.line(batch))
+                    show.console.print(f"now {log.standing(batch)}")
                     log.write(batch)
                 else:
                     show.console.print(log.add(batch))
@@ -139,20 +139,21 @@ def learn(
                     show.console.print(f"stopped after {batch.number} batches; it has not settled yet")
                     break
         except KeyboardInterrupt:
-            kept = "" if store is None else f"; so is every decision, in {store}"
-            show.messages.print(f"interrupted: the batches above are kept{kept}")
+            kept = "the batches above are kept" if log.rows else "no batch was completed"
+            kept += "" if store is None else f"; every decision is kept in {store}"
+            show.messages.print(f"interrupted: {kept}", markup=False)
     if log.unsaved is not None:
-        show.console.print(f"note: the classifier is not saved: {log.unsaved}", style="yellow")
-    if out is not None:
-        show.console.print(f"wrote {', '.join(str(path) for path in log.written)}")
+        show.console.print(f"note: the classifier is not saved: {log.unsaved}", style="yellow", markup=False)
+    if log.written:
+        show.console.print(f"wrote {', '.join(str(path) for path in log.written)}", markup=False)
 
 
 def _introduce(memory: Memory) -> None:
     """Say what is in the store, where the run goes on, and what was lost."""
     path = memory.store.path
-    show.console.print(f"{path}: {memory.store.reading().summary()}")
+    show.console.print(f"{path}: {memory.store.reading().summary()}", markup=False)
     for note in memory.notes:
-        show.console.print(f"note: {note}", style="yellow")
+        show.console.print(f"note: {note}", style="yellow", markup=False)
     if memory.number is not None:
         made = f", {len(memory.pending)} decisions of the next are made" if memory.pending else ""
         show.console.print(f"goes on after batch {memory.number}{made}")

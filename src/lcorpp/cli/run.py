@@ -93,6 +93,8 @@ def run(
         )
     if soft and chosen == "channel":
         raise DomainError("--evidence soft needs a trained classifier: a channel says labels only")
+    if soft and threshold is not None:
+        raise DomainError("--threshold calls people by a label; --evidence soft uses none")
     if smoothing is show.Smoothing.laplace and (soft or chosen == "channel"):
         raise DomainError(
             "--smoothing is of the confusion matrix of a trained classifier whose labels are used"
@@ -108,6 +110,8 @@ def run(
     }
     if chosen == "channel":
         _refuse("nothing is trained, as the classifier is a channel", data=data, **training)
+    elif not any(row.learns for row in rows):
+        _refuse("nothing is trained, as no strategy learns", learner=learner, **training)
     if chosen == "channel" or not any(row.learns for row in rows):
         eyes = looking.channel_eyes(loaded)
     elif chosen == "file":
@@ -149,7 +153,7 @@ def run(
             configuration["trials"] = done
     show.console.print(_table(results, loaded.positive, configuration["trials"]))
     for note in eyes.notes:
-        show.console.print(f"note: {note}", style="yellow")
+        show.console.print(f"note: {note}", style="yellow", markup=False)
     if out is not None:
         _write(out, results, configuration, eyes)
     if configuration["trials"] not in ("exact", trials):
@@ -221,5 +225,5 @@ def _write(out: Path, results: list[Scores], configuration: dict[str, Any], eyes
             save_classifier(reader, out / "classifier.npz")
             written.append(out / "classifier.npz")
         except DataError as error:
-            show.console.print(f"note: the classifier is not saved: {error}", style="yellow")
-    show.console.print("wrote " + ", ".join(str(path) for path in written))
+            show.console.print(f"note: the classifier is not saved: {error}", style="yellow", markup=False)
+    show.console.print("wrote " + ", ".join(str(path) for path in written), markup=False)

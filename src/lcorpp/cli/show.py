@@ -55,7 +55,9 @@ DomainArgument = Annotated[
 PresetOption = Annotated[
     str | None, typer.Option("--preset", help="A preset of the domain; its first one by default.")
 ]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn.")]
+SeedOption = Annotated[
+    int, typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of everything that is drawn.")
+]
 JobsOption = Annotated[
     int | None,
     typer.Option("--jobs", min=1, help="Processes; all cores by default. Results do not depend on it."),

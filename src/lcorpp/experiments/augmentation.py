@@ -108,20 +108,19 @@ class Log:
         """Remember how a decision of the batch that goes on went."""
         self._outcomes.append(outcome)
 
-    def line(self, batch: Batch) -> str:
-        """The data and the matrix of a batch in words."""
+    def standing(self, batch: Batch) -> str:
+        """The data and the matrix that a batch left, in words."""
         rates = ", ".join(
             f"{name} {rate:.3f}"
             for name, rate in zip(
                 batch.confusion.classes, np.diag(batch.confusion.probabilities), strict=True
             )
         )
-        trained = f"batch {batch.number}: {len(batch.dataset)} tracks"
-        return f"{trained}; told right: {rates}; change {batch.change:.3f}"
+        return f"{len(batch.dataset)} tracks; told right: {rates}; change {batch.change:.3f}"
 
     def add(self, batch: Batch) -> str:
         """Write down a batch and say in a line how it went."""
-        line = self.line(batch)
+        line = f"batch {batch.number}: {self.standing(batch)}"
         cells: dict[str, float | int | str] = {
             "batch": batch.number,
             "tracks": len(batch.dataset),

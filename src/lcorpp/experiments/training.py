@@ -68,26 +68,41 @@ def motion_of(domain: Domain) -> Motion:
     return Motion(domain.simulation.trajectories)
 
 
-def recorded_training(domain: Domain, path: Path, seed: int) -> Training:
+def recorded_training(
+    domain: Domain, path: Path, seed: int, *, channels: Sequence[str] = ("x", "y")
+) -> Training:
     """Recorded tracks: 70% to train on, the people in the other 30% for the trials.
 
     Args:
         path: whatever `read_data` reads: a folder of the authors' files, CSV, Parquet or .npz.
+        channels: what the classifier sees, see `Motion`. Columns that it does not need are left out, so that
+            it can be used where they are not measured.
 
     Raises:
         DataError: a class is none of the domain's values, the channels are not x and y, or there are too few.
         FileError, ParseError: the data are missing or malformed.
     """
     written = domain.data_labels or {value: value for value in domain.values}
-    dataset = read_data(path, labels=written)
+    dataset = _needed(read_data(path, labels=written), channels)
     try:
         train, test = split(dataset, seed=seed)
         leak = leak_note(train) if len(domain.values) == 2 else None
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
-    if leak is not None:
-        train = replace(train, notes=(*train.notes, leak))
-    return Training(train, Recorded(domain.target, test), PAPER_EPOCHS)
+    kept = (
+        f"of {len(dataset)} tracks {len(train)} are learnt from; the trials meet the {len(set(test.groups))}"
+        " other people, and their intervals are about more trials with these people"
+    )
+    notes = (*train.notes, kept, *([] if leak is None else [leak]))
+    return Training(replace(train, notes=notes), Recorded(domain.target, test), PAPER_EPOCHS)
+
+
+def _needed(dataset: Dataset, channels: Sequence[str]) -> Dataset:
+    """A data set with the columns that some channels of `Motion` are made of."""
+    wanted = {"x", "y", *channels, *(["facing"] if "attention" in channels else [])}
+    kept = [index for index, name in enumerate(dataset.channels) if name in wanted]
+    names = tuple(dataset.channels[index] for index in kept)
+    return replace(dataset, trajectories=dataset.trajectories[:, kept], channels=names)
 
 
 def estimator_for(

@@ -84,15 +84,21 @@ def fitted(estimator: Any, tracks: Array, labels: npt.ArrayLike) -> Any:
     Raises:
         DataError: it fails, or tells no classes apart.
     """
-    trained = clone(estimator)
+    try:
+        trained = clone(estimator)
+    except (TypeError, RuntimeError) as error:  # a constructor that scikit-learn cannot repeat
+        raise _blamed(estimator, "clone", error) from error
     try:
         trained.fit(tracks, labels)
     except LcorppError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise _blamed(estimator, "fit", error) from error
-    if not hasattr(trained, "classes_"):
+    classes = np.asarray(getattr(trained, "classes_", None))
+    if classes.ndim != 1:
         raise DataError(f"{name_of(estimator)} has no classes_ after fit; expected a scikit-learn classifier")
+    if not isinstance(trained.classes_, np.ndarray):
+        trained.classes_ = classes
     return trained
 
 
@@ -106,7 +112,7 @@ def predicted(trained: Any, tracks: Array) -> Array:
         given = np.asarray(trained.predict_proba(tracks), dtype=np.float64)
     except LcorppError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise _blamed(trained, "predict_proba", error) from error
     shape = (len(tracks), len(trained.classes_))
     if given.shape != shape:
@@ -130,5 +136,5 @@ def name_of(estimator: Any) -> str:
     return name_of(estimator.classifier) if isinstance(estimator, Scored) else type(estimator).__name__
 
 
-def _blamed(estimator: Any, doing: str, error: Exception) -> DataError:
+def _blamed(estimator: Any, doing: str, error: BaseException) -> DataError:
     return DataError(f"{name_of(estimator)} failed in {doing}: {type(error).__name__}: {error}")

@@ -158,6 +158,8 @@ def fit_and_validate(
     """`cross_validate`, and beside the folds a classifier trained on all cases (None unless `whole`)."""
     if folds < 2:
         raise DataError(f"cross-validation needs at least 2 folds, not {folds}")
+    if not 0 <= seed < 2**32:
+        raise DataError(f"the seed must lie between 0 and {2**32 - 1}, not {seed}")
     check_trainable(dataset, folds=folds)
     labels = np.array(dataset.labels)
     classes = np.unique(labels)

@@ -73,8 +73,12 @@ def fetch(
         DataError: the address or the checksum is none, the file that came, or that was there, has another
             checksum, or pooch is not installed.
     """
-    name = unquote(urlsplit(url).path).rsplit("/", 1)[-1]
-    if urlsplit(url).scheme not in ("http", "https") or name in ("", ".", "..") or "\0" in name:
+    try:
+        address = urlsplit(url)
+    except ValueError as error:
+        raise DataError(f"{url!r} is not the address of a file: {error}") from None
+    name = unquote(address.path).rsplit("/", 1)[-1]
+    if address.scheme not in ("http", "https") or name in ("", ".", "..") or "\0" in name:
         raise DataError(f"{url!r} is not the address of a file; expected http(s)://SERVER/.../NAME")
     if sha256 is not None and not re.fullmatch("[0-9a-fA-F]{64}", sha256):
         raise DataError(f"{sha256!r} is not a checksum; expected the 64 hexadecimal digits of a SHA-256")

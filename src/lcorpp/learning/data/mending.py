@@ -9,7 +9,7 @@ import numpy as np
 
 from lcorpp.learning.data.assembly import Raw
 from lcorpp.learning.data.repair import Ledger, Source
-from lcorpp.learning.data.tracks import Track
+from lcorpp.learning.data.tracks import LARGEST, Track
 from lcorpp.values import Array
 
 GAP = 5.0
@@ -68,11 +68,14 @@ def _words(raw: Raw, source: Source, ledger: Ledger) -> tuple[tuple[str, int] | 
 
 def _finite(raw: Raw, source: Source, ledger: Ledger) -> Raw:
     columns = {"time": raw.times, **raw.columns}
-    bad = ~np.all([np.isfinite(values) for values in columns.values()], axis=0)
+    most = {name: LARGEST if name != "time" else np.finfo(np.float64).max for name in columns}
+    bad = ~np.all([np.abs(values) <= most[name] for name, values in columns.items()], axis=0)
     for row in np.flatnonzero(bad).tolist():
-        name, value = next((n, v[row]) for n, v in columns.items() if not np.isfinite(v[row]))
-        what = "missing or NaN" if np.isnan(value) else "infinite"
-        message = f"the {name} is {what}; expected a finite number"
+        name, value = next((n, v[row]) for n, v in columns.items() if not abs(v[row]) <= most[n])
+        what = "missing or NaN" if np.isnan(value) else "infinite" if np.isinf(value) else f"{value:g}"
+        message = f"the {name} is {what}; expected a finite number" + (
+            f" up to {LARGEST:g}" if np.isfinite(value) else ""
+        )
         line = int(raw.lines[row])
         ledger.mend("nonfinite", source, line, message, "left out", field=name, track=raw.id)
     return raw.take(np.flatnonzero(~bad)) if bad.any() else raw

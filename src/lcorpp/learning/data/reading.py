@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from lcorpp.errors import DataError, FileError, ParseError
 from lcorpp.files import open_text
 from lcorpp.learning.authors import read_authors
@@ -21,6 +23,7 @@ from lcorpp.learning.data.rectangular import SUFFIX, load_dataset, recording_of
 from lcorpp.learning.data.repair import Ledger
 from lcorpp.learning.data.rows import Progress
 from lcorpp.learning.data.tracks import Recording
+from lcorpp.learning.data.units import in_metres
 from lcorpp.learning.data.windows import INTERVAL, POINTS, dataset_of
 from lcorpp.learning.store import is_store, read_store
 from lcorpp.values import Dataset
@@ -197,10 +200,22 @@ def _is_number(cell: str) -> bool:
     return True
 
 
+def _in_metres(dataset: Dataset, file: Path, ledger: Ledger) -> Dataset:
+    """A stored data set in metres, as the tracks of a file are."""
+    tracks = recording_of(dataset).tracks
+    scaled = in_metres(tracks, [1] * len(tracks), WholeFile(str(file)), ledger)
+    if all(new is old for new, old in zip(scaled, tracks, strict=True)):
+        return dataset
+    rows = [np.stack([track.columns[name] for name in dataset.channels]) for track in scaled]
+    return replace(dataset, trajectories=np.stack(rows))
+
+
 def _rectangular(file: Path, kind: Kind, labels: Mapping[str, str] | None, ledger: Ledger) -> Dataset:
     if kind == "authors":
         return read_authors(file, labels=labels or WRITTEN)
     dataset = load_dataset(file) if kind == "npz" else read_store(file).dataset()
+    if kind == "npz":
+        dataset = _in_metres(dataset, file, ledger)
     classes = [meaning(word, labels) for word in dataset.labels]
     for case, (word, found) in enumerate(zip(dataset.labels, classes, strict=True)):
         if found is None:

@@ -59,6 +59,11 @@ def load_dataset(path: str | Path) -> Dataset:
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             head, tracks = json.loads(str(archive["dataset"])), archive["trajectories"]
+        if tracks.dtype.kind not in "fiu":
+            raise DataError(f"its trajectories are {tracks.dtype}; expected numbers")
+        for name in ("labels", "groups", "channels"):
+            if not isinstance(head[name], list) or not all(isinstance(word, str) for word in head[name]):
+                raise DataError(f"its {name} are {str(head[name])[:40]}; expected a list of words")
         if head["format"] != FORMAT or head["version"] != VERSION:
             raise DataError(
                 f"{head['format']!r} of version {head['version']!r}; expected {FORMAT!r} {VERSION}"
@@ -75,7 +80,8 @@ def load_dataset(path: str | Path) -> Dataset:
     except DataError as error:
         raise DataError(f"{path}: not a data set that can be used: {error}") from None
     except DAMAGED as error:
-        raise DataError(f"{path}: not a stored data set, or a damaged one: {error}") from None
+        why = "it is no numpy archive" if "pickle" in str(error) else error  # numpy's advice would be bad
+        raise DataError(f"{path}: not a stored data set, or a damaged one: {why}") from None
 
 
 def recording_of(dataset: Dataset) -> Recording:

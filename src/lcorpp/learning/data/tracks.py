@@ -36,6 +36,10 @@ class Mend(NamedTuple):
     done: str
 
 
+LARGEST = 1e9
+"""Numbers beyond, in any unit, are no place and no speed; their squares would no longer tell people apart."""
+
+
 @dataclass(frozen=True, eq=False)
 class Track:
     """The motion of one person as it was sampled.
@@ -64,8 +68,8 @@ class Track:
                 raise DataError(f"{where}: unknown column {name!r}; {expected(COLUMNS)}")
             if columns[name].shape != samples or len(samples) != 1:
                 raise DataError(f"{where}: {name} of shape {columns[name].shape}, times of shape {samples}")
-            if not np.isfinite(columns[name]).all():
-                raise DataError(f"{where}: {name} is not finite throughout")
+            if not (np.abs(columns[name]) <= LARGEST).all():
+                raise DataError(f"{where}: {name} is not finite, or above {LARGEST:g}")
         if not {"x", "y"} <= set(columns):
             raise DataError(f"{where}: it has no column x or y")
         if len(self.times) < 2:

@@ -134,9 +134,10 @@ def memory_of(pipeline: Any, least: int, window: int | None) -> tuple[Motion, Me
     steps = pipeline.classifier_ if scored else pipeline
     if not isinstance(steps, Pipeline) or not isinstance(steps[0], Motion) or len(steps) < 2:
         first = type(steps[0] if isinstance(steps, Pipeline) else steps).__name__
+        hint = ": take Streams.of" if hasattr(pipeline, "estimator") else ""
         raise DataError(
             "people can be followed by a Pipeline of Motion and a classifier, which says how samples become"
-            f" points at a fixed rate; this one begins with {first}"
+            f" points at a fixed rate; this one begins with {first}{hint}"
         )
     motion, *between, classifier = (step for _, step in steps.steps)
     for step in (motion, classifier):
