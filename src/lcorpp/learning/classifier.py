@@ -110,7 +110,7 @@ def paper_pipeline(
 
     The defaults are the paper's, but for the class weights, which make no difference to its balanced data;
     see `Motion` and `LstmClassifier` for what the arguments mean. On two thousand simulated tracks 300
-    epochs overfit (AUC .75, `fast_pipeline` .77); on the authors' 123 they do no harm (.82, .78).
+    epochs overfit (AUC .75, `fast_pipeline` .76); on the authors' 123 they do no harm (.82, .78).
     """
     from lcorpp.learning.lstm import LstmClassifier  # here, so that other classifiers do not load it
 
