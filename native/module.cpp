@@ -107,6 +107,30 @@ Branch& branch_of(Tree& tree, Index number, Index action) {
     return node.branches[static_cast<std::size_t>(action)];
 }
 
+auto of_branches(Tree& tree, Index number, double Branch::*field) {
+    std::vector<double> found;
+    for (const Branch& branch : node_of(tree, number).branches) found.push_back(branch.*field);
+    return made(found, {found.size()});
+}
+
+VectorSet& set_of(Tree& tree, std::size_t group) {
+    if (group >= tree.sets.size()) throw nb::index_error("there is no such group");
+    return tree.sets[group];
+}
+
+// A table of actions by states that is worked out for some seconds, while other threads run.
+template <typename Work>
+auto timed(const Model& model, double tolerance, double seconds, Work work) {
+    expect_limits(tolerance, seconds);
+    std::vector<double> found;
+    {
+        nb::gil_scoped_release released;
+        Clock clock(seconds, interrupt);
+        found = work(clock);
+    }
+    return by_action(model, std::move(found));
+}
+
 }  // namespace
 
 NB_MODULE(_native, m) {
@@ -135,34 +159,15 @@ NB_MODULE(_native, m) {
         });
 
     m.def("blind_policies", [](const Model& model, double tolerance, double seconds) {
-        expect_limits(tolerance, seconds);
-        std::vector<double> found;
-        {
-            nb::gil_scoped_release released;
-            Clock clock(seconds, interrupt);
-            found = blind_policies(model, tolerance, clock);
-        }
-        return by_action(model, std::move(found));
+        return timed(model, tolerance, seconds, [&](Clock& clock) { return blind_policies(model, tolerance, clock); });
     });
     m.def("mdp_bound", [](const Model& model, double tolerance, double seconds) {
-        expect_limits(tolerance, seconds);
-        std::vector<double> found;
-        {
-            nb::gil_scoped_release released;
-            Clock clock(seconds, interrupt);
-            found = mdp_bound(model, tolerance, clock);
-        }
-        return by_action(model, std::move(found));
+        return timed(model, tolerance, seconds, [&](Clock& clock) { return mdp_bound(model, tolerance, clock); });
     });
     m.def("fast_informed_bound", [](const Model& model, Given<double, 2> Q, double tolerance, double seconds) {
-        expect_limits(tolerance, seconds);
-        std::vector<double> found = table_of(model, Q);
-        {
-            nb::gil_scoped_release released;
-            Clock clock(seconds, interrupt);
-            found = fast_informed_bound(model, std::move(found), tolerance, clock);
-        }
-        return by_action(model, std::move(found));
+        std::vector<double> start = table_of(model, Q);
+        return timed(model, tolerance, seconds,
+                     [&](Clock& clock) { return fast_informed_bound(model, std::move(start), tolerance, clock); });
     });
 
     nb::class_<Prediction>(m, "Prediction")
@@ -197,24 +202,9 @@ NB_MODULE(_native, m) {
  .def("look", [](Tree& tree, Index number, bool below) { return node_of(tree, number), tree.look(number, below); }, free)
         .def("low", [](Tree& tree, Index number) { return node_of(tree, number).low; })
         .def("high", [](Tree& tree, Index number) { return node_of(tree, number).high; })
-        .def("q_lower",
-             [](Tree& tree, Index number) {
-                 std::vector<double> found;
-                 for (const Branch& branch : node_of(tree, number).branches) found.push_back(branch.lower);
-                 return made(found, {found.size()});
-             })
-        .def("q_upper",
-             [](Tree& tree, Index number) {
-                 std::vector<double> found;
-                 for (const Branch& branch : node_of(tree, number).branches) found.push_back(branch.upper);
-                 return made(found, {found.size()});
-             })
-        .def("immediate",
-             [](Tree& tree, Index number) {
-                 std::vector<double> found;
-                 for (const Branch& branch : node_of(tree, number).branches) found.push_back(branch.immediate);
-                 return made(found, {found.size()});
-             })
+        .def("q_lower", [](Tree& tree, Index number) { return of_branches(tree, number, &Branch::lower); })
+        .def("q_upper", [](Tree& tree, Index number) { return of_branches(tree, number, &Branch::upper); })
+        .def("immediate", [](Tree& tree, Index number) { return of_branches(tree, number, &Branch::immediate); })
         .def("belief",
              [](Tree& tree, Index number) {
                  std::vector<double> belief(static_cast<std::size_t>(tree.model.states), 0.0);
@@ -259,8 +249,7 @@ NB_MODULE(_native, m) {
             free)
         .def("add_vectors",
              [](Tree& tree, std::size_t group, Given<double, 2> vectors, Given<Index, 1> actions) {
-                 if (group >= tree.sets.size()) throw nb::index_error("there is no such group");
-                 const std::size_t states = tree.sets[group].states();
+                 const std::size_t states = set_of(tree, group).states();
                  expect(vectors.shape(1) == states && vectors.shape(0) == actions.shape(0), "vectors of another group");
                  expect_finite(vectors, "expected vectors that are finite");
                  for (std::size_t k = 0; k < vectors.shape(0); ++k) {
@@ -328,8 +317,7 @@ NB_MODULE(_native, m) {
         .def_prop_ro("node_count", [](const Tree& tree) { return tree.nodes.size(); })
         .def_prop_ro("groups", [](const Tree& tree) { return tree.sets.size(); })
         .def("vectors", [](Tree& tree, std::size_t group) {
-            if (group >= tree.sets.size()) throw nb::index_error("there is no such group");
-            const VectorSet& set = tree.sets[group];
+            const VectorSet& set = set_of(tree, group);
             std::vector<double> table;
             std::vector<Index> actions;
             for (std::size_t row = 0; row < set.count(); ++row) {
@@ -340,8 +328,7 @@ NB_MODULE(_native, m) {
                                    made(std::move(table), {set.count(), set.states()}), made(actions, {set.count()}));
         })
         .def("origins", [](Tree& tree, std::size_t group) {
-            if (group >= tree.sets.size()) throw nb::index_error("there is no such group");
-            const std::size_t states = tree.sets[group].states();
+            const std::size_t states = set_of(tree, group).states();
             std::vector<double> table;
             std::vector<Index> actions;
             for (const Origins::Retired* needed : tree.origins.needed(tree.sets)) {

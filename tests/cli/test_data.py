@@ -98,7 +98,6 @@ def test_describe_finds_the_leaks_of_the_authors_tracks(lcorpp):
 
 
 def test_fetch(lcorpp, tmp_path, monkeypatch):
-    pytest.importorskip("pooch", reason="pooch is not installed")
     monkeypatch.setenv("NO_PROXY", "*")
     content = (GOOD + rows("c", "in", samples=2000)).encode()
     digest = hashlib.sha256(content).hexdigest()

@@ -14,8 +14,6 @@ from lcorpp.learning.data.fetching import AUTHORS, fetch, fetch_authors
 
 from .server import TAG, serving
 
-pytest.importorskip("pooch", reason="pooch is not installed")
-
 CONTENT = np.random.default_rng(0).bytes(300_000)
 DIGEST = hashlib.sha256(CONTENT).hexdigest()
 REAL = Path(__file__).parents[4] / "shared" / "data" / "authors"
