@@ -26,10 +26,10 @@ from rich.console import Console
 from scipy.stats import ks_2samp, t
 
 from lcorpp.domains import Domain, load_domain
-from lcorpp.experiments.people import Motion, simulated_dataset
-from lcorpp.experiments.recordings import simulated_recording
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning import Validation, cross_validate, leak_check, paper_pipeline
+from lcorpp.simulation.population import Motion, simulated_dataset
+from lcorpp.simulation.recordings import simulated_recording
 from lcorpp.values import Array, Dataset
 
 PAPER_EPOCHS = 300

@@ -116,7 +116,7 @@ def command(arguments: Sequence[str | Path], cases: Sequence[Case], language: st
 def lcorpp_rows(cases: Sequence[Case]) -> Iterator[Row]:
     """lcorpp: from text, compiled, as a command and, for the paper's question, in batches."""
     from lcorpp.reasoning import parse_plog
-    from lcorpp.reasoning.engine import Engine
+    from lcorpp.reasoning.reasoner import Engine
 
     def asked(text: str) -> Any:
         program = parse_plog(text, file="benchmark.plog")

@@ -23,7 +23,7 @@ from rich.console import Console
 
 from lcorpp.domains import load_domain
 from lcorpp.files import make_folder, write_atomically
-from lcorpp.learning.learners import learner
+from lcorpp.learning.classifiers.registry import learner
 from lcorpp.learning.streaming import Streams, at_every_age
 from lcorpp.values import Array
 

@@ -6,8 +6,8 @@ The same as a command: `lcorpp run examples/drinks`, and `lcorpp check examples/
 from pathlib import Path
 
 from lcorpp import STRATEGIES, Planner, Robot, load_domain, solve
-from lcorpp.experiments.exact import exact
-from lcorpp.experiments.people import Channel
+from lcorpp.experiments.exact_evaluation import exact
+from lcorpp.simulation.population import Channel
 
 domain = load_domain(Path(__file__).parent / "drinks")
 reasoner = domain.program

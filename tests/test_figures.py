@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from lcorpp.errors import FileError
-from lcorpp.figures import COLOURS, Fill, drawn, save, tidy, wrapped
+from lcorpp.plot_style import COLOURS, Fill, drawn, save, tidy, wrapped
 
 # What colour-blind eyes make of linear RGB; Machado, Oliveira and Fernandes, IEEE TVCG 2009, severity 1.
 EYES = {

@@ -7,7 +7,7 @@ import threading
 
 from joblib import Parallel, delayed
 
-from lcorpp.processes import sheltered
+from lcorpp.workers import sheltered
 
 
 def test_a_process_started_inside_does_not_see_it():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lcorpp.learning import read_data, read_recording, save_dataset, write_recording
-from lcorpp.learning.data.repair import REPAIRS
+from lcorpp.learning.data.repairs import REPAIRS
 from lcorpp.values import Dataset
 from tests.learning.recorded.server import serving
 from tests.learning.recorded.texts import GOOD, atc_rows, crowd, rows

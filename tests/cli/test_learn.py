@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.experiments.memory import Memory
+from lcorpp.experiments.run_store import Memory
 from lcorpp.learning.store import Layout, Store, read_store
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
@@ -25,7 +25,7 @@ def stored(path):
 
 def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "lcorpp.experiments.augmentation.plot_batches", lambda *_: None
+        "lcorpp.experiments.active_learning.plot_batches", lambda *_: None
     )  # takes half the time
     learn = ("learn", ROOMS, *OPTIONS, "--max-batches", 3)
     plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")

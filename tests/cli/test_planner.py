@@ -9,7 +9,7 @@ import pytest
 
 from lcorpp.planning import read_pomdp
 from lcorpp.planning.factored import Factored, given
-from lcorpp.planning.formats.pomdpx_writer import write_pomdpx
+from lcorpp.planning.formats.pomdpx.writer import write_pomdpx
 from tests.cli.planner import AUTHORS, refused
 from tests.planning.models import shared_model
 

@@ -167,7 +167,7 @@ def test_the_bar_shows_bounds_and_never_goes_back():
 
 
 def test_pictures_are_told_by_the_suffixes_that_can_be_drawn():
-    from lcorpp.cli.models import PICTURES
-    from lcorpp.figures import SUFFIXES
+    from lcorpp.cli.model_files import PICTURES
+    from lcorpp.plot_style import SUFFIXES
 
     assert PICTURES == SUFFIXES

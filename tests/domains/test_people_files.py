@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
-from lcorpp.domains.people import People
+from lcorpp.domains.plugin import People
 from lcorpp.errors import DomainError
 
 GOOD = """

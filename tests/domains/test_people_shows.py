@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
-from lcorpp.experiments.people import Motion, simulated_dataset
-from lcorpp.experiments.recordings import simulated_recording
 from lcorpp.learning import cross_validate, leak_check, paper_pipeline
+from lcorpp.simulation.population import Motion, simulated_dataset
+from lcorpp.simulation.recordings import simulated_recording
 
 ROOT = Path(__file__).parents[2]
 REAL = ROOT / ".." / "shared" / "data" / "pedestrians"

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.domains import load_domain
-from lcorpp.experiments.augmentation import GROUP, Crowd, Outcome
+from lcorpp.experiments.active_learning import GROUP, Crowd, Outcome
 from lcorpp.experiments.training import motion_of
 from lcorpp.learning.store import Entry, Layout, Store
 from lcorpp.values import Episode

@@ -10,11 +10,11 @@ from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
-from lcorpp.experiments.exact import exact
+from lcorpp.experiments.exact_evaluation import exact
 from lcorpp.experiments.metrics import Scores
-from lcorpp.experiments.people import Channel
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.reasoning import Enumeration
+from lcorpp.simulation.population import Channel
 
 # strategy: F1, accuracy, cost, its standard deviation, return
 TABLE = {

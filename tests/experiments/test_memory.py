@@ -8,7 +8,7 @@ import pytest
 
 from lcorpp.decision import Batch
 from lcorpp.errors import DataError, FileError
-from lcorpp.experiments.memory import Memory
+from lcorpp.experiments.run_store import Memory
 from lcorpp.learning import learner, train_and_validate
 from lcorpp.learning.store import Entry, Store, read_store
 from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance

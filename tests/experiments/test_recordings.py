@@ -9,8 +9,8 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
-from lcorpp.experiments.recordings import simulated_recording
 from lcorpp.learning import leak_check
+from lcorpp.simulation.recordings import simulated_recording
 
 
 @pytest.fixture(scope="module")

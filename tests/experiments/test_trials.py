@@ -14,11 +14,11 @@ from lcorpp.decision import STRATEGIES, Robot, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError
 from lcorpp.experiments import trials
-from lcorpp.experiments.people import Channel, Motion, Population, Recorded, simulated_dataset
-from lcorpp.experiments.simulated_world import Stage
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.learning import TrainedClassifier, calibrate
 from lcorpp.reasoning import Enumeration
+from lcorpp.simulation.population import Channel, Motion, Population, Recorded, simulated_dataset
+from lcorpp.simulation.world import Stage
 from lcorpp.values import ConfusionMatrix, Dataset, Likelihood
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"

@@ -23,9 +23,9 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.decision import lcorpp
-from lcorpp.experiments.memory import Memory
+from lcorpp.experiments.run_store import Memory
 from lcorpp.learning import train_and_validate
-from lcorpp.learning.learners import learner
+from lcorpp.learning.classifiers.registry import learner
 from lcorpp.learning.store import read_store
 from lcorpp.values import Dataset, Distribution, Episode, Instance
 from tests.decision.fakes import VALUES, Answers, Mind, Plan, Words

@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.special import expit, logit, softmax
 
 from lcorpp.errors import DataError
 from lcorpp.learning import Calibration, Validation, calibrate, cross_calibrated
-from lcorpp.learning.scoring import calibration_error
+from lcorpp.learning.evaluation.metrics import calibration_error
 from lcorpp.values import ConfusionMatrix
 
 CLASSES = ("no", "yes")

@@ -5,8 +5,8 @@ import pytest
 
 from lcorpp.errors import DataError
 from lcorpp.learning import Recording, Track, leak_check, leak_note
-from lcorpp.learning.leaks import _mean_auc
-from lcorpp.learning.traces import traces_of
+from lcorpp.learning.evaluation.leakage import _mean_auc
+from lcorpp.learning.evaluation.shortcuts import traces_of
 from lcorpp.values import Dataset
 
 from .data import walkers

@@ -10,7 +10,7 @@ import pytest
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning import cross_validate, learner, plot_report, report_on, write_report
-from lcorpp.learning.report_files import COLUMNS, as_markdown, rows
+from lcorpp.learning.evaluation.report_files import COLUMNS, as_markdown, rows
 from lcorpp.values import Dataset
 
 from .data import walkers

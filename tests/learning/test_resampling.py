@@ -2,11 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError
-from lcorpp.learning.resampling import regular
+from lcorpp.learning.features.resampling import regular
 
 
 def test_by_hand():

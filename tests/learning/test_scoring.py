@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from sklearn.metrics import brier_score_loss, roc_auc_score
 
-from lcorpp.learning.intervals import percentile_interval, resampled
-from lcorpp.learning.scoring import auc, brier, calibration_error, error_by_chance, reliability
+from lcorpp.learning.evaluation.intervals import percentile_interval, resampled
+from lcorpp.learning.evaluation.metrics import auc, brier, calibration_error, error_by_chance, reliability
 
 
 def cases(count: int, *, seed: int = 0, sharpen: float = 1.0):

@@ -6,8 +6,7 @@ from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning.store import Entry, Layout, Store, is_store, read_store

@@ -8,7 +8,7 @@ from sklearn.metrics import accuracy_score, f1_score
 
 from lcorpp.errors import DataError
 from lcorpp.learning import Cut, choose_threshold
-from lcorpp.learning.thresholds import called
+from lcorpp.learning.evaluation.thresholds import called
 
 
 def cases(count: int = 400, share: float = 0.5, seed: int = 0):

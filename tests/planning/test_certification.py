@@ -7,7 +7,7 @@ import pytest
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import Policy, Solution, parse_pomdp, solve
-from lcorpp.planning.certification import certificate
+from lcorpp.planning.evaluation.certificate import certificate
 from tests.planning.models import LCORPP, TIGER
 from tests.planning.policies import backed_up
 

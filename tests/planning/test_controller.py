@@ -4,13 +4,12 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Policy, Pomdp, observation_probabilities, parse_pomdp, update
-from lcorpp.planning.controller import policy_graph
-from lcorpp.planning.evaluation import evaluate
+from lcorpp.planning.evaluation.policy_evaluation import evaluate
+from lcorpp.planning.evaluation.policy_graph import policy_graph
 from tests.planning.models import LCORPP, TIGER, pomdps
 from tests.planning.policies import policies
 

@@ -5,14 +5,14 @@ import pytest
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import Policy, parse_pomdp, update
-from lcorpp.planning.evaluation import evaluate
+from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from tests.planning.models import LCORPP, TIGER
 
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is not installed: pip install 'lcorpp[gym]'")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
-from lcorpp.planning.environment import ID, PomdpEnvironment  # noqa: E402
+from lcorpp.planning.gym_environment import ID, PomdpEnvironment  # noqa: E402
 
 FREE = "".join(f"R: {a} : term : * : * 0\n" for a in ("move_forward", "greet", "turn"))
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP + FREE)

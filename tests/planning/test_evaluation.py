@@ -2,13 +2,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Policy, Pomdp, parse_pomdp
-from lcorpp.planning.evaluation import evaluate
-from lcorpp.planning.following.extremes import value_range
+from lcorpp.planning.evaluation.mdp_bounds import value_range
+from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from tests.planning.models import LCORPP, TIGER, pomdps
 from tests.planning.policies import backed_up, blind, earned, policies
 

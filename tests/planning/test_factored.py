@@ -8,8 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import Factored, Pomdp, parse_pomdp, solve
-from lcorpp.planning import given as table
+from lcorpp.planning import Factored, Pomdp, given as table, parse_pomdp, solve
 from tests.planning.factored_models import factored_models, rover
 from tests.planning.models import LCORPP
 

@@ -7,8 +7,7 @@ import dataclasses
 import pytest
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import Factored
-from lcorpp.planning import given as table
+from lcorpp.planning import Factored, given as table
 from lcorpp.planning.factored import Table, Variable
 from tests.planning.factored_models import rover
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import Policy, parse_pomdp, read_pomdp, solve
-from lcorpp.planning.controller import policy_graph
+from lcorpp.planning.evaluation.policy_graph import policy_graph
 from lcorpp.planning.plots import draw_graph
-from lcorpp.planning.plots.layers import LANE, layout
+from lcorpp.planning.plots.graph_layout import LANE, layout
 from tests.planning.models import LCORPP, TIGER, shared_model
 from tests.planning.test_plotting import shown
 

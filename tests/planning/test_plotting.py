@@ -8,17 +8,16 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from lcorpp.errors import ModelError
-from lcorpp.figures import Fill
 from lcorpp.planning import Piece, Policy, Pomdp, parse_pomdp, solve
 from lcorpp.planning.plots import draw_bounds, draw_line, draw_triangle
-from lcorpp.planning.plots.slices import Slice, area, grid, slice_of
+from lcorpp.planning.plots.belief_regions import Slice, area, grid, slice_of
+from lcorpp.plot_style import Fill
 from tests.planning.models import LCORPP, TIGER, shared_model
 
 TURNED = ("interested_turned", "not_interested_turned", "term")

@@ -2,14 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Policy, parse_pomdp, update
-from lcorpp.planning.evaluation import evaluate
-from lcorpp.planning.following import walk
-from lcorpp.planning.simulation import interval, simulate
+from lcorpp.planning.evaluation import rollout as walk
+from lcorpp.planning.evaluation.policy_evaluation import evaluate
+from lcorpp.planning.evaluation.simulation import interval, simulate
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
 from tests.planning.policies import backed_up, earned, policies
 

@@ -44,7 +44,7 @@ def test_answers_are_kept_until_there_are_many(monkeypatch):
     assert engine.posterior("intention", GOLDEN) is first
     assert engine.posterior("intention", dict(reversed(GOLDEN.items())))["interested"] == first["interested"]
     assert LCORPP.posterior("intention", GOLDEN) is LCORPP.posterior("intention", GOLDEN)
-    monkeypatch.setattr("lcorpp.reasoning.engine.KEPT", 1)
+    monkeypatch.setattr("lcorpp.reasoning.reasoner.KEPT", 1)
     for value in ("morning", "afternoon", "evening"):
         engine.posterior("intention", {"time": value})
     assert engine.posterior("intention", GOLDEN)["interested"] == first["interested"]

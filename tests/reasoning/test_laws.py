@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from lcorpp.errors import ParseError, ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, Program, parse_plog, parse_query, program_text

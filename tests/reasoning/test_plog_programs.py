@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lcorpp.reasoning import Enumeration, ask, parse_plog, parse_query, program_text, read_plog
-from lcorpp.reasoning.engine import Engine
+from lcorpp.reasoning.reasoner import Engine
 
 PROGRAMS = sorted((Path(__file__).parent.parent / "plog").glob("*.plog"))
 

@@ -7,8 +7,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, Program, parse_plog, parse_query, program_text

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, parse_plog, read_plog

@@ -12,10 +12,10 @@ import typer
 from lcorpp.errors import ProgramError
 
 if TYPE_CHECKING:
-    from lcorpp.reasoning.engine import Answer
     from lcorpp.reasoning.explanation import Result
     from lcorpp.reasoning.language.syntax import Query
     from lcorpp.reasoning.program import Program
+    from lcorpp.reasoning.reasoner import Answer
 
 
 def ask(
@@ -72,7 +72,7 @@ def ask(
 
 
 def _ask(program: Program, query: Query, exact: bool) -> Result:
-    from lcorpp.reasoning.engine import Engine
+    from lcorpp.reasoning.reasoner import Engine
 
     return Engine(program).ask(query, exact=exact)
 

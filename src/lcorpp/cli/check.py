@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import models, show
+from lcorpp.cli import console as show, model_files as models
 from lcorpp.errors import DataError, FileError
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def _store(path: Path) -> None:
 
 def _domain(folder: Path) -> None:
     from lcorpp.domains import load_domain
-    from lcorpp.domains.settings import preset_names
+    from lcorpp.domains.toml import preset_names
 
     for preset in preset_names(folder) or (None,):
         domain = load_domain(folder, preset=preset)

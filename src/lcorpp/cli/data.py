@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import models, show
+from lcorpp.cli import console as show, model_files as models
 from lcorpp.errors import DataError, FileError, expected
 
 if TYPE_CHECKING:
@@ -85,8 +85,8 @@ def make(
     import numpy as np
 
     from lcorpp.domains import load_domain
-    from lcorpp.experiments.recordings import simulated_recording
     from lcorpp.learning import dataset_of, save_dataset, write_recording
+    from lcorpp.simulation.recordings import simulated_recording
 
     rng = np.random.default_rng(seed)
     recording = simulated_recording(
@@ -116,8 +116,7 @@ def fetch(
     ] = None,
 ) -> None:
     """Download recorded tracks, checked; a download that was cut goes on where it stopped."""
-    from lcorpp.learning.data.fetching import AUTHORS
-    from lcorpp.learning.data.fetching import fetch as bring
+    from lcorpp.learning.data.fetching import AUTHORS, fetch as bring
 
     if what == "authors" and sha256 is not None:
         raise DataError("--sha256 is for an address; the checksums of the authors' files are known")
@@ -157,7 +156,7 @@ def describe(
         models.check_writable(report)
     recording = _read(path, label, label_file, repair, robot, gap)
 
-    from lcorpp.cli import data_report
+    from lcorpp.cli import describe as data_report
     from lcorpp.files import write_atomically
     from lcorpp.learning.data.writing import mends_table
 
@@ -181,8 +180,8 @@ def plot(
     models.check_picture(out)
     recording = _read(path, label, label_file, repair, robot, gap)
 
-    from lcorpp.figures import save
     from lcorpp.learning.data.plots import draw_tracks
+    from lcorpp.plot_style import save
 
     save(draw_tracks(recording, title=path.name), out)
     show.console.print(f"wrote {out}")

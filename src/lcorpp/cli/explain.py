@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import show
+from lcorpp.cli import console as show
 from lcorpp.errors import DecisionError, DomainError, expected
 
 if TYPE_CHECKING:
     from lcorpp.decision import Robot
     from lcorpp.domains import Domain
-    from lcorpp.interfaces import World
+    from lcorpp.protocols import World
     from lcorpp.values import Belief, Label, Likelihood, Step
 
 
@@ -54,9 +54,9 @@ def explain(
     from lcorpp.cli.eyes import channel_eyes
     from lcorpp.decision.dt_control import act_until_report
     from lcorpp.domains import load_domain
-    from lcorpp.experiments.people import Channel, Population
-    from lcorpp.experiments.simulated_world import Stage
-    from lcorpp.robots.console import ConsoleWorld
+    from lcorpp.simulation.population import Channel, Population
+    from lcorpp.simulation.world import Stage
+    from lcorpp.worlds.console import ConsoleWorld
 
     if interactive and sys.stdin is None:
         raise DecisionError("--interactive needs an input to read your answers from; it is closed")
@@ -163,7 +163,7 @@ def _likelihood(domain: Domain, pairs: list[str]) -> Likelihood:
 
 def _asked(domain: Domain, facts: Mapping[str, str], label: Label | None) -> tuple[dict[str, str], Label]:
     """The facts and the label, asked of the user where they are not given."""
-    from lcorpp.robots.console import choose
+    from lcorpp.worlds.console import choose
 
     asked = dict(facts)
     for name in domain.observed:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcorpp.cli import report_table, show
+from lcorpp.cli import console as show, report_table
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
-from lcorpp.experiments.people import Appearance, Channel, Reader
 from lcorpp.reasoning import Program
+from lcorpp.simulation.population import Appearance, Channel, Reader
 from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def trained_eyes(
     """
     from lcorpp.experiments.training import estimator_for, learn, recorded_training, simulated_training
     from lcorpp.learning import learner, report_on
-    from lcorpp.learning.thresholds import called
+    from lcorpp.learning.evaluation.thresholds import called
 
     positive = domain.positive or max(domain.values)
     goal = None if wanted.threshold is None else _goal(domain, positive, wanted.threshold)
@@ -198,7 +198,7 @@ def _prevalence(domain: Domain, positive: str, given: float | None) -> dict[str,
 def _goal(domain: Domain, positive: str, threshold: str) -> str | tuple[float, float] | float:
     """What --threshold asks for: a goal by name, two costs, or a number itself."""
     from lcorpp.learning import Cut
-    from lcorpp.learning.thresholds import named_goal
+    from lcorpp.learning.evaluation.thresholds import named_goal
 
     if len(domain.values) != 2:
         raise DataError(f"--threshold is for two classes, and there are {len(domain.values)}")

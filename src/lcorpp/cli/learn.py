@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import show
+from lcorpp.cli import console as show
 
 if TYPE_CHECKING:
-    from lcorpp.experiments.memory import Memory
-    from lcorpp.interfaces import Classifier
+    from lcorpp.experiments.run_store import Memory
+    from lcorpp.protocols import Classifier
     from lcorpp.reasoning import Program
     from lcorpp.values import ConfusionMatrix, Dataset, Episode, Instance
 
@@ -56,10 +56,14 @@ def learn(
     from lcorpp.cli import preparation
     from lcorpp.decision import lcorpp
     from lcorpp.domains import load_domain
-    from lcorpp.experiments import augmentation
-    from lcorpp.experiments.memory import Memory
-    from lcorpp.experiments.training import estimator_for, recorded_training, simulated_training
-    from lcorpp.experiments.training import learn as train
+    from lcorpp.experiments import active_learning as augmentation
+    from lcorpp.experiments.run_store import Memory
+    from lcorpp.experiments.training import (
+        estimator_for,
+        learn as train,
+        recorded_training,
+        simulated_training,
+    )
     from lcorpp.files import make_folder
 
     loaded = load_domain(domain, preset=preset)

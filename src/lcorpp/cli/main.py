@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from lcorpp.cli import ask, check, data, explain, learn, run, show_model, simulate, solve
+from lcorpp.cli import ask, check, data, explain, learn, run, show as show_model, simulate, solve
 from lcorpp.errors import LcorppError
 
 app = typer.Typer(

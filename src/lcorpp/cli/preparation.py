@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lcorpp import planning
-from lcorpp.cli import models, show
+from lcorpp.cli import console as show, model_files as models
 from lcorpp.cli.eyes import Eyes
 from lcorpp.decision import Robot
 from lcorpp.domains import Domain

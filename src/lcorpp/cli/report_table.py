@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from lcorpp.learning import Report
-    from lcorpp.learning.intervals import Interval
+    from lcorpp.learning.evaluation.intervals import Interval
 
 
 def table(report: Report) -> Table:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lcorpp.cli import show
+from lcorpp.cli import console as show
 from lcorpp.errors import DataError, DomainError, FileError
 
 if TYPE_CHECKING:
@@ -71,13 +71,12 @@ def run(
 
     Ctrl-C during the trials keeps those that are done.
     """
-    from lcorpp.cli import eyes as looking
-    from lcorpp.cli import preparation
+    from lcorpp.cli import eyes as looking, preparation
     from lcorpp.decision import strategies
     from lcorpp.domains import load_domain
-    from lcorpp.experiments.exact import exact as exact_scores
-    from lcorpp.experiments.people import Channel
+    from lcorpp.experiments.exact_evaluation import exact as exact_scores
     from lcorpp.experiments.trials import Experiment, run_trials
+    from lcorpp.simulation.population import Channel
     from lcorpp.values import JEFFREYS, LAPLACE
 
     rows = strategies(strategy or [])
@@ -162,7 +161,7 @@ def run(
 
 def _chosen(domain: Domain, classifier: str | None, learner: str | None, data: Path | None) -> str:
     """Who classifies: "channel", "file", or the name of a learner."""
-    from lcorpp.domains.knowledge import CLASSIFIERS
+    from lcorpp.domains.sections.reasoning import CLASSIFIERS
 
     if classifier is not None:
         if learner is not None:

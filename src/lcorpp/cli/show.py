@@ -1,201 +1,164 @@
-"""What commands share: the console, progress bars, bars for probabilities, common options."""
+"""`lcorpp show`: the facts of a model, and pictures of what a policy does in it."""
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from enum import StrEnum
 from pathlib import Path
-from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lcorpp.cli import model_files as models
+from lcorpp.errors import FileError, ModelError
+
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.text import Text
+    from collections.abc import Sequence
 
-    console: Console
-    messages: Console
+    from lcorpp.planning import Policy, Pomdp
+    from lcorpp.planning.factored import Factored
 
-
-def __getattr__(name: str) -> Console:
-    """`console` and `messages`, made when first used: loading rich takes longer than some commands."""
-    from rich.console import Console
-
-    if name == "console":
-        made = Console(highlight=False, soft_wrap=True)
-    elif name == "messages":
-        made = Console(stderr=True, highlight=False)
-    else:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = made
-    return made
+NAMED = 8
+"""Up to so many states, actions or observations are named."""
 
 
-class Evidence(StrEnum):
-    """What a classifier tells the reasoner: a label, as in the paper, or a likelihood of each class."""
-
-    hard = "hard"
-    soft = "soft"
-
-
-class Smoothing(StrEnum):
-    """What is added to the counts of a confusion matrix before they become rules."""
-
-    jeffreys = "jeffreys"
-    laplace = "laplace"
-
-
-DomainArgument = Annotated[
-    str, typer.Argument(metavar="DOMAIN", help="A domain folder, or the name of a shipped domain.")
-]
-PresetOption = Annotated[
-    str | None, typer.Option("--preset", help="A preset of the domain; its first one by default.")
-]
-SeedOption = Annotated[
-    int, typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of everything that is drawn.")
-]
-JobsOption = Annotated[
-    int | None,
-    typer.Option("--jobs", min=1, help="Processes; all cores by default. Results do not depend on it."),
-]
-EpochsOption = Annotated[
-    int | None,
-    typer.Option("--epochs", min=1, help="Passes over the data; what suits them by default."),
-]
-LearnerOption = Annotated[
-    str | None,
-    typer.Option(
-        "--learner",
-        help="What learns to classify: lstm, fast, summaries, forest, minirocket, or one of your own as"
-        " MODULE:FUNCTION or FILE.py:FUNCTION.",
-    ),
-]
-DeviceOption = Annotated[
-    str, typer.Option("--device", help="Where the LSTM computes: cpu or cuda; all others use the cpu.")
-]
-ChannelsOption = Annotated[
-    str,
-    typer.Option(
-        "--channels",
-        help="What the classifier sees of the motion, with commas: x, y, velocity, heading, facing and"
-        " more, see docs/learning.md.",
-    ),
-]
-EvidenceOption = Annotated[
-    Evidence,
-    typer.Option(
-        "--evidence",
-        help="What the reasoner is told of the classifier: its label (hard) or a likelihood (soft).",
-    ),
-]
-SmoothingOption = Annotated[
-    Smoothing,
-    typer.Option(
-        "--smoothing",
-        help="Added to each count of the confusion matrix, so that no rule says never: 1/2 (jeffreys) or 1.",
-    ),
-]
-TracksOption = Annotated[
-    int | None,
-    typer.Option("--tracks", min=20, help="Simulated tracks to train on; what the domain says by default."),
-]
-DataOption = Annotated[
-    Path | None,
-    typer.Option("--data", help="Recorded tracks to learn from: a folder or a file, see docs/learning.md."),
-]
-OutOption = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
+def show_model(
+    model: models.ModelArgument,
+    policy: Annotated[
+        Path | None, typer.Argument(metavar="[POLICY]", help="A .policy, .xml or .alpha file for it.")
+    ] = None,
+    states: Annotated[
+        str | None,
+        typer.Option(
+            "--states", metavar="A,B[,C]", help="Beliefs over these states are drawn; all of a small model's."
+        ),
+    ] = None,
+    graph: Annotated[
+        Path | None,
+        typer.Option("--graph", metavar="FILE", help="Also the policy as a graph: .dot or a picture."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="PICTURE", help="Draw what is done where: .png, .svg or .pdf."),
+    ] = None,
+) -> None:
+    """Say what a model holds and, with a policy, draw what is done where in the space of beliefs."""
+    for option, given in (("-o", out), ("--graph", graph)):
+        if given is not None and policy is None:
+            raise FileError(f"{option} draws a policy; give one after {model}")
+    if states is not None and out is None:
+        raise FileError("--states says what to draw; give a picture with -o")
+    if out is not None:
+        models.check_picture(out)
+    if graph is not None:
+        models.check_picture(graph, ".dot")
+    pomdp, problem = models.read_model(model)
+    if policy is None:
+        _facts(model, pomdp, problem)
+        return
+    drawn = models.read_policy(policy, pomdp, problem)
+    chosen = _chosen(pomdp, states) if out is not None else ()
+    _facts(model, pomdp, problem)
+    _policy_facts(policy, pomdp, drawn)
+    if out is not None:
+        _draw(pomdp, drawn, chosen, f"{model.name}, {policy.name}", out)
+        typer.echo(f"drew {', '.join(chosen)} in {out}")
+    if graph is not None:
+        _write_graph(pomdp, drawn, f"{model.name}, {policy.name}", graph)
 
 
-PATIENCE = 0.3
-"""Seconds before a late progress bar is drawn: what is over sooner need not load what draws it."""
+def _facts(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
+    """Sizes, how full the tables are, what an observation leaves open, rewards, discount and start."""
+    import numpy as np
+
+    from lcorpp.planning.sarsop.kernels import engine, model_of
+
+    typer.echo(f"{model}")
+    if problem is not None:
+        parts = (f"{v.name} ({len(v.values)}{', observed' if v.observed else ''})" for v in problem.states)
+        _say("variables", ", ".join(parts))
+    for kind in ("states", "actions", "observations"):
+        names: Sequence[str] = getattr(pomdp, kind)
+        _say(kind, f"{len(names)}" + (f": {', '.join(names)}" if len(names) <= NAMED else ""))
+    for kind, table in (("T(s' | s, a)", pomdp.transition), ("O(o | a, s')", pomdp.observation)):
+        full = len(table.values) / float(np.prod(table.shape, dtype=np.float64))
+        _say(kind, f"{len(table.values)} entries above zero, {full:.2%} of the table")
+    sizes = np.bincount(model_of(engine(), pomdp).blocks())
+    if len(sizes) > 1:
+        most = f"of at most {sizes.max()} states" if sizes.max() > 1 else "of one state: all is observed"
+        _say("seen at once", f"after each step the belief lies within one of {len(sizes)} blocks {most}")
+    _say("reward", f"{pomdp.reward.min():g} to {pomdp.reward.max():g}")
+    _say("discount", f"{pomdp.discount:g}")
+    _say("start", _start(pomdp))
 
 
-def cores(jobs: int | None) -> int:
-    """How many processes to use."""
-    return jobs or os.cpu_count() or 1
+def _start(pomdp: Pomdp) -> str:
+    import numpy as np
+
+    support = np.flatnonzero(pomdp.start)
+    if len(support) == 1:
+        return f"certainly {pomdp.states[support[0]]}"
+    if np.ptp(pomdp.start[support]) < 1e-5:  # files round
+        return f"uniform over {'all' if len(support) == len(pomdp.states) else len(support)} states"
+    from lcorpp.planning.belief import describe
+
+    return describe(pomdp, pomdp.start)
 
 
-class Advance(Protocol):
-    """Says how much of a task is done; what is left out stays as it was."""
-
-    def __call__(self, done: int, total: int | None = None, title: str | None = None) -> None: ...
-
-
-def _made(name: str) -> Console:
-    found: Console = globals().get(name) or __getattr__(name)
-    return found
-
-
-@contextmanager
-def progress(title: str, total: int | None = None) -> Iterator[Advance]:
-    """A progress bar on standard error while something longer than a second goes on."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=_made("messages"), transient=True) as bars:
-        task = bars.add_task(title, total=total)
-
-        def advance(done: int, total: int | None = None, title: str | None = None) -> None:
-            bars.update(task, completed=done, total=total, description=title)
-
-        yield advance
+def _policy_facts(policy: Path, pomdp: Pomdp, drawn: Policy) -> None:
+    used = sorted(set(drawn.actions.tolist()))
+    typer.echo(f"{policy}")
+    _say("vectors", f"{len(drawn)}" + ("" if drawn.is_flat else f" in {len(drawn.pieces)} pieces"))
+    names = [pomdp.actions[action] for action in used]
+    more = f", ... ({len(names)} in all)" if len(names) > NAMED else ""
+    _say("actions", ", ".join(names[:NAMED]) + more)
+    value, action = drawn.best(pomdp.start)
+    _say("at the start", f"{pomdp.actions[action]}, which earns at least {value:.6g}")
 
 
-@contextmanager
-def late_progress(title: str) -> Iterator[Callable[[float, str], None]]:
-    """A bar for the share of the work that is done, with words beside it, once it has taken a while.
+def _say(name: str, words: str) -> None:
+    typer.echo(f"  {name:<13} {words}")
 
-    Nothing is drawn where nobody looks: when standard error is not a terminal.
+
+def _chosen(pomdp: Pomdp, states: str | None) -> tuple[str, ...]:
+    """The states that a picture is about; semicolons part names that hold commas themselves.
+
+    Raises:
+        ModelError: they are unknown, the same, or not two or three.
     """
-    began = monotonic()
-    watched = sys.stderr is not None and sys.stderr.isatty()
-    with ExitStack() as opened:
-        update: Callable[[float, str], None] | None = None
-
-        def advance(share: float, words: str) -> None:
-            nonlocal update
-            if update is None and watched and monotonic() - began > PATIENCE:
-                update = opened.enter_context(_bar_with_words(title))
-            if update is not None:
-                update(share, words)
-
-        yield advance
-
-
-@contextmanager
-def _bar_with_words(title: str) -> Iterator[Callable[[float, str], None]]:
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}"))
-    with Progress(*columns, TimeElapsedColumn(), console=_made("messages"), transient=True) as bars:
-        task = bars.add_task(title, total=1.0, words="")
-        yield lambda share, words: bars.update(task, completed=share, words=words)
+    if states is None:
+        if len(pomdp.states) in (2, 3):
+            return pomdp.states
+        raise ModelError(
+            f"a picture is over two states or three; choose among the {len(pomdp.states)} with --states A,B"
+        )
+    mark = ";" if any("," in name for name in pomdp.states) else ","
+    names = tuple(name.strip() for name in states.split(mark))
+    for name in names:
+        pomdp.state_index(name)
+    if len(names) not in (2, 3) or len(set(names)) < len(names):
+        raise ModelError(f"--states {states!r}: a picture is over two states or three that differ")
+    return names
 
 
-def bar(share: float, width: int = 30) -> Text:
-    """A probability as a bar."""
-    eighths = round(share * width * 8)
-    blocks = "█" * (eighths // 8) + (" ▏▎▍▌▋▊▉"[eighths % 8] if eighths % 8 else "")
-    from rich.text import Text
+def _draw(pomdp: Pomdp, policy: Policy, states: tuple[str, ...], title: str, out: Path) -> None:
+    from lcorpp.planning.plots import draw_line, draw_triangle
+    from lcorpp.plot_style import save
 
-    return Text(blocks, style="cyan")
-
-
-def heading(number: int, title: str, aside: str = "") -> None:
-    """A numbered heading."""
-    from rich.text import Text
-
-    console = _made("console")
-    console.print()
-    console.print(Text.assemble((f"{number}  {title}", "bold"), (f"   {aside}" if aside else "", "dim")))
+    draw = draw_line if len(states) == 2 else draw_triangle
+    save(draw(pomdp, policy, states, title=title), out)
 
 
-def line(name: str, share: float, width: int) -> None:
-    """One named probability with its bar."""
-    from rich.text import Text
+def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:
+    """The policy as a graph, for Graphviz or as a picture."""
+    from lcorpp.files import write_atomically
+    from lcorpp.planning import policy_graph
 
-    _made("console").print(Text.assemble(f"     {name:<{width}}  {share:8.6f}  ", bar(share)))
+    graph = policy_graph(pomdp, policy)
+    if out.suffix.lower() == ".dot":
+        write_atomically(out, graph.dot())
+    else:
+        from lcorpp.planning.plots import draw_graph
+        from lcorpp.plot_style import save
+
+        save(draw_graph(graph, title=title), out)
+    more = "" if graph.whole.all() else ", and more beyond them"
+    typer.echo(f"wrote the policy's graph to {out}: {len(graph)} nodes{more}")

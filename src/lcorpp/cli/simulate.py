@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import models, show
+from lcorpp.cli import console as show, model_files as models
 
 if TYPE_CHECKING:
     from lcorpp.planning import Pomdp
-    from lcorpp.planning.simulation import Trace
+    from lcorpp.planning.evaluation.simulation import Trace
 
 NEGLIGIBLE = 1e-4
 """A trial is cut off where discounting has left this share of a reward, if it has not ended by itself."""
@@ -34,7 +34,7 @@ def simulate(
     ] = 0,
 ) -> None:
     """Try a policy out: the mean discounted reward with its 95% interval, beside what the policy promises."""
-    from lcorpp.planning.simulation import simulate as simulated
+    from lcorpp.planning.evaluation.simulation import simulate as simulated
 
     pomdp, problem = models.read_model(model)
     tried = models.read_policy(policy, pomdp, problem)

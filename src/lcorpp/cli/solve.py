@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import models, show
+from lcorpp.cli import console as show, model_files as models
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -61,8 +61,8 @@ def solve(
     )
     typer.echo(f"{solution.reason} after {solution.seconds:.2f} s; wrote {solution.vectors} vectors to {out}")
     if plot is not None:
-        from lcorpp.figures import save
         from lcorpp.planning.plots import draw_bounds
+        from lcorpp.plot_style import save
 
         save(draw_bounds(solution.history, title=problem.name), plot)
         typer.echo(f"drew the bounds in {plot}")

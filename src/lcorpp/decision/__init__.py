@@ -1,7 +1,5 @@
 """The two algorithms of the paper, over protocols only: any parts that fit can take part."""
 
-from lcorpp.decision.dt_control import Robot, dt_control
-from lcorpp.decision.lcorpp import Batch, Resumed, lcorpp
-from lcorpp.decision.strategies import STRATEGIES, Strategy, strategies
+import lazy_loader as _lazy
 
-__all__ = ["STRATEGIES", "Batch", "Resumed", "Robot", "Strategy", "dt_control", "lcorpp", "strategies"]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

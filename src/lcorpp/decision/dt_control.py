@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from lcorpp.errors import DecisionError
-from lcorpp.interfaces import Classifier, Planner, Reasoner, Vocabulary, World
+from lcorpp.protocols import Classifier, Planner, Reasoner, Vocabulary, World
 from lcorpp.values import Belief, Episode, Instance, Step
 
 MAX_STEPS = 500

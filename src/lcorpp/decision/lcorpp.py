@@ -9,7 +9,7 @@ import numpy as np
 
 from lcorpp.decision.dt_control import Robot, dt_control
 from lcorpp.errors import DecisionError
-from lcorpp.interfaces import Classifier, Planner, Reasoner, Vocabulary, World
+from lcorpp.protocols import Classifier, Planner, Reasoner, Vocabulary, World
 from lcorpp.values import ConfusionMatrix, Dataset, Episode, Instance, fingerprint
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from lcorpp.decision.dt_control import Robot
 from lcorpp.errors import DecisionError, expected
-from lcorpp.interfaces import Planner, Vocabulary
+from lcorpp.protocols import Planner, Vocabulary
 from lcorpp.values import Belief, Distribution, Instance, Label, Likelihood
 
 

@@ -1,6 +1,5 @@
 """A domain is a folder: what is observed, learnt, known, shared, planned and simulated, in its own words."""
 
-from lcorpp.domains.domain import Domain, Simulation
-from lcorpp.domains.loading import load_domain, shipped_domains
+import lazy_loader as _lazy
 
-__all__ = ["Domain", "Simulation", "load_domain", "shipped_domains"]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

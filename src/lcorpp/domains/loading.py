@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from lcorpp.domains.domain import Domain
-from lcorpp.domains.knowledge import read_knowledge, read_learning
-from lcorpp.domains.planning import read_planning
-from lcorpp.domains.settings import read_settings
-from lcorpp.domains.simulation import read_simulation
+from lcorpp.domains.sections.planning import read_planning
+from lcorpp.domains.sections.reasoning import read_knowledge, read_learning
+from lcorpp.domains.sections.simulation import read_simulation
+from lcorpp.domains.toml import read_settings
 from lcorpp.errors import DomainError, expected
 
 SHIPPED = Path(__file__).parent

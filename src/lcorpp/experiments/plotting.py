@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lcorpp.experiments.metrics import Estimate, Scores
-from lcorpp.figures import BLUE, INK, ORANGE, drawn, save, tidy
+from lcorpp.plot_style import BLUE, INK, ORANGE, drawn, save, tidy
 
 
 @drawn

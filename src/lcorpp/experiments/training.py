@@ -11,7 +11,6 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, DomainError
-from lcorpp.experiments.people import Appearance, Motion, Recorded, simulated_dataset
 from lcorpp.learning import (
     TrainedClassifier,
     Validation,
@@ -21,6 +20,7 @@ from lcorpp.learning import (
     split,
     train_and_validate,
 )
+from lcorpp.simulation.population import Appearance, Motion, Recorded, simulated_dataset
 from lcorpp.values import Dataset
 
 FOLDS = 5

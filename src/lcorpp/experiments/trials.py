@@ -13,10 +13,10 @@ from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError
 from lcorpp.experiments.metrics import Scores, scores
-from lcorpp.experiments.people import Appearance, Population, Reader
-from lcorpp.experiments.simulated_world import Stage
-from lcorpp.processes import sheltered
+from lcorpp.simulation.population import Appearance, Population, Reader
+from lcorpp.simulation.world import Stage
 from lcorpp.values import Array, Instance, Label
+from lcorpp.workers import sheltered
 
 CHUNK = 100
 """Decisions per chunk. A chunk is what one seed makes, so this number is part of every result."""

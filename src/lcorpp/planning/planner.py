@@ -10,7 +10,7 @@ from lcorpp.values import Belief
 
 
 class Planner:
-    """pi of Algorithm 2 (`lcorpp.interfaces.Planner`): actions and observations by name.
+    """pi of Algorithm 2 (`lcorpp.protocols.Planner`): actions and observations by name.
 
     Raises:
         PolicyError: the policy was made for another model.

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, PolicyError
-from lcorpp.planning.following.beliefs import Beliefs
-from lcorpp.planning.following.choice import Choice
+from lcorpp.planning.evaluation.batch_policy import Choice
+from lcorpp.planning.evaluation.sparse_beliefs import Beliefs
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.rows import MAX_BYTES
+from lcorpp.planning.sparse import MAX_BYTES
 from lcorpp.values import Array, Belief, frozen
 
 Indices = npt.NDArray[np.intp]

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, expected
-from lcorpp.planning.rows import Rows
+from lcorpp.planning.sparse import Rows
 from lcorpp.values import Array, Belief, frozen
 
 SUM_TOLERANCE = 1e-9

@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from lcorpp.errors import LcorppError, UndefinedError
-from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
-from lcorpp.reasoning.circuit.grounder import ASKED, ground_program
-from lcorpp.reasoning.circuit.paths import Paths
 from lcorpp.reasoning.circuit.plan import plan
 from lcorpp.reasoning.circuit.trellis import trellis
-from lcorpp.reasoning.engine import Answer, Engine
+from lcorpp.reasoning.circuit.world_queries import Paths
+from lcorpp.reasoning.enumeration.measures import World
+from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind
+from lcorpp.reasoning.grounding.grounder import ASKED, ground_program
 from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.language.syntax import Place, Query
 from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.worlds import World
+from lcorpp.reasoning.reasoner import Answer, Engine
 
 Result = dict[str, Answer] | Answer
 

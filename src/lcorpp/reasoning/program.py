@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.language.checker import check, check_query
-from lcorpp.reasoning.language.offence import Offence
-from lcorpp.reasoning.language.renaming import renamed_query
+from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.rewriting import renamed_query
 from lcorpp.reasoning.language.signature import Attribute, Signature
 from lcorpp.reasoning.language.syntax import CrRule, Query, Semantics, SortDefinition, Statement, Term
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from lcorpp.reasoning.circuit.compiled import Circuit
-    from lcorpp.reasoning.engine import Engine
+    from lcorpp.reasoning.circuit.circuit import Circuit
+    from lcorpp.reasoning.reasoner import Engine
     from lcorpp.values import Distribution, Label
 
 
@@ -134,7 +134,7 @@ class Program:
     def _engine(self) -> Engine:
         found = self.__dict__.get("_kept_engine")
         if found is None:
-            from lcorpp.reasoning.engine import Engine  # here, as an engine reads programs
+            from lcorpp.reasoning.reasoner import Engine  # here, as an engine reads programs
 
             found = Engine(self)
             object.__setattr__(self, "_kept_engine", found)

@@ -8,10 +8,10 @@ import numpy as np
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, expected
 from lcorpp.reasoning.circuit.refusals import shown
-from lcorpp.reasoning.estimated import EstimatedDistribution
+from lcorpp.reasoning.distributions import EstimatedDistribution
 from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.names import term_of
 from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.resolve import term_of
 from lcorpp.values import Array, Distribution, Label, Likelihood
 
 

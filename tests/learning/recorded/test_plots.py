@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.figures import save
 from lcorpp.learning import Recording
 from lcorpp.learning.data.plots import draw_tracks
+from lcorpp.plot_style import save
 
 from .texts import crowd, walk
 

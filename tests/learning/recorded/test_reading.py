@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError, FileError, LcorppError, ParseError
 from lcorpp.learning import Recording, read_data, read_recording, save_dataset, write_recording
+from lcorpp.learning.data.csv_reader import CsvFile
 from lcorpp.learning.data.reading import kind_of
-from lcorpp.learning.data.repair import Ledger
-from lcorpp.learning.data.rows import CsvFile
+from lcorpp.learning.data.repairs import Ledger
 from lcorpp.values import Dataset
 
 from .texts import GOOD, HEADING, atc_rows, rows, walk
@@ -202,7 +201,7 @@ def test_arguments_out_of_range(tmp_path):
 
 def test_batches_do_not_show(tmp_path, monkeypatch):
     whole = read_recording(written(tmp_path, GOOD + rows("a", "in", start=2.0)))
-    monkeypatch.setattr("lcorpp.learning.data.rows.LINES", 5)
+    monkeypatch.setattr("lcorpp.learning.data.csv_reader.LINES", 5)
     told = []
     parts = read_recording(tmp_path / "people.csv", progress=lambda done, total: told.append((done, total)))
     for one, other in zip(whole.tracks, parts.tracks, strict=True):

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError, LcorppError, ParseError
 from lcorpp.learning import read_recording
-from lcorpp.learning.data.repair import REPAIRS
+from lcorpp.learning.data.repairs import REPAIRS
 from lcorpp.learning.data.tracks import mended_rows
 from lcorpp.learning.data.writing import mends_table
 

@@ -7,7 +7,7 @@ import pytest
 
 from lcorpp.errors import DataError
 from lcorpp.learning import Recording, dataset_of
-from lcorpp.learning.data.rectangular import recording_of
+from lcorpp.learning.data.npz import recording_of
 from lcorpp.values import Dataset
 
 from .texts import walk

@@ -9,7 +9,7 @@ from sklearn.preprocessing import FunctionTransformer
 from lcorpp.errors import DataError
 from lcorpp.learning import Motion, Scaling
 from lcorpp.learning.streaming import Streams, follow, prefix
-from lcorpp.learning.streaming.ages import ByAge, at_every_age
+from lcorpp.learning.streaming.prefix_ensemble import ByAge, at_every_age
 from lcorpp.values import Dataset
 
 from .people import ByWay, lstm, walk

@@ -7,7 +7,7 @@ import pytest
 
 from lcorpp.errors import DataError
 from lcorpp.learning import TrainedClassifier
-from lcorpp.learning.calibration import calibrate
+from lcorpp.learning.evaluation.calibration import calibrate
 from lcorpp.learning.streaming import Early, OverTime, Streams, calibrate_over_time, follow, prefix
 from lcorpp.values import Dataset, Instance
 

@@ -2,8 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
@@ -11,11 +10,11 @@ from sklearn.preprocessing import FunctionTransformer
 from sklearn.svm import LinearSVC
 
 from lcorpp.errors import DataError
-from lcorpp.interfaces import Classifier
 from lcorpp.learning import Motion, Scaling, TrainedClassifier, train_and_validate
-from lcorpp.learning.fitting import Scored, fitted
-from lcorpp.learning.resampling import regular
+from lcorpp.learning.classifiers.contract import Scored, fitted
+from lcorpp.learning.features.resampling import regular
 from lcorpp.learning.streaming import Streams
+from lcorpp.protocols import Classifier
 from lcorpp.values import Instance
 from tests.learning.data import walkers
 

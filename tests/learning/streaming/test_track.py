@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError
-from lcorpp.learning.resampling import regular
+from lcorpp.learning.features.resampling import regular
 from lcorpp.learning.streaming.track import Repairs, Rules, Track
 
 INPUTS = ("x", "y", "facing")

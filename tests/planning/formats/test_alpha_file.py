@@ -4,8 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from lcorpp.errors import FileError, PolicyError
 from lcorpp.planning import Piece, Policy, parse_pomdp, read_alphas, write_alphas

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from lcorpp.errors import ModelError, ParseError
 from lcorpp.planning import Pomdp, parse_pomdp

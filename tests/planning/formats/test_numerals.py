@@ -6,10 +6,9 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from lcorpp.planning.formats.numerals import finite_numbers, first_fault, is_number
+from lcorpp.planning.formats.numbers import finite_numbers, first_fault, is_number
 
 # the same grammar without possessive quantifiers, too slow for long words
 SLOW = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")

@@ -5,12 +5,11 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from lcorpp.errors import FileError, PolicyError
 from lcorpp.planning import Piece, Policy, parse_pomdp, read_policy, write_policy
-from lcorpp.planning.formats import policy_file
+from lcorpp.planning.formats import policy_xml as policy_file
 from tests.planning.models import LCORPP, TIGER
 
 tiger = parse_pomdp(TIGER, file='a "b" <ü>.pomdp')

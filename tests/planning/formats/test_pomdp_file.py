@@ -234,7 +234,7 @@ def test_a_row_inside_a_matrix_is_located():
 
 
 def test_a_pomdpx_file_is_left_to_its_reader(monkeypatch):
-    reader = ModuleType("lcorpp.planning.formats.pomdpx")
+    reader = ModuleType("lcorpp.planning.formats.pomdpx.reader")
     reader.read_pomdpx = lambda path: ("read", path)  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, reader.__name__, reader)
     assert read_pomdp("Some.POMDPX") == ("read", "Some.POMDPX")

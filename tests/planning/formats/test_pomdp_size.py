@@ -7,7 +7,7 @@ import pytest
 
 from lcorpp.errors import ModelError, ParseError
 from lcorpp.planning import parse_pomdp
-from lcorpp.planning.formats import pomdp_tables
+from lcorpp.planning.formats.pomdp import tables as pomdp_tables
 from tests.planning.formats.texts import head
 
 MANY = 100_000

@@ -7,15 +7,14 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.planning import Rows
-from lcorpp.planning.formats import pomdp_rewards, pomdp_tokens
-from lcorpp.planning.formats.pomdp_preamble import read_preamble
-from lcorpp.planning.formats.pomdp_rewards import expected_rewards
-from lcorpp.planning.formats.pomdp_statements import Statements
-from lcorpp.planning.formats.pomdp_tokens import Tokens
+from lcorpp.planning.formats.pomdp import rewards as pomdp_rewards, tokens as pomdp_tokens
+from lcorpp.planning.formats.pomdp.preamble import read_preamble
+from lcorpp.planning.formats.pomdp.rewards import expected_rewards
+from lcorpp.planning.formats.pomdp.statements import Statements
+from lcorpp.planning.formats.pomdp.tokens import Tokens
 from tests.planning.formats.texts import head
 
 S, A, O = 3, 2, 2  # noqa: E741

@@ -2,8 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import FileError, ModelError
 from lcorpp.planning import Pomdp, Rows, format_pomdp, parse_pomdp, read_pomdp, write_pomdp

@@ -6,12 +6,11 @@ import random
 import re
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from lcorpp.errors import LcorppError, ParseError
 from lcorpp.planning import Factored
-from lcorpp.planning.formats import pomdpx_diagrams
+from lcorpp.planning.formats.pomdpx import decision_diagrams as pomdpx_diagrams
 from tests.planning.formats.pomdpx_texts import (
     DIAGRAMS,
     HEAD,

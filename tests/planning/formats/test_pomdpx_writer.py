@@ -1,12 +1,10 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from lcorpp.errors import FileError, ModelError
-from lcorpp.planning import Factored, format_pomdpx, parse_pomdpx, write_pomdpx
-from lcorpp.planning import given as table
+from lcorpp.planning import Factored, format_pomdpx, given as table, parse_pomdpx, write_pomdpx
 from tests.planning.factored_models import factored_models, rover
 from tests.planning.formats.pomdpx_texts import parsed
 from tests.planning.models import pomdps

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import strategies as st
 
 from lcorpp.planning import Pomdp
-from lcorpp.planning.sarsop import twin
-from lcorpp.planning.sarsop.engine import Engine, model_of
+from lcorpp.planning.sarsop import numpy_kernels as twin
+from lcorpp.planning.sarsop.kernels import Engine, model_of
 
 try:
     from lcorpp.planning import _native

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lcorpp.planning import parse_pomdp
-from lcorpp.planning.sarsop.engine import model_of
+from lcorpp.planning.sarsop.kernels import model_of
 from tests.planning.models import TIGER
 from tests.planning.sarsop.kernels import BOTH, NATIVE, bounds, needs_native
 

@@ -6,12 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.planning import Pomdp, Rows, observation_probabilities, parse_pomdp, update
-from lcorpp.planning.sarsop import twin
-from lcorpp.planning.sarsop.engine import model_of
+from lcorpp.planning.sarsop import numpy_kernels as twin
+from lcorpp.planning.sarsop.kernels import model_of
 from tests.planning.models import TIGER, pomdps
 from tests.planning.sarsop.kernels import BOTH, NATIVE, bounds, mixed, mixed_models, needs_native, planted
 

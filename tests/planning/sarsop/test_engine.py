@@ -10,9 +10,8 @@ import pytest
 
 import lcorpp.planning
 from lcorpp.planning import Pomdp, parse_pomdp, solve
-from lcorpp.planning.sarsop import engine as module
-from lcorpp.planning.sarsop import twin
-from lcorpp.planning.sarsop.engine import SlowKernelsWarning, engine, model_of
+from lcorpp.planning.sarsop import kernels as module, numpy_kernels as twin
+from lcorpp.planning.sarsop.kernels import SlowKernelsWarning, engine, model_of
 from tests.planning.models import TIGER
 from tests.planning.sarsop.kernels import BOTH, NATIVE, needs_native
 

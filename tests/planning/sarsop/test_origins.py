@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import linprog
 
 from lcorpp.planning import Pomdp, parse_pomdp, solve
-from lcorpp.planning.sarsop import twin
+from lcorpp.planning.sarsop import numpy_kernels as twin
 from tests.planning.models import LCORPP, TIGER
 from tests.planning.sarsop.kernels import BOTH, NATIVE, SECONDS, close, mixed, needs_native, planted
 

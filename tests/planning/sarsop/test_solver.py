@@ -10,7 +10,7 @@ from hypothesis import given, settings
 
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Planner, Pomdp, Progress, parse_pomdp, read_pomdp, solve
-from lcorpp.planning.certification import certificate
+from lcorpp.planning.evaluation.certificate import certificate
 from tests.planning.models import LCORPP, SHARED, TIGER, pomdps, shared_model
 
 lcorpp = parse_pomdp(LCORPP)

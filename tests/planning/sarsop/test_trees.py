@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.planning import Pomdp, parse_pomdp
-from lcorpp.planning.sarsop import twin
+from lcorpp.planning.sarsop import numpy_kernels as twin
 from lcorpp.planning.sarsop.sampling import trial
 from tests.planning.models import LCORPP, TIGER, pomdps
 from tests.planning.sarsop.kernels import (
@@ -252,7 +251,7 @@ def test_a_cap_of_any_size(kernels):
 
 
 def test_stamps_outlive_pruning():
-    vectors = twin.vectors.VectorSet(3)
+    vectors = twin.alpha_vectors.VectorSet(3)
     for i in range(100):
         vectors.add(np.full(3, float(i)), i % 3, i)
     vectors.keep(vectors.stamps % 2 == 0)

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.planning import Pomdp, parse_pomdp
-from lcorpp.planning.sarsop import twin
-from lcorpp.planning.sarsop.engine import model_of
+from lcorpp.planning.sarsop import numpy_kernels as twin
+from lcorpp.planning.sarsop.kernels import model_of
 from lcorpp.planning.sarsop.upper_bound import SawtoothBound
 from tests.planning.models import TIGER
 from tests.planning.sarsop.kernels import BOTH, close, mixed_models, planted, search

@@ -2,15 +2,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import Rows, parse_pomdp, read_pomdp
-from lcorpp.planning.solvers.finite_exact import solve_finite_exact
-from lcorpp.planning.solvers.finite_horizon import solve_finite
-from lcorpp.planning.solvers.incremental_pruning import solve_exact
-from lcorpp.planning.solvers.layers import layered
+from lcorpp.planning.solvers.exact.finite_horizon import solve_finite_exact
+from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.finite_horizon.sarsop import solve_finite
+from lcorpp.planning.solvers.finite_horizon.time_expanded import layered
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
 from tests.planning.solvers.trees import best, corners, earned
 

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import parse_pomdp, read_pomdp, solve
-from lcorpp.planning.evaluation import evaluate
+from lcorpp.planning.evaluation.policy_evaluation import evaluate
+from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
 from lcorpp.planning.solvers.fib import solve_fib
-from lcorpp.planning.solvers.incremental_pruning import solve_exact
-from lcorpp.planning.solvers.informed import promised
 from lcorpp.planning.solvers.qmdp import solve_qmdp
+from lcorpp.planning.solvers.table_policy import promised
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
 from tests.planning.solvers.trees import corners
 

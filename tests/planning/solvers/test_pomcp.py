@@ -8,9 +8,9 @@ import pytest
 from lcorpp.errors import ModelError, ObservationError
 from lcorpp.planning import Planner, parse_pomdp
 from lcorpp.planning.belief import update
-from lcorpp.planning.solvers.incremental_pruning import solve_exact
-from lcorpp.planning.solvers.pomcp_planners import ParticlePlanner, PomcpPlanner
-from lcorpp.planning.solvers.simulator import LEAVES, TableSimulator
+from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.pomcp.planners import ParticlePlanner, PomcpPlanner
+from lcorpp.planning.solvers.pomcp.simulator import LEAVES, TableSimulator
 from tests.planning.models import LCORPP, TIGER
 
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)

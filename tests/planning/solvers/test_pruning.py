@@ -2,12 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from lcorpp.planning.solvers.margins import OutOfTime, margins
-from lcorpp.planning.solvers.pruning import excess, prune
+from lcorpp.planning.solvers.exact.dominance_lp import OutOfTime, margins
+from lcorpp.planning.solvers.exact.pruning import excess, prune
 
 NOTHING = np.empty((0, 2))
 

@@ -14,8 +14,8 @@ from tests.reasoning.circuit.programs import Case, cases
 
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, parse_plog, parse_query
-from lcorpp.reasoning.circuit.compiled import Circuit
-from lcorpp.reasoning.engine import Engine
+from lcorpp.reasoning.circuit.circuit import Circuit
+from lcorpp.reasoning.reasoner import Engine
 from lcorpp.values import Distribution
 
 SUITE = settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))

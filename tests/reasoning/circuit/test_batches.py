@@ -35,7 +35,7 @@ def evidences(circuit):
 def circuit(request, monkeypatch):
     """The paper's circuit, with all its answers computed at once and without."""
     if request.param == "passes":
-        monkeypatch.setattr("lcorpp.reasoning.circuit.tables.TABLE", 0)
+        monkeypatch.setattr("lcorpp.reasoning.circuit.answer_table.TABLE", 0)
     return LCORPP.compile(INPUTS, "intention")
 
 
@@ -322,7 +322,7 @@ def test_answers_cannot_be_changed_by_who_got_them(circuit):
 
 
 def test_many_answers_are_forgotten(monkeypatch):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.compiled.KEPT", 4)
+    monkeypatch.setattr("lcorpp.reasoning.circuit.circuit.KEPT", 4)
     circuit = LCORPP.compile(INPUTS, "intention")
     rows = list(evidences(circuit))
     first = [circuit(row)["interested"] for row in rows]

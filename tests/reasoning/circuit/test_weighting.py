@@ -8,8 +8,8 @@ import pytest
 
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, parse_plog, read_plog
+from lcorpp.reasoning.circuit.likelihood_weighting import estimate
 from lcorpp.reasoning.circuit.plan import plan
-from lcorpp.reasoning.circuit.weighting import estimate
 
 PLOG = Path(__file__).parents[2] / "plog"
 CASES = [

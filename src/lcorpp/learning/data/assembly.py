@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcorpp.learning.data.repair import Ledger, Source
-from lcorpp.learning.data.rows import Batch, Lines
+from lcorpp.learning.data.csv_reader import Batch, Lines
+from lcorpp.learning.data.repairs import Ledger, Source
 from lcorpp.values import Array
 
 

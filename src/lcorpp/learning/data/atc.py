@@ -12,8 +12,8 @@ from pathlib import Path
 
 from lcorpp.errors import ParseError
 from lcorpp.learning.data.assembly import Assembly
-from lcorpp.learning.data.formats import Request, gathered
-from lcorpp.learning.data.rows import CsvFile
+from lcorpp.learning.data.csv_reader import CsvFile
+from lcorpp.learning.data.ingest import Request, gathered
 from lcorpp.learning.data.tracks import Track
 
 FIELDS = ("time", "track", "x", "y", "z", "velocity", "heading", "facing")

@@ -11,9 +11,9 @@ from pathlib import Path
 from lcorpp.errors import DataError, ParseError, expected
 from lcorpp.files import read_text
 from lcorpp.learning.data.assembly import Raw
-from lcorpp.learning.data.mending import ClassOf
-from lcorpp.learning.data.repair import Ledger, Source
-from lcorpp.learning.data.rows import column_of
+from lcorpp.learning.data.cleaning import ClassOf
+from lcorpp.learning.data.csv_reader import column_of
+from lcorpp.learning.data.repairs import Ledger, Source
 from lcorpp.learning.data.tracks import Track
 
 HEADINGS = ("id", "track", "person")

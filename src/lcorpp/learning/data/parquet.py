@@ -10,9 +10,9 @@ import numpy as np
 
 from lcorpp.errors import DataError, FileError, expected
 from lcorpp.learning.data.assembly import Assembly
-from lcorpp.learning.data.formats import Request, gathered
-from lcorpp.learning.data.long_csv import NAMES, NEEDED, WORDS, unused
-from lcorpp.learning.data.rows import LINES, Batch, Progress
+from lcorpp.learning.data.csv_formats import NAMES, NEEDED, WORDS, unused
+from lcorpp.learning.data.csv_reader import LINES, Batch, Progress
+from lcorpp.learning.data.ingest import Request, gathered
 from lcorpp.learning.data.tracks import Track
 
 SUFFIXES = (".parquet", ".pq")

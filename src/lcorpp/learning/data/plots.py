@@ -11,8 +11,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from lcorpp.errors import DataError
-from lcorpp.figures import COLOURS, INK, MUTED, drawn, tidy
 from lcorpp.learning.data.tracks import Recording, Track
+from lcorpp.plot_style import COLOURS, INK, MUTED, drawn, tidy
 from lcorpp.values import Array
 
 MOST = 300

@@ -12,16 +12,16 @@ import numpy as np
 
 from lcorpp.errors import DataError, FileError, ParseError
 from lcorpp.files import open_text
-from lcorpp.learning.authors import read_authors
 from lcorpp.learning.data.atc import FIELDS, read_atc
-from lcorpp.learning.data.formats import Request
+from lcorpp.learning.data.authors import read_authors
+from lcorpp.learning.data.cleaning import GAP
+from lcorpp.learning.data.csv_formats import NEEDED, read_long_csv
+from lcorpp.learning.data.csv_reader import Progress
+from lcorpp.learning.data.ingest import Request
 from lcorpp.learning.data.labels import WholeFile, labelled, meaning, read_labels, unknown
-from lcorpp.learning.data.long_csv import NEEDED, read_long_csv
-from lcorpp.learning.data.mending import GAP
+from lcorpp.learning.data.npz import SUFFIX, load_dataset, recording_of
 from lcorpp.learning.data.parquet import SUFFIXES, read_parquet
-from lcorpp.learning.data.rectangular import SUFFIX, load_dataset, recording_of
-from lcorpp.learning.data.repair import Ledger
-from lcorpp.learning.data.rows import Progress
+from lcorpp.learning.data.repairs import Ledger
 from lcorpp.learning.data.tracks import Recording
 from lcorpp.learning.data.units import in_metres
 from lcorpp.learning.data.windows import INTERVAL, POINTS, dataset_of

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.learning.data.repair import Ledger, Source
+from lcorpp.learning.data.repairs import Ledger, Source
 from lcorpp.learning.data.tracks import Track
 from lcorpp.values import Array
 

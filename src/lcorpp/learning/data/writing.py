@@ -11,7 +11,7 @@ import numpy as np
 
 from lcorpp.errors import DataError, FileError, expected
 from lcorpp.files import written_atomically
-from lcorpp.learning.data.long_csv import NAMES
+from lcorpp.learning.data.csv_formats import NAMES
 from lcorpp.learning.data.parquet import SUFFIXES, pyarrow
 from lcorpp.learning.data.tracks import COLUMNS, Mend, Recording, Track
 

@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.exceptions import NotFittedError
 
 from lcorpp.errors import DataError, expected
-from lcorpp.learning.dataset import checked_tracks
+from lcorpp.learning.data.dataset import checked_tracks
 from lcorpp.learning.lstm.class_weights import class_weights
 from lcorpp.learning.lstm.state import LstmState
 from lcorpp.learning.lstm.training import SCHEDULES, Cases, Plan, train

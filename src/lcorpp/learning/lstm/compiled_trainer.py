@@ -9,7 +9,7 @@ from lcorpp.values import Array
 
 
 class CompiledTrainer:
-    """A `Trainer` in C++, see native/lstm_trainer.cpp.
+    """A `Trainer` in C++, see native/lstm/trainer.cpp.
 
     Args:
         level: the set of instructions, of those that `_kernels.levels()` names; the best by default.

@@ -6,10 +6,10 @@ classifier about the beginnings of recorded tracks, `over_time` holds what it sa
 far to trust it so early, and `plots` draws it; `ages` trains one that is good early.
 """
 
-from lcorpp.learning.streaming.ages import ByAge, at_every_age
-from lcorpp.learning.streaming.answers import Answer, Report
-from lcorpp.learning.streaming.early import Early, calibrate_over_time
-from lcorpp.learning.streaming.over_time import OverTime
+from lcorpp.learning.streaming.predictions import Answer, Report
+from lcorpp.learning.streaming.prefix_calibration import Early, calibrate_over_time
+from lcorpp.learning.streaming.prefix_ensemble import ByAge, at_every_age
+from lcorpp.learning.streaming.prefix_predictions import OverTime
 from lcorpp.learning.streaming.prefixes import follow, out_of_fold_over_time, prefix
 from lcorpp.learning.streaming.streams import Streams
 from lcorpp.learning.streaming.track import Repairs

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lcorpp.figures import BLUE, COLOURS, INK, MUTED, ORANGE, drawn, save, tidy
-from lcorpp.learning.streaming.over_time import OverTime
+from lcorpp.learning.streaming.prefix_predictions import OverTime
+from lcorpp.plot_style import BLUE, COLOURS, INK, MUTED, ORANGE, drawn, save, tidy
 from lcorpp.values import Array
 
 SHOWN = 6

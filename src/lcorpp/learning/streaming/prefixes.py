@@ -11,8 +11,8 @@ from sklearn.base import clone
 from sklearn.model_selection import StratifiedGroupKFold
 
 from lcorpp.errors import DataError
-from lcorpp.learning.dataset import check_trainable, checked_tracks
-from lcorpp.learning.streaming.over_time import OverTime
+from lcorpp.learning.data.dataset import check_trainable, checked_tracks
+from lcorpp.learning.streaming.prefix_predictions import OverTime
 from lcorpp.learning.streaming.streams import Streams
 from lcorpp.values import Dataset
 

@@ -11,11 +11,11 @@ from typing import Any, Self
 import numpy as np
 
 from lcorpp.errors import DataError
-from lcorpp.learning.classifier import TrainedClassifier
-from lcorpp.learning.streaming.answers import Answer, Report, Said
+from lcorpp.learning.classifiers.trained import TrainedClassifier
 from lcorpp.learning.streaming.clock import Clock
-from lcorpp.learning.streaming.early import Early
-from lcorpp.learning.streaming.memory import memory_of
+from lcorpp.learning.streaming.predictions import Answer, Report, Said
+from lcorpp.learning.streaming.prefix_calibration import Early
+from lcorpp.learning.streaming.state import memory_of
 from lcorpp.learning.streaming.track import Repairs, Rules, Sample, Track
 from lcorpp.values import Array, frozen
 

@@ -8,7 +8,7 @@ from math import hypot, isfinite, pi
 from typing import Self
 
 from lcorpp.errors import DataError
-from lcorpp.learning.resampling import SIMULTANEOUS
+from lcorpp.learning.features.resampling import SIMULTANEOUS
 
 Sample = tuple[float, ...]
 """What was measured at one time, in the order of the inputs."""

@@ -8,7 +8,7 @@ flat       from variables to one state            joint   tables multiplied out
 
 from __future__ import annotations
 
-from lcorpp.planning.factored.given import given
+from lcorpp.planning.factored.cpt import given
 from lcorpp.planning.factored.model import Factored
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.variables import Variable

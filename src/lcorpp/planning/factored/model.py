@@ -10,12 +10,12 @@ from types import MappingProxyType
 import numpy as np
 
 from lcorpp.errors import ModelError, expected
-from lcorpp.planning.factored.given import Spec, Words, distribution, words
-from lcorpp.planning.factored.laws import check_reward, ordered
+from lcorpp.planning.factored.cpt import Spec, Words, distribution, words
 from lcorpp.planning.factored.table import Table
+from lcorpp.planning.factored.validation import check_reward, ordered
 from lcorpp.planning.factored.variables import AFTER, Scope, Variable, check_word, scope_of
 from lcorpp.planning.pomdp import Pomdp, discount_message
-from lcorpp.planning.rows import Rows
+from lcorpp.planning.sparse import Rows
 from lcorpp.values import Array
 
 Domain = Words | Mapping[str, Words]
@@ -200,7 +200,7 @@ class Factored:
         Raises:
             ModelError: there are too many states, or the rewards are too large.
         """
-        from lcorpp.planning.factored.flat import flat
+        from lcorpp.planning.factored.flatten import flat
 
         return flat(self, reachable=reachable)
 
@@ -213,7 +213,7 @@ class Factored:
         Args:
             pomdp: `flat()` of this problem.
         """
-        from lcorpp.planning.factored.flat import starts
+        from lcorpp.planning.factored.flatten import starts
 
         return starts(self, pomdp)
 

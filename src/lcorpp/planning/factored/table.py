@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lcorpp.errors import ModelError
 from lcorpp.planning.factored.variables import Scope, described
 from lcorpp.planning.pomdp import SUM_TOLERANCE
-from lcorpp.planning.rows import Rows
+from lcorpp.planning.sparse import Rows
 from lcorpp.values import Array
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from lcorpp.errors import PolicyError
 from lcorpp.files import read_text, write_atomically
-from lcorpp.planning.formats.numerals import finite_numbers, first_fault, is_count
+from lcorpp.planning.formats.numbers import finite_numbers, first_fault, is_count
 from lcorpp.planning.formats.vector_lines import vector_lines
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp

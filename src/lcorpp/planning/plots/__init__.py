@@ -9,8 +9,8 @@ slices, layers and arrows are what they are made of.
 from __future__ import annotations
 
 from lcorpp.planning.plots.bounds import draw_bounds
-from lcorpp.planning.plots.graph import draw_graph
-from lcorpp.planning.plots.line import draw_line
-from lcorpp.planning.plots.triangle import draw_triangle
+from lcorpp.planning.plots.policy_graph import draw_graph
+from lcorpp.planning.plots.three_states import draw_triangle
+from lcorpp.planning.plots.two_states import draw_line
 
 __all__ = ["draw_bounds", "draw_graph", "draw_line", "draw_triangle"]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from lcorpp.errors import ModelError
-from lcorpp.figures import BLUE, INK, MUTED, ORANGE, drawn, tidy
+from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, drawn, tidy
 from lcorpp.values import Array
 
 LONG = 10.0

@@ -17,7 +17,7 @@ import numpy as np
 from lcorpp.values import Array
 
 if TYPE_CHECKING:
-    from lcorpp.planning.sarsop.engine import Prediction, Tree
+    from lcorpp.planning.sarsop.kernels import Prediction, Tree
 
 NEGLIGIBLE = 0.1
 """Share of the allowed gap below which even selective deep sampling has nothing left to find."""

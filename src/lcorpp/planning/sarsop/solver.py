@@ -16,7 +16,7 @@ from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning.belief import checked_belief
 from lcorpp.planning.policy import Piece, Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.engine import Engine, Tree, engine, model_of
+from lcorpp.planning.sarsop.kernels import Engine, Tree, engine, model_of
 from lcorpp.planning.sarsop.upper_bound import SawtoothBound
 from lcorpp.planning.solution import Progress, Solution
 from lcorpp.values import Belief

@@ -20,7 +20,7 @@ from lcorpp.planning.solution import Solution
 
 _HOMES = {
     "sarsop": ("lcorpp.planning.sarsop", "solve"),
-    "exact": ("lcorpp.planning.solvers.incremental_pruning", "solve_exact"),
+    "exact": ("lcorpp.planning.solvers.exact.incremental_pruning", "solve_exact"),
     "perseus": ("lcorpp.planning.solvers.perseus", "solve_perseus"),
     "qmdp": ("lcorpp.planning.solvers.qmdp", "solve_qmdp"),
     "fib": ("lcorpp.planning.solvers.fib", "solve_fib"),

@@ -14,10 +14,10 @@ import numpy.typing as npt
 from lcorpp.planning.belief import observation_probabilities, update
 from lcorpp.planning.policy import Piece, Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.engine import engine, model_of
+from lcorpp.planning.sarsop.kernels import engine, model_of
 from lcorpp.planning.sarsop.upper_bound import SawtoothBound
 from lcorpp.planning.solution import Progress, Solution
-from lcorpp.planning.solvers.checks import checked_count, checked_limits, checked_starts
+from lcorpp.planning.solvers.arguments import checked_count, checked_limits, checked_starts
 from lcorpp.values import Array
 
 INITIAL_SHARE = 0.1

@@ -11,10 +11,10 @@ from time import monotonic
 import numpy.typing as npt
 
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.engine import engine, model_of
+from lcorpp.planning.sarsop.kernels import engine, model_of
 from lcorpp.planning.solution import Progress, Solution
-from lcorpp.planning.solvers.checks import checked_limits, checked_starts
-from lcorpp.planning.solvers.informed import Search
+from lcorpp.planning.solvers.arguments import checked_limits, checked_starts
+from lcorpp.planning.solvers.table_policy import Search
 
 
 def solve_qmdp(
@@ -49,7 +49,7 @@ def solve_qmdp(
     Raises:
         ModelError: `start` is not a distribution over the states, or precision or limit are not positive.
 
-    Source: Littman, Cassandra and Kaelbling, ICML 1995; `lcorpp.planning.solvers.informed` for the bound.
+    Source: Littman, Cassandra and Kaelbling, ICML 1995; `lcorpp.planning.solvers.table_policy` for the bound.
     """
     checked_limits(precision, time_limit)
     began, starts = monotonic(), checked_starts(pomdp, start)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from lcorpp.reasoning.circuit.layers import Layer, Matrix
-from lcorpp.reasoning.circuit.tables import Codes
+from lcorpp.reasoning.circuit.answer_table import Codes
+from lcorpp.reasoning.circuit.matrices import Layer, Matrix
 from lcorpp.values import Array
 
 CHUNK = 4_000_000

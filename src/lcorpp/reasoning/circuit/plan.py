@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from lcorpp.reasoning.circuit.collection import without_collection
-from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
-from lcorpp.reasoning.circuit.grounder import ground_program
-from lcorpp.reasoning.circuit.loops import Circle
-from lcorpp.reasoning.circuit.ordering import ordered
-from lcorpp.reasoning.circuit.simplification import simplified
-from lcorpp.reasoning.circuit.stepping import steps_of
-from lcorpp.reasoning.circuit.steps import Step
+from lcorpp.reasoning.circuit.elimination_order import ordered
+from lcorpp.reasoning.circuit.recursive_components import Circle
+from lcorpp.reasoning.circuit.transition_builder import steps_of
+from lcorpp.reasoning.circuit.transitions import Step
+from lcorpp.reasoning.gc_pause import without_collection
+from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind
+from lcorpp.reasoning.grounding.grounder import ground_program
+from lcorpp.reasoning.grounding.simplification import simplified
 from lcorpp.reasoning.language.syntax import Literal as SyntaxLiteral
 from lcorpp.reasoning.program import Program
 

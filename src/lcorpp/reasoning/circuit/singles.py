@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from lcorpp.reasoning.circuit.decisions import Outcome, decide
-from lcorpp.reasoning.circuit.ground import Clause, Ground, Kind
-from lcorpp.reasoning.circuit.heads import Head
+from lcorpp.reasoning.circuit.rule_groups import Head
+from lcorpp.reasoning.circuit.selection import Outcome, decide
+from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind
 
 
 class SingleTerm:

@@ -23,13 +23,13 @@ import numpy.typing as npt
 
 from lcorpp.errors import DataError, LcorppError
 from lcorpp.files import read_bytes, write_atomically
-from lcorpp.reasoning.circuit.compiled import Circuit
-from lcorpp.reasoning.circuit.layers import Layer, Matrix
+from lcorpp.reasoning.circuit.circuit import Circuit
+from lcorpp.reasoning.circuit.matrices import Layer, Matrix
 from lcorpp.reasoning.circuit.trellis import MOST_EDGES
 from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.language.parser import parse_plog
-from lcorpp.reasoning.names import interventions_of, term_of
 from lcorpp.reasoning.program import Program, program_text
+from lcorpp.reasoning.resolve import interventions_of, term_of
 
 FORMAT, VERSION = "lcorpp circuit", 1
 

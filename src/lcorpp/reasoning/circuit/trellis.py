@@ -13,9 +13,9 @@ from fractions import Fraction
 
 from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.circuit.choice import Breach
-from lcorpp.reasoning.circuit.collection import without_collection
 from lcorpp.reasoning.circuit.plan import Plan
-from lcorpp.reasoning.circuit.steps import Step
+from lcorpp.reasoning.circuit.transitions import Step
+from lcorpp.reasoning.gc_pause import without_collection
 
 MOST_EDGES = 2_000_000
 """How many edges a trellis may have."""

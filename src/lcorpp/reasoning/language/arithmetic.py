@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 
-from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Number, Term, Variable
 
 LARGEST = 2**31 - 1

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from lcorpp.errors import expected
 from lcorpp.reasoning.language.arithmetic import ground, variables
 from lcorpp.reasoning.language.declared import declarations
-from lcorpp.reasoning.language.offence import Misfit, Offence
+from lcorpp.reasoning.language.issues import Misfit, Offence
 from lcorpp.reasoning.language.safety import check_order, check_scope, check_slots
 from lcorpp.reasoning.language.signature import Signature, expressions, scope, selection_of
 from lcorpp.reasoning.language.syntax import (

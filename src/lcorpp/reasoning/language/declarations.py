@@ -8,8 +8,8 @@ from typing import TypeGuard
 
 from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.language.expressions import Minus, value
+from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.lexer import HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
-from lcorpp.reasoning.language.offence import Offence
 from lcorpp.reasoning.language.sort_expressions import sort_expression, sort_name
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from types import MappingProxyType
 
 from lcorpp.errors import expected
-from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.signature import BOOLEAN, Attribute, Signature, selection_of
 from lcorpp.reasoning.language.sorts import BOOLEANS, Sorts, records_of
 from lcorpp.reasoning.language.syntax import (

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.lexer import DECIMAL, DEEPEST, INTEGER, NAME, VARIABLE, Cursor
-from lcorpp.reasoning.language.offence import Offence
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Body,

@@ -10,7 +10,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterable
 
-from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.syntax import Expression, Place
 
 NAME, VARIABLE, INTEGER, DECIMAL, HASH_NAME, UNKNOWN, END = (

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lcorpp.reasoning.language.offence import Offence
-from lcorpp.reasoning.language.renaming import changed, literals
+from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.rewriting import changed, literals
 from lcorpp.reasoning.language.signature import BOOLEAN
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,

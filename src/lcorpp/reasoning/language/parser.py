@@ -14,12 +14,12 @@ from typing import NoReturn, TypeVar
 
 from lcorpp.errors import ParseError, ProgramError
 from lcorpp.files import read_text
-from lcorpp.reasoning.language.completion import completed
 from lcorpp.reasoning.language.declared import check_names
+from lcorpp.reasoning.language.desugar import completed
 from lcorpp.reasoning.language.expressions import value
-from lcorpp.reasoning.language.leniency import fitting
+from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.lenient import fitting
 from lcorpp.reasoning.language.lexer import END, Cursor
-from lcorpp.reasoning.language.offence import Offence
 from lcorpp.reasoning.language.queries import question
 from lcorpp.reasoning.language.statements import statements
 from lcorpp.reasoning.language.syntax import Expression, Query, Semantics

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from lcorpp.reasoning.language.expressions import OPPOSITE, body, body_literal, is_bare, literal, value
+from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.lexer import END, NAME, Cursor
-from lcorpp.reasoning.language.offence import Offence
 from lcorpp.reasoning.language.syntax import Body, Comparison, Intervention, Literal, Observation, Query, Term
 
 Conditions = tuple[tuple[Observation, ...], tuple[Intervention, ...]]

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 from lcorpp.errors import expected
 from lcorpp.reasoning.language.arithmetic import LARGEST, ground, is_integer, variables
-from lcorpp.reasoning.language.offence import Misfit, Offence
+from lcorpp.reasoning.language.issues import Misfit, Offence
 from lcorpp.reasoning.language.signature import Signature, Slot
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.language.expressions import ALIKE, RELATIONS, as_value, factor, value
+from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.lexer import HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
-from lcorpp.reasoning.language.offence import Offence
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Connective,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lcorpp.reasoning.language.nodes import Comparison, Expression, Node
+from lcorpp.reasoning.language.terms import Comparison, Expression, Node
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from math import prod
 
 from lcorpp.errors import expected
 from lcorpp.reasoning.language.arithmetic import compare, ground, is_integer
-from lcorpp.reasoning.language.offence import Offence
+from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Connective,

@@ -21,8 +21,8 @@ from lcorpp.reasoning.language.expressions import (
     operand,
     value,
 )
+from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.lexer import END, HASH_NAME, NAME, VARIABLE, Cursor
-from lcorpp.reasoning.language.offence import Offence
 from lcorpp.reasoning.language.queries import intervention, observation, outcome, query_statement
 from lcorpp.reasoning.language.syntax import (
     Body,

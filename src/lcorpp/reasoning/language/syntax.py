@@ -9,7 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal as OneOf
 
-from lcorpp.reasoning.language.nodes import (
+from lcorpp.reasoning.language.sort_nodes import (
+    Connective,
+    Interval,
+    RecordSort,
+    SortExpression,
+    SortName,
+    SortOperation,
+    SortSet,
+)
+from lcorpp.reasoning.language.terms import (
     NOWHERE,
     Arithmetic,
     Comparison,
@@ -21,15 +30,6 @@ from lcorpp.reasoning.language.nodes import (
     Term,
     Variable,
     depth,
-)
-from lcorpp.reasoning.language.sort_nodes import (
-    Connective,
-    Interval,
-    RecordSort,
-    SortExpression,
-    SortName,
-    SortOperation,
-    SortSet,
 )
 
 __all__ = [

@@ -1,0 +1,134 @@
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "network.hpp"
+
+namespace lcorpp::lstm {
+
+namespace {
+
+// The gradients (O, kLanes) of the losses of some cases, each times its factor, by their scores, which they replace.
+// One score is that of class 1 under a sigmoid, more are those of a softmax (cross-entropy in both cases).
+void loss_gradients(Index outputs, Index cases, const std::int32_t* targets, const float* factors, float* scores) {
+    for (Index i = 0; i < cases; ++i) {
+        float* score = scores + i;
+        if (outputs == 1) {
+            const float p = 1.0f / (1.0f + std::exp(-score[0]));
+            score[0] = (p - static_cast<float>(targets[i])) * factors[i];
+            continue;
+        }
+        float most = score[0], sum = 0.0f;
+        for (Index o = 1; o < outputs; ++o) most = std::max(most, score[o * kLanes]);
+        for (Index o = 0; o < outputs; ++o) sum += score[o * kLanes] = std::exp(score[o * kLanes] - most);
+        for (Index o = 0; o < outputs; ++o) {
+            score[o * kLanes] = (score[o * kLanes] / sum - (o == targets[i] ? 1.0f : 0.0f)) * factors[i];
+        }
+    }
+}
+
+}  // namespace
+
+Trainer::Trainer(const Kernels& kernels, Shape shape, const Given& given, Cases cases, Index batch, float keep)
+    : kernels_(kernels),
+      layout_{shape},
+      cases_(std::move(cases)),
+      batch_(batch),
+      keep_(keep),
+      weights_(gathered(shape, given)),
+      gradients_(layout_.all()),
+      first_(layout_.all()),
+      second_(layout_.all()),
+      forward_(kernels.forward_size(shape)),
+      backward_(kernels.backward_size(shape)),
+      rows_((cases_.times + 1) * shape.rows() * kLanes),
+      cells_((cases_.times + 1) * shape.units * kLanes),
+      gates_(cases_.times * shape.units * 4 * kLanes),
+      hidden_(shape.units * kLanes),
+      cell_(shape.units * kLanes),
+      masks_(shape.units * kLanes) {
+    for (Index t = 0; t <= cases_.times; ++t) {
+        std::fill_n(rows_.data() + ((t + 1) * shape.rows() - 1) * kLanes, kLanes, 1.0f);
+    }
+}
+
+void Trainer::epoch(const std::int64_t* order, const bool* kept, const double* rates,
+                    const std::function<void()>& check) {
+    const NoDenormals guard;
+    for (Index begin = 0, update = 0; begin < cases_.n; begin += batch_, ++update) {
+        check();
+        const Index batch = std::min(batch_, cases_.n - begin);
+        kernels_.pack(shape(), weights_.data(), forward_.data(), backward_.data());
+        for (Index at = begin; at < begin + batch; at += kLanes) {
+            learn(std::min(kLanes, begin + batch - at), order + at, kept + at * shape().units, batch);
+        }
+        move(rates[update]);
+    }
+}
+
+// Adds the gradients of some cases of a batch.
+void Trainer::learn(Index cases, const std::int64_t* order, const bool* kept, Index batch) {
+    const Index U = shape().units, C = shape().channels, K = shape().rows(), O = shape().outputs, T = cases_.times;
+    std::int32_t targets[kLanes];
+    float factors[kLanes];
+    for (Index i = 0; i < cases; ++i) {
+        const float* track = cases_.tracks.data() + order[i] * T * C;
+        for (Index t = 0; t < T; ++t) {
+            for (Index c = 0; c < C; ++c) rows_.data()[(t * K + U + c) * kLanes + i] = track[t * C + c];
+        }
+        for (Index u = 0; u < U; ++u) masks_.data()[u * kLanes + i] = kept[i * U + u] ? 1.0f / keep_ : 0.0f;
+        targets[i] = cases_.targets[static_cast<std::size_t>(order[i])];
+        factors[i] = cases_.weights[static_cast<std::size_t>(order[i])] / static_cast<float>(batch);
+    }
+    for (Index t = 0; t < T; ++t) {
+        kernels_.step(shape(), forward_.data(), cases, rows_.data() + t * K * kLanes, cells_.data() + t * U * kLanes,
+                      gates_.data() + t * 4 * U * kLanes, cells_.data() + (t + 1) * U * kLanes,
+                      rows_.data() + (t + 1) * K * kLanes);
+    }
+
+    float* const last = rows_.data() + T * K * kLanes;
+    for (Index i = 0; i < U * kLanes; ++i) last[i] *= masks_.data()[i];
+    const float* dense = weights_.data() + layout_.gates();
+    const float* bias = weights_.data() + layout_.dense();
+    Floats scores(O * kLanes);
+    for (Index o = 0; o < O; ++o) {
+        float* score = scores.data() + o * kLanes;
+        std::fill_n(score, kLanes, bias[o]);
+        for (Index u = 0; u < U; ++u) {
+            for (Index i = 0; i < kLanes; ++i) score[i] += dense[o * U + u] * last[u * kLanes + i];
+        }
+    }
+    loss_gradients(O, cases, targets, factors, scores.data());
+
+    // Lanes of nobody get gradients of 0, and so add nothing to any sum.
+    float* const dense_gradient = gradients_.data() + layout_.gates();
+    float* const bias_gradient = gradients_.data() + layout_.dense();
+    std::fill_n(hidden_.data(), U * kLanes, 0.0f);
+    std::fill_n(cell_.data(), U * kLanes, 0.0f);
+    for (Index o = 0; o < O; ++o) {
+        const float* score = scores.data() + o * kLanes;
+        for (Index i = 0; i < cases; ++i) bias_gradient[o] += score[i];
+        for (Index u = 0; u < U; ++u) {
+            const Index at = u * kLanes;
+            float sum = 0.0f;
+            for (Index i = 0; i < cases; ++i) {
+                sum += score[i] * last[at + i];
+                hidden_.data()[at + i] += score[i] * dense[o * U + u] * masks_.data()[at + i];
+            }
+            dense_gradient[o * U + u] += sum;
+        }
+    }
+    kernels_.back(shape(), backward_.data(), cases, T,
+                  Pass{rows_.data(), cells_.data(), gates_.data(), hidden_.data(), cell_.data()}, gradients_.data());
+}
+
+// Kingma and Ba 2015, algorithm 1, with its decay rates.
+void Trainer::move(double rate) {
+    first_decay_ *= 0.9;
+    second_decay_ *= 0.999;
+    kernels_.adam(layout_.all(), static_cast<float>(rate / (1 - first_decay_)),
+                  static_cast<float>(std::sqrt(1 - second_decay_)), weights_.data(), gradients_.data(), first_.data(),
+                  second_.data());
+}
+
+}  // namespace lcorpp::lstm

@@ -1,0 +1,70 @@
+"""Writing the .pomdp format so that reading gives the same model, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lcorpp.errors import ModelError
+from lcorpp.files import write_atomically
+from lcorpp.planning.formats.numbers import is_number
+from lcorpp.planning.formats.pomdp.tokens import PREAMBLE, TABLES
+from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.sparse import Rows
+
+_RESERVED = {*PREAMBLE, *TABLES, "start", "include", "exclude", "uniform", "identity", "reset", "*"}
+
+
+def write_pomdp(pomdp: Pomdp, path: str | Path) -> None:
+    """Write a .pomdp file; `read_pomdp` gives the same tables back exactly.
+
+    Raises:
+        FileError: the file cannot be written.
+        ModelError: a name cannot stand in the format, such as one with a space.
+    """
+    write_atomically(path, format_pomdp(pomdp))
+
+
+def format_pomdp(pomdp: Pomdp) -> str:
+    """The text of a model in .pomdp format, non-zero entries only.
+
+    Raises:
+        ModelError: a name cannot stand in the format.
+    """
+    return "\n".join(_lines(pomdp)) + "\n"
+
+
+def _lines(pomdp: Pomdp) -> Iterator[str]:
+    yield f"discount: {pomdp.discount!r}"
+    yield "values: reward"
+    yield f"states: {_names(pomdp.states)}"
+    yield f"actions: {_names(pomdp.actions)}"
+    yield f"observations: {_names(pomdp.observations)}"
+    yield "start: " + " ".join(map(repr, pomdp.start.tolist()))
+    yield ""
+    yield from _entries("T", pomdp, pomdp.transition, pomdp.states)
+    yield ""
+    yield from _entries("O", pomdp, pomdp.observation, pomdp.observations)
+    yield ""
+    action, state = np.nonzero(pomdp.reward)
+    for a, s, r in zip(*(x.tolist() for x in (action, state, pomdp.reward[action, state])), strict=True):
+        yield f"R: {pomdp.actions[a]} : {pomdp.states[s]} : * : * {r!r}"
+
+
+def _entries(keyword: str, pomdp: Pomdp, table: Rows, columns: Sequence[str]) -> Iterator[str]:
+    actions, states = pomdp.actions, pomdp.states
+    for row, c, p in zip(table.rows.tolist(), table.columns.tolist(), table.values.tolist(), strict=True):
+        a, s = divmod(row, len(states))
+        yield f"{keyword}: {actions[a]} : {states[s]} : {columns[c]} {p!r}"
+
+
+def _names(names: Sequence[str]) -> str:
+    if all(name == str(i) for i, name in enumerate(names)):
+        return str(len(names))
+    for name in names:
+        odd = any(c.isspace() or c in ":#" or "\ud800" <= c <= "\udfff" for c in name)
+        if not name or name in _RESERVED or is_number(name) or odd:
+            raise ModelError(f"the name {name!r} cannot be written into a .pomdp file")
+    return " ".join(names)

@@ -1,0 +1,134 @@
+"""What is done between two states: the value of the policy along a line of beliefs, the actions below."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from lcorpp.planning.plots.belief_regions import Region, Slice, slice_of
+from lcorpp.planning.policy import Policy, UpperBound
+from lcorpp.planning.pomdp import Pomdp
+from lcorpp.plot_style import INK, ORANGE, Fill, drawn, tidy, wrapped
+
+POINTS = 201
+"""Beliefs at which the upper bound is measured."""
+
+MOST_GAP = 1.5
+"""An upper bound is shown up to this many times the height of the policy's curve above it."""
+
+LETTER = 0.017
+"""Roughly the width of a letter as a share of the bands': which names fit is decided by it."""
+
+
+@drawn
+def draw_line(
+    pomdp: Pomdp,
+    policy: Policy,
+    states: Sequence[str],
+    *,
+    base: npt.ArrayLike | None = None,
+    bound: bool = True,
+    title: str = "",
+) -> Figure:
+    """The policy on the beliefs over two states.
+
+    Above, the value: each piece of the curve belongs to an alpha vector, which goes on as a thin line, in the
+    colour of its action. Where the policy knows an upper bound, the gap to it is shaded. Below, the actions.
+
+    Args:
+        states: names of two states, the left end and the right end.
+        base: (S,) a belief whose other probabilities are kept; when None they are 0.
+        bound: show the upper bound where the policy has one.
+        title: written above.
+
+    Raises:
+        ModelError: a state is unknown or named twice, or `base` gives neither any probability.
+    """
+    line = slice_of(pomdp, policy, states, base)
+    regions = line.regions()
+    figure = Figure(figsize=(7, 4.4), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[6, 1])
+    top = _gap(above, line, policy.upper_bound) if bound and policy.upper_bound is not None else -np.inf
+    _value(above, line, regions, top)
+    fills = {region.action: Fill.of(region.action) for region in regions}
+    unnamed = _bands(below, regions, fills, pomdp.actions)
+    above.set_ylabel("value")
+    below.set_yticks([])
+    below.set_xlim(0, 1)
+    below.set_ylabel("action", rotation=0, ha="right", va="center")
+    share = "" if line.share == 1 else f" as a share of the {line.share:.3g} given to both"
+    below.set_xlabel(wrapped(f"P({states[1]}){share}; the rest is {states[0]}", 76))
+    tidy(above)
+    below.spines[:].set_visible(False)
+    handles, names = above.get_legend_handles_labels()
+    if unnamed:
+        handles += [
+            Patch(facecolor=fills[a].colour, hatch=fills[a].hatch, label=pomdp.actions[a]) for a in unnamed
+        ]
+        names += [pomdp.actions[a] for a in unnamed]
+    if handles:
+        above.legend(handles, names, loc="upper left", bbox_to_anchor=(1.01, 1.02), frameon=False)
+    if title:
+        figure.suptitle(title, fontsize=11)
+    return figure
+
+
+def _gap(axes: Axes, line: Slice, bound: UpperBound) -> float:
+    """The upper bound, and what is between it and the policy; returned is where it is highest."""
+    right = np.linspace(0, 1, POINTS)
+    weights = np.stack([1 - right, right], axis=1)
+    low = line.value(weights)
+    high = np.maximum(low, [bound.value(line.belief(weight)) for weight in weights])
+    axes.fill_between(right, low, high, color=ORANGE, alpha=0.16, linewidth=0)
+    axes.plot(right, high, color=ORANGE, linewidth=1.2, linestyle="--", label="upper bound")
+    axes.plot([], [], " ", label=f"largest gap {float((high - low).max()):.3g}")
+    return float(high.max())
+
+
+def _value(axes: Axes, line: Slice, regions: Sequence[Region], top: float) -> None:
+    """The envelope, and behind it each of its vectors from end to end, as far as it is near."""
+    ends = np.concatenate([line.values[region.vector] @ region.points.T for region in regions])
+    low, high = float(ends.min()), float(ends.max())
+    room = 0.08 * (high - low) or 0.5
+    for region in regions:
+        colour = Fill.of(region.action).colour
+        axes.plot([0, 1], line.values[region.vector], color=colour, linewidth=0.7, alpha=0.7, zorder=2)
+        heights = region.points @ line.values[region.vector]
+        axes.plot(region.points[:, 1], heights, color=INK, linewidth=3.4, zorder=3, solid_capstyle="round")
+        axes.plot(region.points[:, 1], heights, color=colour, linewidth=2.2, zorder=4)
+    axes.set_ylim(low - room, min(max(high, top), high + MOST_GAP * (high - low)) + room)
+
+
+def _bands(
+    axes: Axes, regions: Sequence[Region], fills: Mapping[int, Fill], names: Sequence[str]
+) -> list[int]:
+    """A band for each run of one action; returned are the actions without room for their name."""
+    runs: list[tuple[int, float, float]] = []
+    for region in regions:
+        begin, end = region.points[:, 1].tolist()
+        if runs and runs[-1][0] == region.action:
+            runs[-1] = (region.action, runs[-1][1], end)
+        else:
+            runs.append((region.action, begin, end))
+    named = set()
+    for action, begin, end in runs:
+        fill = fills[action]
+        axes.axvspan(begin, end, facecolor=fill.colour, hatch=fill.hatch, edgecolor="white", linewidth=0.8)
+        if len(names[action]) * LETTER < end - begin:
+            named.add(action)
+            ground = {"facecolor": fill.colour, "linewidth": 0, "pad": 1.5} if fill.hatch else None
+            axes.text(
+                (begin + end) / 2,
+                0.5,
+                names[action],
+                ha="center",
+                va="center",
+                color=fill.on_top,
+                bbox=ground,
+            )
+    return sorted({action for action, _, _ in runs} - named)

@@ -1,5 +1,0 @@
-"""Worlds to act in that are not simulated."""
-
-from lcorpp.robots.console import ConsoleWorld
-
-__all__ = ["ConsoleWorld"]

@@ -1,0 +1,1 @@
+from .console import ConsoleWorld as ConsoleWorld
