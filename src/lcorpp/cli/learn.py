@@ -58,31 +58,34 @@ def learn(
     from lcorpp.domains import load_domain
     from lcorpp.experiments import active_learning as augmentation
     from lcorpp.experiments.run_store import Memory
-    from lcorpp.experiments.training import (
-        estimator_for,
-        learn as train,
-        recorded_training,
-        simulated_training,
+    from lcorpp.experiments.training_data import (
+        FOLDS,
+        make_estimator,
+        read_training_data,
+        simulate_training_data,
     )
     from lcorpp.files import make_folder
+    from lcorpp.learning import train_and_validate
 
     loaded = load_domain(domain, preset=preset)
     preparation.introduce(loaded)
     if out is not None:
         make_folder(out)
     training = (
-        recorded_training(loaded, data, seed) if data else simulated_training(loaded, seed, tracks=tracks)
+        read_training_data(loaded, data, seed)
+        if data
+        else simulate_training_data(loaded, seed, tracks=tracks)
     )
     for note in training.dataset.notes:
         show.console.print(f"note: {note}", style="yellow", markup=False)
     name = learner or (loaded.classifier if loaded.classifier != "channel" else "lstm")
-    estimator = estimator_for(training, name, epochs=epochs, seed=seed, device=device)
+    estimator = make_estimator(training, name, epochs=epochs, seed=seed, device=device)
     soft = evidence is show.Evidence.soft
 
     def learned(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
         with show.progress(f"training on {len(dataset)} tracks") as advance:
-            trained, validation = train(
-                dataset, estimator=estimator, seed=seed, jobs=show.cores(jobs), progress=advance
+            trained, validation = train_and_validate(
+                estimator, dataset, folds=FOLDS, seed=seed, jobs=show.cores(jobs), progress=advance
             )
         return (trained.soft() if soft else trained), validation.confusion
 
@@ -103,8 +106,14 @@ def learn(
             memory = opened.enter_context(Memory(store, training.dataset, loaded.values, settings))
             resumed = memory.resumed(learned)
             _introduce(memory)
-        crowd = augmentation.Crowd(loaded, training.appearance, seed, met=memory.met if memory else 0)
-        before = [augmentation.Outcome.of(decision) for decision in memory.pending] if memory else []
+        crowd = augmentation.PeopleStream(
+            loaded, training.trajectories, seed, met=memory.met if memory else 0
+        )
+        before = (
+            [augmentation.DecisionResult.from_stored(decision) for decision in memory.pending]
+            if memory
+            else []
+        )
         log = augmentation.Log(loaded, out, memory.rows if memory else [], [o for o in before if o])
 
         def decided(instance: Instance, episode: Episode) -> None:
@@ -112,7 +121,7 @@ def learn(
             log.decided(outcome)
             if memory is not None:
                 belief = loaded.marginal(episode.steps[-1].belief if episode.steps else episode.prior)
-                memory.keep(instance, episode, belief, outcome.as_extra())
+                memory.keep(instance, episode, belief, outcome.to_extra())
 
         batches = lcorpp(
             memory.omega() if memory else training.dataset,
