@@ -12,7 +12,7 @@ from lcorpp.reasoning.circuit.trellis import Trellis, trellis
 from lcorpp.reasoning.circuit.world_queries import Paths
 from lcorpp.reasoning.gc_pause import without_collection
 from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import interventions_of, term_of, terms_of
 from lcorpp.values import Array
 

@@ -13,8 +13,8 @@ from lcorpp.reasoning.gc_pause import without_collection
 from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.simplification import simplified
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal as SyntaxLiteral
-from lcorpp.reasoning.program import Program
 
 
 @dataclass(slots=True, eq=False)

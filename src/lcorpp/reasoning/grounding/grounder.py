@@ -18,6 +18,7 @@ from lcorpp.reasoning.grounding.joins import Facts, Join, Part, Source
 from lcorpp.reasoning.grounding.values import Value, split, value_of
 from lcorpp.reasoning.language.arithmetic import exact, ground, variables
 from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.signature import expressions, scope
 from lcorpp.reasoning.language.syntax import (
     Comparison,
@@ -30,7 +31,6 @@ from lcorpp.reasoning.language.syntax import (
     Rule,
     Selection,
 )
-from lcorpp.reasoning.program import Program
 
 Body = Sequence[Literal | Comparison]
 
