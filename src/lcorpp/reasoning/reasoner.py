@@ -14,18 +14,18 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
-from lcorpp.reasoning.circuit.likelihood_weighting import SAMPLES, Estimates, estimate
-from lcorpp.reasoning.circuit.plan import plan
 from lcorpp.reasoning.circuit.refusals import impossible, no_value, shown
-from lcorpp.reasoning.circuit.trellis import trellis
-from lcorpp.reasoning.circuit.world_queries import Paths
+from lcorpp.reasoning.circuit.trellis import build_trellis
+from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import without_collection
-from lcorpp.reasoning.grounding.grounder import ASKED
+from lcorpp.reasoning.grounding.grounder import QUERY_TERM
 from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.syntax import Query, Term
 from lcorpp.reasoning.program import Program
 from lcorpp.reasoning.resolve import facts_of, interventions_of, term_of
+from lcorpp.reasoning.transitions.likelihood_weighting import SAMPLES, SampleEstimates, estimate
+from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
     import numpy as np
@@ -61,7 +61,7 @@ class Engine:
         self.program, self.samples = program, samples
         self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}
-        self._paths: dict[Hashable, Paths] = {}
+        self._paths: dict[Hashable, WorldQueries] = {}
         self._weighing: dict[Hashable, SoftEvidence] = {}
 
     def __reduce__(self) -> tuple[Callable[[Program, int], Engine], tuple[Program, int]]:
@@ -146,9 +146,9 @@ class Engine:
             rules.
             TooLargeError: the program has too many states.
         """
-        from lcorpp.reasoning.circuit.compiler import compiled  # here, as it takes time to load numpy
+        from lcorpp.reasoning.circuit.compiler import compile_program  # here, as it takes time to load numpy
 
-        return compiled(self.program, inputs, query, do)
+        return compile_program(self.program, inputs, query, do)
 
     def exact(
         self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
@@ -218,11 +218,11 @@ class Engine:
             return found if exact else _floats(found)  # type: ignore[return-value]
         do = {ground(item.term): ground(item.value) for item in checked.interventions}
         observed = [observation.literal for observation in checked.observations]
-        name = ground(checked.subject) if checked.subject else ASKED
-        prepared = plan(self.program, do, observed, (name,), checked.literals)
+        name = ground(checked.subject) if checked.subject else QUERY_TERM
+        prepared = build_transition_system(self.program, do, observed, (name,), checked.literals)
         conditions = _conditions(checked)
         try:
-            paths = Paths(trellis(prepared))
+            paths = WorldQueries(build_trellis(prepared))
             found_sums = paths.exact(name, {}) if exact else paths.weights(name, {})
         except TooLargeError as error:
             if exact:
@@ -239,10 +239,14 @@ class Engine:
 
     # the other engines
 
-    def _worlds(self, do: Mapping[str, str], wanted: Sequence[str]) -> Paths:
+    def _worlds(self, do: Mapping[str, str], wanted: Sequence[str]) -> WorldQueries:
         key = frozenset(do.items()), frozenset(wanted)
         if key not in self._paths:
-            _keep(self._paths, key, Paths(trellis(plan(self.program, do, wanted=wanted))))
+            _keep(
+                self._paths,
+                key,
+                WorldQueries(build_trellis(build_transition_system(self.program, do, wanted=wanted))),
+            )
         return self._paths[key]
 
     def _enumeration(self) -> Enumeration:
@@ -264,7 +268,7 @@ class Engine:
 
         from lcorpp.reasoning.distributions import EstimatedDistribution
 
-        prepared = plan(self.program, do)
+        prepared = build_transition_system(self.program, do)
         self._say(reason)
         found = estimate(prepared, term, facts, self.samples)
         if found.values[""][0]:
@@ -330,7 +334,7 @@ def _floats(found: dict[str, Fraction] | Fraction) -> dict[str, float] | float:
     return {v: float(p) for v, p in found.items()} if isinstance(found, dict) else float(found)
 
 
-def _estimates(program: Program, query: Query, found: Estimates) -> dict[str, Answer] | Answer:
+def _estimates(program: Program, query: Query, found: SampleEstimates) -> dict[str, Answer] | Answer:
     made = {value: Estimate(p, error) for value, (p, error) in found.values.items()}
     if query.subject is None:
         return made.get("true", Estimate(0.0, 0.0))

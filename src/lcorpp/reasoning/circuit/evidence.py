@@ -16,7 +16,7 @@ from lcorpp.reasoning.resolve import term_of
 _Column = TypeVar("_Column")
 
 
-class Inputs:
+class EvidenceEncoder:
     """The terms that evidence may name.
 
     names: they, in their order.

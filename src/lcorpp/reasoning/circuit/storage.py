@@ -25,7 +25,7 @@ from lcorpp.errors import DataError, LcorppError
 from lcorpp.files import read_bytes, write_atomically
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.matrices import Layer, Matrix
-from lcorpp.reasoning.circuit.trellis import MOST_EDGES
+from lcorpp.reasoning.circuit.trellis import MAX_ARCS
 from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.program import Program, program_text
@@ -149,7 +149,7 @@ def _matrix(table: npt.NDArray[np.float64], shape: tuple[int, int]) -> Matrix:
 
 def _layer(head: dict[str, Any], number: int, arrays: dict[str, Any]) -> Layer:
     shape = int(head["shape"][0]), int(head["shape"][1])
-    if not all(0 <= size <= MOST_EDGES for size in shape):
+    if not all(0 <= size <= MAX_ARCS for size in shape):
         raise DataError(f"layer {number} has the shape {shape}")
     matrices = {int(o): _matrix(arrays[f"{number}/{o}"], shape) for o in head["outcomes"]}
     if not matrices:

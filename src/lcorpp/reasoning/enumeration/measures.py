@@ -8,7 +8,6 @@ Condition 1 of 2018: Balai, Gelfond and Zhang, 2019, section 3.2.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from types import MappingProxyType
 
@@ -21,19 +20,7 @@ from lcorpp.reasoning.language.syntax import Literal, Probability, Selection
 from lcorpp.reasoning.program import Program
 
 
-@dataclass(frozen=True, eq=False)
-class World:
-    """A possible world.
-
-    values: term -> value, for the terms that have one.
-    measure: its probability among the worlds it was enumerated with.
-    """
-
-    values: Mapping[str, str]
-    measure: Fraction
-
-
-def measured_worlds(
+def measure_worlds(
     program: Program, answer_sets: Iterable[AnswerSet]
 ) -> Iterator[tuple[Mapping[str, str], Fraction]]:
     """The possible worlds of a program with their measures, not normalised.

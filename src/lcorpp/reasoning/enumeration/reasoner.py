@@ -14,13 +14,14 @@ from typing import TypeVar
 import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning.enumeration.measures import World, holds, measured_worlds
+from lcorpp.reasoning.enumeration.measures import holds, measure_worlds
 from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.syntax import Literal, Query, Term
 from lcorpp.reasoning.program import Program
 from lcorpp.reasoning.resolve import facts_of, interventions_of, term_of
+from lcorpp.reasoning.world import World
 from lcorpp.values import Distribution
 
 NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -29,7 +30,7 @@ NOTHING: Mapping[str, str] = MappingProxyType({})
 KEPT = 10_000
 """How many answers a reasoner keeps before it forgets them and begins anew."""
 
-TABLES_KEPT = 100
+TABLE_CACHE_SIZE = 100
 """How many enumerations, one for each set of interventions, and how many conditioned tables to draw from."""
 
 _Key = TypeVar("_Key")
@@ -155,7 +156,7 @@ class Enumeration:
         if draw is None:
             table = self._given(facts_of(self.program, given), {})
             draw = ([weight / table.total for weight in accumulate(table.weights)], table.values)
-            _keep(self._draws, key, draw, TABLES_KEPT)
+            _keep(self._draws, key, draw, TABLE_CACHE_SIZE)
         cumulative, worlds = draw
         return dict(
             worlds[bisect_right(cumulative, rng.random())]
@@ -227,12 +228,12 @@ class Enumeration:
             )  # here, so that clingo is loaded when needed
 
             sets = answer_sets(self.program, do, self.limit, creating)
-            found = list(measured_worlds(self.program, sets))
+            found = list(measure_worlds(self.program, sets))
             found.sort(key=lambda world: tuple(world[0].items()))
             common = lcm(*{measure.denominator for _, measure in found})
             weights = tuple(measure.numerator * (common // measure.denominator) for _, measure in found)
             table = _Table(tuple(values for values, _ in found), weights, sum(weights))
-            _keep(self._tables, key, table, TABLES_KEPT)
+            _keep(self._tables, key, table, TABLE_CACHE_SIZE)
         return self._tables[key]
 
 

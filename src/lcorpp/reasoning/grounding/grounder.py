@@ -12,9 +12,14 @@ from fractions import Fraction
 from typing import cast
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.grounding.atoms import Parts, key_of
-from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind, Literal as GroundLiteral
-from lcorpp.reasoning.grounding.joins import Facts, Join, Part, Source
+from lcorpp.reasoning.grounding.atoms import AtomTable, key_of
+from lcorpp.reasoning.grounding.ground_program import (
+    Clause,
+    ClauseKind,
+    GroundProgram,
+    Literal as GroundLiteral,
+)
+from lcorpp.reasoning.grounding.rule_instantiator import Facts, Part, RuleInstantiator, Source
 from lcorpp.reasoning.grounding.values import Value, split, value_of
 from lcorpp.reasoning.language.arithmetic import exact, ground, variables
 from lcorpp.reasoning.language.issues import Offence
@@ -36,13 +41,13 @@ Body = Sequence[Literal | Comparison]
 
 _NONE = Source("()")
 
-ASKED = "?"
+QUERY_TERM = "?"
 """The name of the term that has the value true where all literals that are asked for hold."""
 
 
 def ground_program(
     program: Program, do: Mapping[str, str], observed: Iterable[Literal] = (), asked: Sequence[Literal] = ()
-) -> Ground:
+) -> GroundProgram:
     """Ground a program.
 
     Args:
@@ -62,8 +67,8 @@ def ground_program(
 class _Grounder:
     def __init__(self, program: Program, do: Mapping[str, str]) -> None:
         self.program, self.signature = program, program.signature
-        self.ground = Ground(program)
-        self.parts = Parts(self.ground)
+        self.ground = GroundProgram(program)
+        self.parts = AtomTable(self.ground)
         self._add = self.ground.clauses.append
         self._sorts: dict[str, Mapping[Value, None]] = {}
         self._do = dict(do)
@@ -76,11 +81,11 @@ class _Grounder:
     def _set(self, term: str, value: str) -> None:
         if self._do.setdefault(term, value) != value:  # two values set: no world has both
             if self.ground.do_is_fact:
-                self._add(Clause(Kind.FORBID, -1, 0, ()))
+                self._add(Clause(ClauseKind.FORBID, -1, 0, ()))
             else:
                 self._torn.add(term)
 
-    def all(self, observed: Iterable[Literal], asked: Sequence[Literal]) -> Ground:
+    def all(self, observed: Iterable[Literal], asked: Sequence[Literal]) -> GroundProgram:
         for term, value in self._do.items():
             name = term.partition("(")[0]
             found = self.parts.number(name, key_of([value_of(a) for a in split(term)[1]]))
@@ -99,13 +104,13 @@ class _Grounder:
         if self._torn:  # in 2018 only where the term is selected
             names = self.ground.names
             for c in [
-                c for c in self.ground.clauses if c.kind is Kind.SELECT and names[c.term] in self._torn
+                c for c in self.ground.clauses if c.kind is ClauseKind.SELECT and names[c.term] in self._torn
             ]:
-                self._add(Clause(Kind.FORBID, -1, 0, c.body, c.statement))
+                self._add(Clause(ClauseKind.FORBID, -1, 0, c.body, c.statement))
         if asked:
             body = tuple([self.parts.ground_literal(literal) for literal in asked])
-            self._add(Clause(Kind.DERIVE, len(self.ground.names), 0, body))
-            self.ground.names.append(ASKED)
+            self._add(Clause(ClauseKind.DERIVE, len(self.ground.names), 0, body))
+            self.ground.names.append(QUERY_TERM)
             self.ground.values.append(("true",))
         return self.ground
 
@@ -145,9 +150,9 @@ class _Grounder:
 
     # statements
 
-    def _join(self, statement: Rule | Selection | Probability, body: Body, facts: Facts) -> Join:
+    def _join(self, statement: Rule | Selection | Probability, body: Body, facts: Facts) -> RuleInstantiator:
         slots = list(self.signature.slots(statement))
-        return Join(self.signature, self._sort, slots, scope(statement), body, facts)
+        return RuleInstantiator(self.signature, self._sort, slots, scope(statement), body, facts)
 
     def _sort(self, name: str) -> Mapping[Value, None]:
         if name not in self._sorts:
@@ -157,13 +162,13 @@ class _Grounder:
     def _rule(self, index: int, rule: Rule) -> None:
         join = self._join(rule, rule.body, self._facts)
         if rule.head is None:
-            self._emit(join, Kind.FORBID, -1, 0, rule.body, index)
+            self._emit(join, ClauseKind.FORBID, -1, 0, rule.body, index)
         else:
             term, value = (
                 self.parts.term(join, rule.head.term),
                 self.parts.value(join, rule.head.term, rule.head.value),
             )
-            self._emit(join, Kind.DERIVE, term, value, rule.body, index)
+            self._emit(join, ClauseKind.DERIVE, term, value, rule.body, index)
 
     def _selection(self, index: int, selection: Selection) -> None:
         join = self._join(selection, selection.body, self._facts)
@@ -177,7 +182,7 @@ class _Grounder:
         if selection.range:
             join.add(f"instances[{instance}] = {join.written(term)}")
         self._emit(
-            join, Kind.SELECT, term, 0, selection.body, index, self.parts.label(join, label), instance,
+            join, ClauseKind.SELECT, term, 0, selection.body, index, self.parts.label(join, label), instance,
             instances=instances,
         )  # fmt: skip
         if selection.range:
@@ -190,10 +195,10 @@ class _Grounder:
         variable, condition = selection.range.variable, selection.range.condition
         slots = list(self.signature.range_slots(selection))
         used = [variable, *expressions(condition)]
-        join = Join(self.signature, self._sort, slots, used, condition, self._facts, shared)
+        join = RuleInstantiator(self.signature, self._sort, slots, used, condition, self._facts, shared)
         value = self.parts.value(join, selection.term, variable)
         run = self._function(
-            join, Kind.RANGE, Source("instances[" + _tuple(shared) + "]"), value, condition, index, "",
+            join, ClauseKind.RANGE, Source("instances[" + _tuple(shared) + "]"), value, condition, index, "",
             _tuple(shared), instances=instances,
         )  # fmt: skip
         for instance in list(instances):
@@ -205,19 +210,19 @@ class _Grounder:
         written = atom.number
         number = written.value if isinstance(written, Number) else _computed(join, written)
         label = self.parts.label(join, atom.label.arguments if atom.label else ())
-        self._emit(join, Kind.ASSIGN, term, value, atom.condition, index, label, number=number)
+        self._emit(join, ClauseKind.ASSIGN, term, value, atom.condition, index, label, number=number)
 
     def _forbid_unless(self, literal: Literal) -> None:
         term, allowed, negated = self.parts.ground_literal(literal)
         everything = (1 << len(self.ground.values[term]) + 1) - 1
-        self._add(Clause(Kind.FORBID, -1, 0, ((term, everything & ~allowed, not negated),)))
+        self._add(Clause(ClauseKind.FORBID, -1, 0, ((term, everything & ~allowed, not negated),)))
 
     # clauses
 
     def _emit(
         self,
-        join: Join,
-        kind: Kind,
+        join: RuleInstantiator,
+        kind: ClauseKind,
         term: Part,
         value: Part,
         body: Body,
@@ -240,8 +245,8 @@ class _Grounder:
 
     def _function(
         self,
-        join: Join,
-        kind: Kind,
+        join: RuleInstantiator,
+        kind: ClauseKind,
         term: Part,
         value: Part,
         body: Body | list[tuple[Part, Part, bool]],
@@ -264,7 +269,7 @@ class _Grounder:
         )
         return join.function(add=self._add, Clause=Clause, **names)
 
-    def _body(self, join: Join, body: Body) -> list[tuple[Part, Part, bool]]:
+    def _body(self, join: RuleInstantiator, body: Body) -> list[tuple[Part, Part, bool]]:
         return [
             self.parts.literal(join, literal)
             for literal in body
@@ -282,7 +287,7 @@ def _tuple(names: Iterable[str]) -> Source:
     return Source("(" + "".join(f"v_{name}, " for name in names) + ")")
 
 
-def _computed(join: Join, number: Expression) -> Source:
+def _computed(join: RuleInstantiator, number: Expression) -> Source:
     """The number of a pr-atom that depends on variables, made once for the same values of them."""
     names = sorted(_names([number]))
     known: dict[tuple[Value, ...], Fraction] = {}

@@ -9,8 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from lcorpp.reasoning.grounding.patterns import computed, matched, names_of, nested, plain_names
-from lcorpp.reasoning.grounding.values import Value, divide, holds, matches, value_of
+from lcorpp.reasoning.grounding.values import (
+    Value,
+    computed,
+    divide,
+    holds,
+    matched,
+    matches,
+    names_of,
+    nested,
+    plain_names,
+    value_of,
+)
 from lcorpp.reasoning.language.arithmetic import ground, variables
 from lcorpp.reasoning.language.safety import variable_sorts
 from lcorpp.reasoning.language.signature import Signature, Slot
@@ -36,7 +46,7 @@ class Source(str):
 Part = Source | Value
 
 
-class Join:
+class RuleInstantiator:
     """The ways to bind the variables of one statement.
 
     Args:
