@@ -99,10 +99,10 @@ def _domain(folder: Path) -> None:
 
 
 def _program(path: Path) -> None:
-    from lcorpp.reasoning import Engine, read_plog
+    from lcorpp.reasoning import Reasoner, read_plog
 
     program = read_plog(path)
-    worlds = Engine(program).count()
+    worlds = Reasoner(program).count()
     show.console.print(f"{path}: {len(program.attributes)} attributes, {worlds} possible worlds: right")
 
 

@@ -13,7 +13,6 @@ from lcorpp.cli import console as show
 if TYPE_CHECKING:
     from lcorpp.experiments.run_store import Memory
     from lcorpp.protocols import Classifier
-    from lcorpp.reasoning import Program
     from lcorpp.values import ConfusionMatrix, Dataset, Episode, Instance
 
 
@@ -65,6 +64,7 @@ def learn(
         simulated_training,
     )
     from lcorpp.files import make_folder
+    from lcorpp.reasoning import Reasoner
 
     loaded = load_domain(domain, preset=preset)
     preparation.introduce(loaded)
@@ -86,8 +86,8 @@ def learn(
             )
         return (trained.soft() if soft else trained), validation.confusion
 
-    def program(confusion: ConfusionMatrix) -> Program:
-        return loaded.soft_program if soft else loaded.program_for(confusion)
+    def reasoner(confusion: ConfusionMatrix) -> Reasoner:
+        return Reasoner(loaded.soft_program if soft else loaded.program_for(confusion))
 
     with ExitStack() as opened:
         memory, resumed = None, None
@@ -117,7 +117,7 @@ def learn(
         batches = lcorpp(
             memory.omega() if memory else training.dataset,
             learn=learned,
-            reason=program,
+            reason=reasoner,
             planner=preparation.planner(loaded),
             domain=loaded,
             collect=crowd.next,

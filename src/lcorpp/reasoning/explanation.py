@@ -11,9 +11,9 @@ from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM, ground_program
 from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Place, Query
-from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.reasoner import Answer, Engine
+from lcorpp.reasoning.reasoner import Answer, Reasoner
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.reasoning.world import World
 
@@ -59,7 +59,7 @@ def explain(program: Program, query: Query, *, count: int = 3) -> Explanation:
         ProgramError: the query is not about this program, or a world breaks a condition of the language.
         TooLargeError: the program has too many states.
     """
-    engine = Engine(program)
+    engine = Reasoner(program)
     try:
         answer: Result | None = engine.ask(query, exact=True)
     except UndefinedError:
@@ -74,7 +74,7 @@ def explain(program: Program, query: Query, *, count: int = 3) -> Explanation:
     return Explanation(query, answer, tuple(without), _worlds(program, query, count))
 
 
-def _answer(engine: Engine, query: Query) -> Result | str:
+def _answer(engine: Reasoner, query: Query) -> Result | str:
     try:
         return engine.ask(query, exact=True)
     except LcorppError as error:

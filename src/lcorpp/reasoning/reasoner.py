@@ -21,8 +21,8 @@ from lcorpp.reasoning.gc_pause import without_collection
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM
 from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query, Term
-from lcorpp.reasoning.program import Program
 from lcorpp.reasoning.resolve import facts_of, interventions_of, term_of
 from lcorpp.reasoning.transitions.likelihood_weighting import SAMPLES, SampleEstimates, estimate
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
@@ -49,8 +49,8 @@ class ReasoningWarning(UserWarning):
     """An answer was not found by the compiled engine."""
 
 
-class Engine:
-    """Answers queries of a program; it has the methods of a `Reasoner`.
+class Reasoner:
+    """Answers queries of a program; it compiles each kind of question once and keeps the answers.
 
     Args:
         program: the program.
@@ -64,11 +64,11 @@ class Engine:
         self._paths: dict[Hashable, WorldQueries] = {}
         self._weighing: dict[Hashable, SoftEvidence] = {}
 
-    def __reduce__(self) -> tuple[Callable[[Program, int], Engine], tuple[Program, int]]:
+    def __reduce__(self) -> tuple[Callable[[Program, int], Reasoner], tuple[Program, int]]:
         return _again, (self.program, self.samples)
 
     def posterior(
-        self, attribute: str, evidence: Mapping[str, Label], do: Mapping[str, str] = NOTHING
+        self, attribute: str, evidence: Mapping[str, Label] = NOTHING, do: Mapping[str, str] = NOTHING
     ) -> Distribution:
         """The marginal of `attribute` given evidence and interventions.
 
@@ -344,8 +344,8 @@ def _estimates(program: Program, query: Query, found: SampleEstimates) -> dict[s
     return dict(made)
 
 
-def _again(program: Program, samples: int) -> Engine:
-    return Engine(program, samples=samples)
+def _again(program: Program, samples: int) -> Reasoner:
+    return Reasoner(program, samples=samples)
 
 
 def _keep(memory: dict[Hashable, _Kept], key: Hashable, value: _Kept) -> None:
@@ -355,5 +355,5 @@ def _keep(memory: dict[Hashable, _Kept], key: Hashable, value: _Kept) -> None:
 
 
 def ask(program: Program, query: Query) -> dict[str, Answer] | Answer:
-    """Answer one query exactly: value -> fraction, or a fraction; see `Engine.ask`."""
-    return Engine(program).ask(query, exact=True)
+    """Answer one query exactly: value -> fraction, or a fraction; see `Reasoner.ask`."""
+    return Reasoner(program).ask(query, exact=True)

@@ -10,8 +10,8 @@ from lcorpp.errors import ParseError, ProgramError, TooLargeError, expected
 from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.parser import parse_term
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query, Term
-from lcorpp.reasoning.program import Program
 
 MOST_INPUTS = 100_000
 """How many terms an attribute that is named without its arguments may have."""

@@ -10,7 +10,7 @@ from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, expected
 from lcorpp.reasoning.circuit.refusals import shown
 from lcorpp.reasoning.distributions import EstimatedDistribution
 from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import term_of
 from lcorpp.values import Array, Distribution, Label, Likelihood
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from math import prod
 from operator import itemgetter
-from pathlib import Path
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from lcorpp.reasoning.circuit.matrices import Layer, forward_backward
 from lcorpp.reasoning.circuit.refusals import impossible, no_value, shown
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.reasoning.world import World
 from lcorpp.values import Array, Distribution
@@ -36,7 +35,7 @@ Answers = Array | dict[str, Array]
 
 
 class Circuit:
-    """A program compiled for some inputs and queries; made by `Program.compile`.
+    """A program compiled for some inputs and queries; made by `Reasoner.compile`.
 
     It is called with evidence, a mapping from inputs to values; inputs that are missing are not observed:
 
@@ -83,16 +82,6 @@ class Circuit:
         self._paths = paths
         self._tabulates = AnswerTable.fit(self._given.sizes)
         self._tables: AnswerTable | None = None
-
-    def save(self, path: str | Path) -> None:
-        """Write the circuit to a file that `load_circuit` reads.
-
-        Raises:
-            FileError: the file cannot be written.
-        """
-        from lcorpp.reasoning.circuit.storage import save_circuit  # here, as it reads circuits
-
-        save_circuit(self, path)
 
     def prepare(self) -> None:
         """Work out all answers if they are few; larger tables wait for the first call."""

@@ -13,7 +13,7 @@ from lcorpp.reasoning.circuit.trellis import Trellis, build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import without_collection
 from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import interventions_of, term_of, terms_of
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array

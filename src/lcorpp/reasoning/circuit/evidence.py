@@ -10,7 +10,7 @@ import numpy as np
 from lcorpp.errors import ProgramError, expected
 from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import term_of
 
 _Column = TypeVar("_Column")

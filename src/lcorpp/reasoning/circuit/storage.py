@@ -28,7 +28,7 @@ from lcorpp.reasoning.circuit.matrices import Layer, Matrix
 from lcorpp.reasoning.circuit.trellis import MAX_ARCS
 from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.language.parser import parse_plog
-from lcorpp.reasoning.program import Program, program_text
+from lcorpp.reasoning.language.program import Program, program_text
 from lcorpp.reasoning.resolve import interventions_of, term_of
 
 FORMAT, VERSION = "lcorpp circuit", 1
@@ -42,7 +42,11 @@ DAMAGED = (
 
 
 def save_circuit(circuit: Circuit, path: str | Path) -> None:
-    """Write a circuit; see `Circuit.save`."""
+    """Write a circuit to a file that `load_circuit` reads.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
     arrays: dict[str, npt.NDArray[Any]] = {"ending": circuit.ending}
     layers = []
     for number, layer in enumerate(circuit.layers):
@@ -70,7 +74,7 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
 
 
 def load_circuit(path: str | Path) -> Circuit:
-    """Read what `Circuit.save` wrote; it answers exactly as the one that was saved.
+    """Read what `save_circuit` wrote; it answers exactly as the one that was saved.
 
     Raises:
         FileError: the file is missing or unreadable.

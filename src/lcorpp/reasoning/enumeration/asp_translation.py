@@ -26,6 +26,7 @@ import clingo
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.enumeration.answer_set import AnswerSet
 from lcorpp.reasoning.language.arithmetic import ground, variables
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.safety import variable_sorts
 from lcorpp.reasoning.language.signature import Signature, Slot, expressions, pr_variables, scope
 from lcorpp.reasoning.language.syntax import (
@@ -44,7 +45,6 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     Variable,
 )
-from lcorpp.reasoning.program import Program
 
 
 def answer_sets(

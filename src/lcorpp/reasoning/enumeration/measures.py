@@ -15,9 +15,9 @@ from lcorpp.errors import ProgramError
 from lcorpp.reasoning.enumeration.answer_set import AnswerSet, Assigned, Selected
 from lcorpp.reasoning.language.arithmetic import compare, exact, ground
 from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.signature import pr_variables, selection_of
 from lcorpp.reasoning.language.syntax import Literal, Probability, Selection
-from lcorpp.reasoning.program import Program
 
 
 def measure_worlds(

@@ -18,8 +18,8 @@ from lcorpp.reasoning.enumeration.measures import holds, measure_worlds
 from lcorpp.reasoning.language.arithmetic import ground
 from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.parser import parse_term
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Query, Term
-from lcorpp.reasoning.program import Program
 from lcorpp.reasoning.resolve import facts_of, interventions_of, term_of
 from lcorpp.reasoning.world import World
 from lcorpp.values import Distribution

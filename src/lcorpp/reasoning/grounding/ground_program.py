@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Selection
-from lcorpp.reasoning.program import Program
 
 
 class ClauseKind(Enum):

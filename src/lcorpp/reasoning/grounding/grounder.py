@@ -23,6 +23,7 @@ from lcorpp.reasoning.grounding.rule_instantiator import Facts, Part, RuleInstan
 from lcorpp.reasoning.grounding.values import Value, split, value_of
 from lcorpp.reasoning.language.arithmetic import exact, ground, variables
 from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.signature import expressions, scope
 from lcorpp.reasoning.language.syntax import (
     Comparison,
@@ -35,7 +36,6 @@ from lcorpp.reasoning.language.syntax import (
     Rule,
     Selection,
 )
-from lcorpp.reasoning.program import Program
 
 Body = Sequence[Literal | Comparison]
 

@@ -20,10 +20,10 @@ from lcorpp.reasoning.language.expressions import value
 from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.lenient import fitting
 from lcorpp.reasoning.language.lexer import END, Cursor
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.queries import question
 from lcorpp.reasoning.language.statements import statements
 from lcorpp.reasoning.language.syntax import Expression, Query, Semantics
-from lcorpp.reasoning.program import Program
 
 _Read = TypeVar("_Read")
 

@@ -9,8 +9,8 @@ from lcorpp.reasoning.gc_pause import without_collection
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.simplification import simplify
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal as SyntaxLiteral
-from lcorpp.reasoning.program import Program
 from lcorpp.reasoning.transitions.elimination_order import order_components
 from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent
 from lcorpp.reasoning.transitions.transition import Transition

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.language.checker import check, check_query
@@ -13,13 +11,6 @@ from lcorpp.reasoning.language.issues import Offence
 from lcorpp.reasoning.language.rewriting import renamed_query
 from lcorpp.reasoning.language.signature import Attribute, Signature
 from lcorpp.reasoning.language.syntax import CrRule, Query, Semantics, SortDefinition, Statement, Term
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from lcorpp.reasoning.circuit.circuit import Circuit
-    from lcorpp.reasoning.reasoner import Engine
-    from lcorpp.values import Distribution, Label
 
 
 @dataclass(frozen=True)
@@ -76,69 +67,6 @@ class Program:
             Offence: it names what the program does not know.
         """
         check_query(query, self.signature)
-
-    def posterior(
-        self,
-        attribute: str,
-        obs: Mapping[str, Label] = MappingProxyType({}),
-        do: Mapping[str, str] = MappingProxyType({}),
-    ) -> Distribution:
-        """The marginal of an attribute given observations and interventions.
-
-        The program is compiled when a kind of question is first asked, and the answer kept.
-
-        Args:
-            attribute: an attribute or a term of one, such as ``roll(d1)``.
-            obs: term -> value, or -> the likelihood of its values, which weighs them.
-            do: term -> value.
-
-        Raises:
-            ProgramError: the program does not know a name, `attribute` may have no value under the evidence,
-                or a world breaks a condition of the language.
-            UndefinedError: no possible world has the evidence.
-        """
-        return self._engine.posterior(attribute, obs, do)
-
-    def compile(
-        self,
-        inputs: Sequence[str],
-        query: str | Sequence[str],
-        do: Mapping[str, str] = MappingProxyType({}),
-    ) -> Circuit:
-        """Compile the program into a circuit that is called with evidence, one or many at a time.
-
-        Args:
-            inputs: the terms that evidence may name; an attribute with arguments stands for all its terms.
-            query: a term, or several.
-            do: interventions, term -> value.
-
-        Raises:
-            ProgramError: a name is unknown, a world breaks a condition of the language, or there are cr-
-                rules, with which observations cannot be left open.
-            TooLargeError: the program has too many states.
-        """
-        return self._engine.compile(inputs, query, do)
-
-    def sample(
-        self, rng: np.random.Generator, given: Mapping[str, str] = MappingProxyType({})
-    ) -> dict[str, str]:
-        """Draw a possible world with its probability given some evidence, term -> value.
-
-        Raises:
-            ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: the program has too many states.
-        """
-        return self._engine.sample(rng, given)
-
-    @property
-    def _engine(self) -> Engine:
-        found = self.__dict__.get("_kept_engine")
-        if found is None:
-            from lcorpp.reasoning.reasoner import Engine  # here, as an engine reads programs
-
-            found = Engine(self)
-            object.__setattr__(self, "_kept_engine", found)
-        return found
 
     def __str__(self) -> str:
         marked = any(isinstance(s, SortDefinition) and s.is_algebra for s in self.statements)
