@@ -8,7 +8,7 @@ from lcorpp.errors import TooLargeError
 from lcorpp.reasoning.grounding.ground_program import GroundProgram, Literal as GroundLiteral
 from lcorpp.reasoning.grounding.rule_instantiator import Part, RuleInstantiator, Source
 from lcorpp.reasoning.grounding.values import Value, holds, value_of
-from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.syntax import Expression, Literal, Term
 
 Key = Value | tuple[Value, ...]
@@ -42,8 +42,10 @@ class AtomTable:
 
     def ground_literal(self, literal: Literal) -> GroundLiteral:
         """The same for a literal without variables."""
-        term = self.number(literal.term.name, key_of([value_of(ground(a)) for a in literal.term.arguments]))
-        return term, self._allowed(literal, value_of(ground(literal.value))), literal.negated
+        term = self.number(
+            literal.term.name, key_of([value_of(canonical_text(a)) for a in literal.term.arguments])
+        )
+        return term, self._allowed(literal, value_of(canonical_text(literal.value))), literal.negated
 
     def term(self, join: RuleInstantiator, term: Term) -> Part:
         """A term."""

@@ -21,10 +21,10 @@ from lcorpp.reasoning.grounding.ground_program import (
 )
 from lcorpp.reasoning.grounding.rule_instantiator import Facts, Part, RuleInstantiator, Source
 from lcorpp.reasoning.grounding.values import Value, split, value_of
-from lcorpp.reasoning.language.arithmetic import exact, ground, variables
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.signature import expressions, scope
+from lcorpp.reasoning.language.signature import iter_expressions, list_expressions
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
@@ -60,8 +60,8 @@ def ground_program(
     """
     try:
         return _Grounder(program, do).all(observed, asked)
-    except Offence as offence:
-        raise ProgramError(str(offence)) from None
+    except SourceIssue as issue:
+        raise ProgramError(str(issue)) from None
 
 
 class _Grounder:
@@ -75,7 +75,7 @@ class _Grounder:
         self._torn: set[str] = set()
         for statement in program.statements:
             if isinstance(statement, Intervention):
-                self._set(ground(statement.term), ground(statement.value))
+                self._set(canonical_text(statement.term), canonical_text(statement.value))
         self._facts = self._given()
 
     def _set(self, term: str, value: str) -> None:
@@ -152,7 +152,7 @@ class _Grounder:
 
     def _join(self, statement: Rule | Selection | Probability, body: Body, facts: Facts) -> RuleInstantiator:
         slots = list(self.signature.slots(statement))
-        return RuleInstantiator(self.signature, self._sort, slots, scope(statement), body, facts)
+        return RuleInstantiator(self.signature, self._sort, slots, list_expressions(statement), body, facts)
 
     def _sort(self, name: str) -> Mapping[Value, None]:
         if name not in self._sorts:
@@ -172,10 +172,10 @@ class _Grounder:
 
     def _selection(self, index: int, selection: Selection) -> None:
         join = self._join(selection, selection.body, self._facts)
-        inner = list(expressions(selection.range.condition)) if selection.range else []
+        inner = list(iter_expressions(selection.range.condition)) if selection.range else []
         label = selection.label.arguments if selection.label else ()
         told = _names((*inner, selection.term, *label))
-        shared = sorted(told & _names(scope(selection)))
+        shared = sorted(told & _names(list_expressions(selection)))
         term = self.parts.term(join, selection.term)
         instances: dict[tuple[Value, ...], int] = {}
         instance = _tuple(shared)
@@ -194,7 +194,7 @@ class _Grounder:
         assert selection.range
         variable, condition = selection.range.variable, selection.range.condition
         slots = list(self.signature.range_slots(selection))
-        used = [variable, *expressions(condition)]
+        used = [variable, *iter_expressions(condition)]
         join = RuleInstantiator(self.signature, self._sort, slots, used, condition, self._facts, shared)
         value = self.parts.value(join, selection.term, variable)
         run = self._function(
@@ -280,7 +280,7 @@ class _Grounder:
 
 
 def _names(parts: Iterable[Expression]) -> set[str]:
-    return {variable.name for part in parts for variable in variables(part)}
+    return {variable.name for part in parts for variable in iter_variables(part)}
 
 
 def _tuple(names: Iterable[str]) -> Source:
@@ -293,7 +293,7 @@ def _computed(join: RuleInstantiator, number: Expression) -> Source:
     known: dict[tuple[Value, ...], Fraction] = {}
 
     def make(values: tuple[Value, ...]) -> Fraction:
-        found = known[values] = exact(number, dict(zip(names, map(str, values), strict=True)))
+        found = known[values] = evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
         return found
 
     found = join.name(None)

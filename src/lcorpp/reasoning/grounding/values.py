@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from operator import ge, gt, le, lt
 
-from lcorpp.reasoning.language.arithmetic import ground, is_integer, variables
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer, iter_variables
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Literal, Place, Term, Variable
 
 Value = int | str
@@ -36,10 +36,10 @@ def divide(over: int, under: int, operator: str, at: Place) -> int:
     """Division and remainder of integers, toward zero as in ASP.
 
     Raises:
-        Offence: a division by zero.
+        SourceIssue: a division by zero.
     """
     if under == 0:
-        raise Offence(at, "cannot be grounded: division by zero")
+        raise SourceIssue(at, "cannot be grounded: division by zero")
     quotient = abs(over) // abs(under) * (-1 if (over < 0) != (under < 0) else 1)
     return quotient if operator == "/" else over - under * quotient
 
@@ -77,12 +77,12 @@ def matches(pattern: Expression, value: Value, seen: dict[str, Value]) -> bool:
             and len(arguments) == len(pattern.arguments)
             and all(matches(p, value_of(a), seen) for p, a in zip(pattern.arguments, arguments, strict=True))
         )
-    return isinstance(pattern, Arithmetic) or value_of(ground(pattern)) == value
+    return isinstance(pattern, Arithmetic) or value_of(canonical_text(pattern)) == value
 
 
 def names_of(expression: Expression) -> set[str]:
     """The variables of an expression."""
-    return {variable.name for variable in variables(expression)}
+    return {variable.name for variable in iter_variables(expression)}
 
 
 def plain_names(literal: Literal) -> set[str]:
