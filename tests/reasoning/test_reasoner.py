@@ -25,7 +25,7 @@ GOLDEN = {"time": "afternoon", "location": "classroom", "classifier": "zero"}
 @pytest.fixture
 def small(monkeypatch):
     """An engine that finds every program too large."""
-    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.trellis.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (1,))
 
 
 def test_posterior_by_reasoner_and_enumeration():
@@ -196,7 +196,7 @@ def test_too_large_and_undefined(small):
 
 def test_large_programs_are_refused(monkeypatch):
     """30 terms that constraints join pairwise: more states than any machine could hold."""
-    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.trellis.__defaults__", (20_000,))
+    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (20_000,))
     program = parse_plog(
         "i = {1..30}. c : i -> i. random(c(I)). #domain i(I;J). same : i, i -> boolean."
         " same(I,J) :- c(I)=V, c(J)=V, I < J. some : boolean. some :- not same(1,2), same(3,4), not"

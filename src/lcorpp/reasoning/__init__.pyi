@@ -2,7 +2,6 @@ from .circuit.circuit import Circuit as Circuit
 from .circuit.storage import load_circuit as load_circuit, save_circuit as save_circuit
 from .classifier_rules import with_classifier as with_classifier
 from .distributions import EstimatedDistribution as EstimatedDistribution
-from .enumeration.measures import World as World
 from .enumeration.reasoner import Enumeration as Enumeration
 from .explanation import Explanation as Explanation, explain as explain
 from .language.parser import parse_plog as parse_plog, parse_query as parse_query, read_plog as read_plog
@@ -15,3 +14,4 @@ from .reasoner import (
     ReasoningWarning as ReasoningWarning,
     ask as ask,
 )
+from .world import World as World

@@ -57,7 +57,7 @@ def test_a_batch_is_its_singles(circuit):
 def test_batches_are_taken_in_chunks(circuit, monkeypatch):
     codes = np.random.default_rng(0).integers(-1, 2, (500, 3))
     whole = circuit(codes)
-    monkeypatch.setattr("lcorpp.reasoning.circuit.passes.CHUNK", 50)
+    monkeypatch.setattr("lcorpp.reasoning.circuit.matrices.CHUNK", 50)
     np.testing.assert_allclose(REASONER.compile(INPUTS, "intention")(codes), whole, atol=1e-15)
 
 
@@ -279,7 +279,7 @@ def test_too_many_inputs_are_refused():
 
 
 def test_too_many_states_are_refused(monkeypatch):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.trellis.__defaults__", (5,))
+    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (5,))
     with pytest.raises(TooLargeError, match=r"lcorpp\.plog: more than 5 edges in the circuit"):
         REASONER.compile(INPUTS, "intention")
 
