@@ -17,7 +17,7 @@ from lcorpp.experiments.figures.files import write_figure
 from lcorpp.experiments.metrics import Scores, score_decisions
 from lcorpp.experiments.results import METRICS, to_row, write_csv, write_json
 from lcorpp.learning import SoftClassifier, TrainedClassifier, save_classifier
-from lcorpp.learning.store import Stored
+from lcorpp.learning.store import StoredTrack
 from lcorpp.simulation.population import Person, Population
 from lcorpp.simulation.trajectories import TrajectorySource
 from lcorpp.simulation.world import SimulatedWorld, SimulationModel
@@ -45,12 +45,12 @@ class DecisionResult:
         return {"simulated": {"actual": self.actual, "cost": self.cost, "earned": self.return_}}
 
     @classmethod
-    def from_stored(cls, stored: Stored) -> DecisionResult | None:
+    def from_stored(cls, stored: StoredTrack) -> DecisionResult | None:
         """Of a decision in a store; None where nobody knows the truth."""
         known = stored.extra.get("simulated")
         if not isinstance(known, dict) or not {"actual", "cost", "earned"} <= set(known):
             return None
-        return cls(known["actual"], stored.said[0].label, known["cost"], known["earned"])
+        return cls(known["actual"], stored.label_history[0].label, known["cost"], known["earned"])
 
 
 class PeopleStream:

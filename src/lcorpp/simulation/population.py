@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lcorpp.domains import Domain
-from lcorpp.reasoning import Enumeration
+from lcorpp.reasoning import Enumeration, Reasoner
 
 Person = Mapping[str, str]
 """One person: every attribute of the simulation's program and its value."""
@@ -21,10 +21,11 @@ class Population:
 
     def __init__(self, domain: Domain) -> None:
         self._program = domain.simulation.truth
+        self._reasoner = Reasoner(self._program)
 
     def sample(self, count: int, rng: np.random.Generator, given: Mapping[str, str] = {}) -> list[Person]:
         """Draw `count` people from the distribution conditioned on the values in `given`."""
-        return [self._program.sample(rng, given) for _ in range(count)]
+        return [self._reasoner.sample(rng, given) for _ in range(count)]
 
     def joint_distribution(self, attributes: Sequence[str]) -> dict[tuple[str, ...], float]:
         """Return the exact joint distribution of some attributes: value tuple -> probability."""
