@@ -5,12 +5,12 @@ The same as a command: `lcorpp run examples/drinks`, and `lcorpp check examples/
 
 from pathlib import Path
 
-from lcorpp import STRATEGIES, Planner, Robot, load_domain, solve
+from lcorpp import STRATEGIES, Planner, Reasoner, Robot, load_domain, solve
 from lcorpp.experiments.exact_evaluation import exact
 from lcorpp.simulation.population import Channel
 
 domain = load_domain(Path(__file__).parent / "drinks")
-reasoner = domain.program
+reasoner = Reasoner(domain.program)
 
 print(f"{domain.description} It is morning, and the guest looks at the kettle.")
 for value, probability in reasoner.posterior("wish", {"daytime": "morning", "gaze": "at_kettle"}):

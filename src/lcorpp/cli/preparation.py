@@ -9,6 +9,7 @@ from lcorpp.cli import console as show, model_files as models
 from lcorpp.cli.eyes import Eyes
 from lcorpp.decision import Robot
 from lcorpp.domains import Domain
+from lcorpp.reasoning import Reasoner
 
 
 def introduce(domain: Domain) -> None:
@@ -19,7 +20,7 @@ def introduce(domain: Domain) -> None:
 
 def robot(domain: Domain, looking: Eyes, policy: Path | None = None) -> Robot:
     """The full robot: the classifier, the reasoner with its rules, and the policy, solved or read."""
-    return Robot(looking.reader, looking.program, planner(domain, policy), domain)
+    return Robot(looking.reader, Reasoner(looking.program), planner(domain, policy), domain)
 
 
 def planner(domain: Domain, policy: Path | None = None) -> planning.Planner:
