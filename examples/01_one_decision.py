@@ -18,7 +18,7 @@ class Classifier:
 
 
 domain = load_domain("intention")
-policy = solve(domain.pomdp, domain.starts()).policy
+policy = solve(domain.pomdp, domain.start_beliefs()).policy
 robot = Robot(Classifier(), domain.program, Planner(domain.pomdp, policy), domain)
 
 person = Instance(trajectory=np.zeros((2, 304)), context={"time": "afternoon", "location": "classroom"})

@@ -83,7 +83,7 @@ def run(path: Path, tell, batches: int | None = None) -> None:
             batch_size=BATCH,
             epsilon=0,
             listener=decided,
-            resumed=memory.resumed(learn),
+            resume_point=memory.resumed(learn),
         )
         for batch in loop:
             memory.save(batch, [])

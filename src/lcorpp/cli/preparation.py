@@ -27,7 +27,7 @@ def planner(domain: Domain, policy: Path | None = None) -> planning.Planner:
     pomdp = domain.pomdp
     if policy is not None:
         return planning.Planner(pomdp, models.read_policy(policy, pomdp))
-    starts = domain.starts()
+    starts = domain.start_beliefs()
     with show.progress("solving the POMDP"):
         solution = planning.solve(pomdp, starts)
     lower, gap = solution.policy.value(pomdp.start), solution.gap(pomdp.start)

@@ -15,7 +15,7 @@ from lcorpp.planning.evaluation.batch_policy import Choice
 from lcorpp.planning.evaluation.sparse_beliefs import Beliefs
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import MAX_BYTES
-from lcorpp.values import Array, Belief, frozen
+from lcorpp.values import Array, Belief, freeze
 
 Indices = npt.NDArray[np.intp]
 
@@ -37,7 +37,7 @@ class Piece:
     actions: Indices
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vectors", frozen(self.vectors))
+        object.__setattr__(self, "vectors", freeze(self.vectors))
         for field in ("states", "actions"):
             array = np.array(getattr(self, field), dtype=np.intp)
             array.setflags(write=False)
