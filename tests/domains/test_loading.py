@@ -9,6 +9,7 @@ import pytest
 from lcorpp.domains import load_domain, shipped_domains
 from lcorpp.errors import DomainError, FileError, LcorppError, ParseError
 from lcorpp.experiments.training import simulated_training
+from lcorpp.reasoning import Reasoner
 from lcorpp.values import ConfusionMatrix, Distribution, Likelihood
 
 ROOMS = Path(__file__).parent / "rooms"
@@ -76,7 +77,7 @@ def test_a_made_up_domain():
     assert list(rooms.target_of_label(evidence)) == [("lab", 0.5), ("office", 0.25), ("store", 1)]
     with pytest.raises(DomainError, match="a likelihood of a, b; expected one of lab, office, store"):
         rooms.evidence({}, Likelihood(("a", "b"), [1, 1]))
-    sure = rooms.soft_program.posterior("goal", {"badge": "staff", "heading": "right"})
+    sure = Reasoner(rooms.soft_program).posterior("goal", {"badge": "staff", "heading": "right"})
     assert sure["store"] == 1  # there the attribute stands for the truth
     assert (rooms.report("to_office"), rooms.report("point")) == ("office", None)
     assert rooms.report_action("store") == "to_store"

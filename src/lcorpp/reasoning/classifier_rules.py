@@ -7,9 +7,9 @@ from fractions import Fraction
 
 from lcorpp.errors import ProgramError, expected_one_of
 from lcorpp.reasoning.language.parser import parse_term
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.signature import Attribute
 from lcorpp.reasoning.language.syntax import Literal, Number, Probability, Selection, Statement, Term
-from lcorpp.reasoning.program import Program
 from lcorpp.values import JEFFREYS, ConfusionMatrix
 
 

@@ -12,7 +12,7 @@ from lcorpp.domains.sections.planning import Planning, declared
 from lcorpp.domains.sections.reasoning import Knowledge, Learning, attribute_values, require_same
 from lcorpp.domains.toml import Settings
 from lcorpp.errors import DomainError, expected_one_of
-from lcorpp.reasoning import Program, read_plog
+from lcorpp.reasoning import Program, Reasoner, read_plog
 from lcorpp.values import Array
 
 
@@ -112,9 +112,10 @@ def _channel(
         return channel
     if learning.attribute not in truth.attributes:
         return None
-    marginal = truth.posterior(knowledge.target, {})
+    reasoner = Reasoner(truth)
+    marginal = reasoner.posterior(knowledge.target, {})
     return {
-        value: dict(truth.posterior(learning.attribute, {knowledge.target: value}))
+        value: dict(reasoner.posterior(learning.attribute, {knowledge.target: value}))
         if marginal[value]
         else dict.fromkeys(words, 1 / len(words))  # never met, so never asked
         for value in knowledge.values

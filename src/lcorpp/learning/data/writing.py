@@ -13,7 +13,7 @@ from lcorpp.errors import DataError, FileError, expected_one_of
 from lcorpp.files import open_atomically
 from lcorpp.learning.data.csv_formats import NAMES
 from lcorpp.learning.data.parquet import SUFFIXES, pyarrow
-from lcorpp.learning.data.tracks import COLUMNS, Mend, Recording, Track
+from lcorpp.learning.data.tracks import COLUMNS, Recording, Repair, Track
 
 DECIMALS = 4
 """Of every number in CSV: a tenth of a millimetre and of a millisecond."""
@@ -43,7 +43,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
         )
 
 
-def columns_of(recording: Recording) -> tuple[str, ...]:
+def select_columns(recording: Recording) -> tuple[str, ...]:
     """The columns that are written, in the order of `long_csv.NAMES`."""
     numbers = [name for name in COLUMNS if all(name in track.columns for track in recording.tracks)]
     words = [] if None in recording.labels else ["label"]
@@ -53,7 +53,7 @@ def columns_of(recording: Recording) -> tuple[str, ...]:
 
 
 def _write_csv(recording: Recording, path: str | Path) -> None:
-    names = columns_of(recording)
+    names = select_columns(recording)
     with open_atomically(path) as file:
         file.write(_csv_line(names))
         for track in recording.tracks:
@@ -86,7 +86,7 @@ def _rows(track: Track, names: tuple[str, ...], path: str | Path) -> bytes:
 
 
 def _write_parquet(recording: Recording, path: str | Path) -> None:
-    arrow, names = pyarrow(), columns_of(recording)
+    arrow, names = pyarrow(), select_columns(recording)
     words = [name for name in names if name in ("track", "label", "group")]
     fields = [(name, arrow.string() if name in words else arrow.float64()) for name in names]
     schema = arrow.schema(fields)
@@ -105,10 +105,10 @@ def _write_parquet(recording: Recording, path: str | Path) -> None:
             writer.write_table(arrow.table(dict(zip(names, map(arrow.array, columns), strict=True)), schema))
 
 
-def mends_table(mends: Iterable[Mend]) -> str:
+def repairs_to_csv(repairs: Iterable[Repair]) -> str:
     """Every mend as a line of CSV text below a heading."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(Mend._fields)
-    table.writerows(mends)
+    table.writerow(Repair._fields)
+    table.writerows(repairs)
     return text.getvalue()

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lcorpp.errors import TooLargeError
-from lcorpp.reasoning.grounding.ground_program import Ground, Literal as GroundLiteral
-from lcorpp.reasoning.grounding.joins import Join, Part, Source
+from lcorpp.reasoning.grounding.ground_program import GroundProgram, Literal as GroundLiteral
+from lcorpp.reasoning.grounding.rule_instantiator import Part, RuleInstantiator, Source
 from lcorpp.reasoning.grounding.values import Value, holds, value_of
-from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.syntax import Expression, Literal, Term
 
 Key = Value | tuple[Value, ...]
@@ -18,10 +18,10 @@ MOST_BITS = 2**31
 """How many bits the conditions of a program may take, one for each value that one may have."""
 
 
-class Parts:
+class AtomTable:
     """The parts of the clauses of a ground program, which learns of the terms as they are met."""
 
-    def __init__(self, program: Ground) -> None:
+    def __init__(self, program: GroundProgram) -> None:
         self.ground, self.signature = program, program.program.signature
         self._ids: dict[str, dict[Key, int]] = {name: {} for name in self.signature.attributes}
         self._masks: dict[tuple[str, str, bool], dict[Value, int]] = {}
@@ -42,10 +42,12 @@ class Parts:
 
     def ground_literal(self, literal: Literal) -> GroundLiteral:
         """The same for a literal without variables."""
-        term = self.number(literal.term.name, key_of([value_of(ground(a)) for a in literal.term.arguments]))
-        return term, self._allowed(literal, value_of(ground(literal.value))), literal.negated
+        term = self.number(
+            literal.term.name, key_of([value_of(canonical_text(a)) for a in literal.term.arguments])
+        )
+        return term, self._allowed(literal, value_of(canonical_text(literal.value))), literal.negated
 
-    def term(self, join: Join, term: Term) -> Part:
+    def term(self, join: RuleInstantiator, term: Term) -> Part:
         """A term."""
         parts = [join.part(argument) for argument in term.arguments]
         if not any(isinstance(part, Source) for part in parts):
@@ -57,19 +59,19 @@ class Parts:
         join.add(f"if {found} is None: {found} = {join.name(self.number)}({term.name!r}, k)")
         return found
 
-    def value(self, join: Join, term: Term, value: Expression) -> Part:
+    def value(self, join: RuleInstantiator, term: Term, value: Expression) -> Part:
         """The number of a value of a term."""
         numbers, part = self._numbers(term.name), join.part(value)
         return Source(f"{join.name(numbers)}[{part}]") if isinstance(part, Source) else numbers[part]
 
-    def label(self, join: Join, arguments: Sequence[Expression]) -> Part:
+    def label(self, join: RuleInstantiator, arguments: Sequence[Expression]) -> Part:
         """The arguments of a label as text."""
         parts = [join.part(argument) for argument in arguments]
         if not any(isinstance(part, Source) for part in parts):
             return ",".join(map(str, parts))
         return Source(" + ',' + ".join(f"str({join.written(part)})" for part in parts))
 
-    def literal(self, join: Join, literal: Literal) -> tuple[Part, Part, bool]:
+    def literal(self, join: RuleInstantiator, literal: Literal) -> tuple[Part, Part, bool]:
         """A literal: its term, the outcomes that make it true, whether it stands under `not`."""
         value = join.part(literal.value)
         if not isinstance(value, Source):

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Selection
-from lcorpp.reasoning.program import Program
 
 
-class Kind(Enum):
+class ClauseKind(Enum):
     """What a clause says when its body is true."""
 
     DERIVE = "the term has the value"
@@ -42,7 +42,7 @@ class Clause:
     number: of a pr-atom.
     """
 
-    kind: Kind
+    kind: ClauseKind
     term: int
     value: int
     body: tuple[Literal, ...]
@@ -53,7 +53,7 @@ class Clause:
 
 
 @dataclass(slots=True, eq=False)
-class Ground:
+class GroundProgram:
     """A ground program.
 
     names: the terms, as text.

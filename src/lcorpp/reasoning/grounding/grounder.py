@@ -12,13 +12,19 @@ from fractions import Fraction
 from typing import cast
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.grounding.atoms import Parts, key_of
-from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind, Literal as GroundLiteral
-from lcorpp.reasoning.grounding.joins import Facts, Join, Part, Source
+from lcorpp.reasoning.grounding.atoms import AtomTable, key_of
+from lcorpp.reasoning.grounding.ground_program import (
+    Clause,
+    ClauseKind,
+    GroundProgram,
+    Literal as GroundLiteral,
+)
+from lcorpp.reasoning.grounding.rule_instantiator import Facts, Part, RuleInstantiator, Source
 from lcorpp.reasoning.grounding.values import Value, split, value_of
-from lcorpp.reasoning.language.arithmetic import exact, ground, variables
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.signature import expressions, scope
+from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.language.signature import iter_expressions, list_expressions
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
@@ -30,19 +36,18 @@ from lcorpp.reasoning.language.syntax import (
     Rule,
     Selection,
 )
-from lcorpp.reasoning.program import Program
 
 Body = Sequence[Literal | Comparison]
 
 _NONE = Source("()")
 
-ASKED = "?"
+QUERY_TERM = "?"
 """The name of the term that has the value true where all literals that are asked for hold."""
 
 
 def ground_program(
     program: Program, do: Mapping[str, str], observed: Iterable[Literal] = (), asked: Sequence[Literal] = ()
-) -> Ground:
+) -> GroundProgram:
     """Ground a program.
 
     Args:
@@ -55,32 +60,32 @@ def ground_program(
     """
     try:
         return _Grounder(program, do).all(observed, asked)
-    except Offence as offence:
-        raise ProgramError(str(offence)) from None
+    except SourceIssue as issue:
+        raise ProgramError(str(issue)) from None
 
 
 class _Grounder:
     def __init__(self, program: Program, do: Mapping[str, str]) -> None:
         self.program, self.signature = program, program.signature
-        self.ground = Ground(program)
-        self.parts = Parts(self.ground)
+        self.ground = GroundProgram(program)
+        self.parts = AtomTable(self.ground)
         self._add = self.ground.clauses.append
         self._sorts: dict[str, Mapping[Value, None]] = {}
         self._do = dict(do)
         self._torn: set[str] = set()
         for statement in program.statements:
             if isinstance(statement, Intervention):
-                self._set(ground(statement.term), ground(statement.value))
+                self._set(canonical_text(statement.term), canonical_text(statement.value))
         self._facts = self._given()
 
     def _set(self, term: str, value: str) -> None:
         if self._do.setdefault(term, value) != value:  # two values set: no world has both
             if self.ground.do_is_fact:
-                self._add(Clause(Kind.FORBID, -1, 0, ()))
+                self._add(Clause(ClauseKind.FORBID, -1, 0, ()))
             else:
                 self._torn.add(term)
 
-    def all(self, observed: Iterable[Literal], asked: Sequence[Literal]) -> Ground:
+    def all(self, observed: Iterable[Literal], asked: Sequence[Literal]) -> GroundProgram:
         for term, value in self._do.items():
             name = term.partition("(")[0]
             found = self.parts.number(name, key_of([value_of(a) for a in split(term)[1]]))
@@ -99,13 +104,13 @@ class _Grounder:
         if self._torn:  # in 2018 only where the term is selected
             names = self.ground.names
             for c in [
-                c for c in self.ground.clauses if c.kind is Kind.SELECT and names[c.term] in self._torn
+                c for c in self.ground.clauses if c.kind is ClauseKind.SELECT and names[c.term] in self._torn
             ]:
-                self._add(Clause(Kind.FORBID, -1, 0, c.body, c.statement))
+                self._add(Clause(ClauseKind.FORBID, -1, 0, c.body, c.statement))
         if asked:
             body = tuple([self.parts.ground_literal(literal) for literal in asked])
-            self._add(Clause(Kind.DERIVE, len(self.ground.names), 0, body))
-            self.ground.names.append(ASKED)
+            self._add(Clause(ClauseKind.DERIVE, len(self.ground.names), 0, body))
+            self.ground.names.append(QUERY_TERM)
             self.ground.values.append(("true",))
         return self.ground
 
@@ -145,9 +150,9 @@ class _Grounder:
 
     # statements
 
-    def _join(self, statement: Rule | Selection | Probability, body: Body, facts: Facts) -> Join:
+    def _join(self, statement: Rule | Selection | Probability, body: Body, facts: Facts) -> RuleInstantiator:
         slots = list(self.signature.slots(statement))
-        return Join(self.signature, self._sort, slots, scope(statement), body, facts)
+        return RuleInstantiator(self.signature, self._sort, slots, list_expressions(statement), body, facts)
 
     def _sort(self, name: str) -> Mapping[Value, None]:
         if name not in self._sorts:
@@ -157,27 +162,27 @@ class _Grounder:
     def _rule(self, index: int, rule: Rule) -> None:
         join = self._join(rule, rule.body, self._facts)
         if rule.head is None:
-            self._emit(join, Kind.FORBID, -1, 0, rule.body, index)
+            self._emit(join, ClauseKind.FORBID, -1, 0, rule.body, index)
         else:
             term, value = (
                 self.parts.term(join, rule.head.term),
                 self.parts.value(join, rule.head.term, rule.head.value),
             )
-            self._emit(join, Kind.DERIVE, term, value, rule.body, index)
+            self._emit(join, ClauseKind.DERIVE, term, value, rule.body, index)
 
     def _selection(self, index: int, selection: Selection) -> None:
         join = self._join(selection, selection.body, self._facts)
-        inner = list(expressions(selection.range.condition)) if selection.range else []
+        inner = list(iter_expressions(selection.range.condition)) if selection.range else []
         label = selection.label.arguments if selection.label else ()
         told = _names((*inner, selection.term, *label))
-        shared = sorted(told & _names(scope(selection)))
+        shared = sorted(told & _names(list_expressions(selection)))
         term = self.parts.term(join, selection.term)
         instances: dict[tuple[Value, ...], int] = {}
         instance = _tuple(shared)
         if selection.range:
             join.add(f"instances[{instance}] = {join.written(term)}")
         self._emit(
-            join, Kind.SELECT, term, 0, selection.body, index, self.parts.label(join, label), instance,
+            join, ClauseKind.SELECT, term, 0, selection.body, index, self.parts.label(join, label), instance,
             instances=instances,
         )  # fmt: skip
         if selection.range:
@@ -189,11 +194,11 @@ class _Grounder:
         assert selection.range
         variable, condition = selection.range.variable, selection.range.condition
         slots = list(self.signature.range_slots(selection))
-        used = [variable, *expressions(condition)]
-        join = Join(self.signature, self._sort, slots, used, condition, self._facts, shared)
+        used = [variable, *iter_expressions(condition)]
+        join = RuleInstantiator(self.signature, self._sort, slots, used, condition, self._facts, shared)
         value = self.parts.value(join, selection.term, variable)
         run = self._function(
-            join, Kind.RANGE, Source("instances[" + _tuple(shared) + "]"), value, condition, index, "",
+            join, ClauseKind.RANGE, Source("instances[" + _tuple(shared) + "]"), value, condition, index, "",
             _tuple(shared), instances=instances,
         )  # fmt: skip
         for instance in list(instances):
@@ -205,19 +210,19 @@ class _Grounder:
         written = atom.number
         number = written.value if isinstance(written, Number) else _computed(join, written)
         label = self.parts.label(join, atom.label.arguments if atom.label else ())
-        self._emit(join, Kind.ASSIGN, term, value, atom.condition, index, label, number=number)
+        self._emit(join, ClauseKind.ASSIGN, term, value, atom.condition, index, label, number=number)
 
     def _forbid_unless(self, literal: Literal) -> None:
         term, allowed, negated = self.parts.ground_literal(literal)
         everything = (1 << len(self.ground.values[term]) + 1) - 1
-        self._add(Clause(Kind.FORBID, -1, 0, ((term, everything & ~allowed, not negated),)))
+        self._add(Clause(ClauseKind.FORBID, -1, 0, ((term, everything & ~allowed, not negated),)))
 
     # clauses
 
     def _emit(
         self,
-        join: Join,
-        kind: Kind,
+        join: RuleInstantiator,
+        kind: ClauseKind,
         term: Part,
         value: Part,
         body: Body,
@@ -240,8 +245,8 @@ class _Grounder:
 
     def _function(
         self,
-        join: Join,
-        kind: Kind,
+        join: RuleInstantiator,
+        kind: ClauseKind,
         term: Part,
         value: Part,
         body: Body | list[tuple[Part, Part, bool]],
@@ -264,7 +269,7 @@ class _Grounder:
         )
         return join.function(add=self._add, Clause=Clause, **names)
 
-    def _body(self, join: Join, body: Body) -> list[tuple[Part, Part, bool]]:
+    def _body(self, join: RuleInstantiator, body: Body) -> list[tuple[Part, Part, bool]]:
         return [
             self.parts.literal(join, literal)
             for literal in body
@@ -275,20 +280,20 @@ class _Grounder:
 
 
 def _names(parts: Iterable[Expression]) -> set[str]:
-    return {variable.name for part in parts for variable in variables(part)}
+    return {variable.name for part in parts for variable in iter_variables(part)}
 
 
 def _tuple(names: Iterable[str]) -> Source:
     return Source("(" + "".join(f"v_{name}, " for name in names) + ")")
 
 
-def _computed(join: Join, number: Expression) -> Source:
+def _computed(join: RuleInstantiator, number: Expression) -> Source:
     """The number of a pr-atom that depends on variables, made once for the same values of them."""
     names = sorted(_names([number]))
     known: dict[tuple[Value, ...], Fraction] = {}
 
     def make(values: tuple[Value, ...]) -> Fraction:
-        found = known[values] = exact(number, dict(zip(names, map(str, values), strict=True)))
+        found = known[values] = evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
         return found
 
     found = join.name(None)

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 
-SUPPORTS = (Kind.DERIVE, Kind.SELECT)
+SUPPORTS = (ClauseKind.DERIVE, ClauseKind.SELECT)
 """The kinds of clauses that give values to terms."""
 
-PLAIN = (Kind.DERIVE, Kind.FORBID)
+PLAIN = (ClauseKind.DERIVE, ClauseKind.FORBID)
 """The kinds of clauses that say nothing more than their body and value."""
 
 
-def simplified(ground: Ground) -> tuple[list[Clause], list[int]]:
+def simplify(ground: GroundProgram) -> tuple[list[Clause], list[int]]:
     """The clauses that matter, with the literals that matter, and the outcomes that each term may have.
 
     Returns:
@@ -60,15 +60,15 @@ def _held(clauses: Sequence[Clause], possible: Sequence[int]) -> list[Clause]:
     return kept
 
 
-def _without_the_forbidden(ground: Ground, clauses: list[Clause]) -> list[Clause]:
+def _without_the_forbidden(ground: GroundProgram, clauses: list[Clause]) -> list[Clause]:
     """Rules for what an observation denies become constraints, which end a world as soon as possible."""
     allowed: dict[int, int] = {}
-    waiting = [clause for clause in clauses if clause.kind is Kind.FORBID and len(clause.body) == 1]
+    waiting = [clause for clause in clauses if clause.kind is ClauseKind.FORBID and len(clause.body) == 1]
     if not waiting:
         return clauses
     derives: dict[int, list[int]] = {}
     for i, clause in enumerate(clauses):
-        if clause.kind is Kind.DERIVE:
+        if clause.kind is ClauseKind.DERIVE:
             derives.setdefault(clause.term, []).append(i)
     found = list(clauses)
     while waiting:
@@ -79,35 +79,35 @@ def _without_the_forbidden(ground: Ground, clauses: list[Clause]) -> list[Clause
             continue
         for i in derives.get(term, ()):
             clause = found[i]
-            if clause.kind is Kind.DERIVE and not allowed[term] >> clause.value & 1:
-                found[i] = Clause(Kind.FORBID, -1, 0, clause.body, clause.statement)
+            if clause.kind is ClauseKind.DERIVE and not allowed[term] >> clause.value & 1:
+                found[i] = Clause(ClauseKind.FORBID, -1, 0, clause.body, clause.statement)
                 if len(clause.body) == 1:
                     waiting.append(found[i])
     result = []
     for clause in found:
-        if clause.kind is Kind.FORBID and len(clause.body) > 1:
+        if clause.kind is ClauseKind.FORBID and len(clause.body) > 1:
             # worlds in which an observation fails are none, so that a constraint need not speak of them
             if any(not literal[1] & allowed.get(literal[0], -1) for literal in clause.body):
                 continue
             body = tuple([x for x in clause.body if allowed.get(x[0], -1) & _all(ground, x[0]) & ~x[1]])
             if len(body) < len(clause.body):
-                clause = Clause(Kind.FORBID, -1, 0, body, clause.statement)
+                clause = Clause(ClauseKind.FORBID, -1, 0, body, clause.statement)
         result.append(clause)
     return result
 
 
-def _all(ground: Ground, term: int) -> int:
+def _all(ground: GroundProgram, term: int) -> int:
     return (1 << len(ground.values[term]) + 1) - 1
 
 
-def _possible(ground: Ground) -> list[int]:
+def _possible(ground: GroundProgram) -> list[int]:
     """For each term, as bits, the values that it may have in some world: the least fixed point."""
     possible = [0] * len(ground.values)
     if ground.do_is_fact:
         for term, value in ground.do.items():
             possible[term] |= 1 << value
     waiting: dict[int, list[Clause]] = {}
-    derive = Kind.DERIVE  # to look up a member of an Enum takes time
+    derive = ClauseKind.DERIVE  # to look up a member of an Enum takes time
     ready = [clause for clause in ground.clauses if clause.kind in SUPPORTS]
     while ready:
         grown: list[int] = []
@@ -132,9 +132,9 @@ def _possible(ground: Ground) -> list[int]:
     return possible
 
 
-def _outcomes(ground: Ground, clauses: Sequence[Clause], possible: Sequence[int]) -> list[int]:
+def _outcomes(ground: GroundProgram, clauses: Sequence[Clause], possible: Sequence[int]) -> list[int]:
     """The outcomes of each term, given the clauses that are left; `possible` bounds the values."""
-    derive = Kind.DERIVE
+    derive = ClauseKind.DERIVE
     found = [0] * len(ground.values)
     certain: set[int] = set()
     facts: dict[int, int] = {}

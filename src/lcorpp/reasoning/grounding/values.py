@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from operator import ge, gt, le, lt
 
-from lcorpp.reasoning.language.arithmetic import ground, is_integer
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Place, Term, Variable
+from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer, iter_variables
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Literal, Place, Term, Variable
 
 Value = int | str
 """A value: integers as such, constants and records as text."""
@@ -36,10 +36,10 @@ def divide(over: int, under: int, operator: str, at: Place) -> int:
     """Division and remainder of integers, toward zero as in ASP.
 
     Raises:
-        Offence: a division by zero.
+        SourceIssue: a division by zero.
     """
     if under == 0:
-        raise Offence(at, "cannot be grounded: division by zero")
+        raise SourceIssue(at, "cannot be grounded: division by zero")
     quotient = abs(over) // abs(under) * (-1 if (over < 0) != (under < 0) else 1)
     return quotient if operator == "/" else over - under * quotient
 
@@ -77,4 +77,42 @@ def matches(pattern: Expression, value: Value, seen: dict[str, Value]) -> bool:
             and len(arguments) == len(pattern.arguments)
             and all(matches(p, value_of(a), seen) for p, a in zip(pattern.arguments, arguments, strict=True))
         )
-    return isinstance(pattern, Arithmetic) or value_of(ground(pattern)) == value
+    return isinstance(pattern, Arithmetic) or value_of(canonical_text(pattern)) == value
+
+
+def names_of(expression: Expression) -> set[str]:
+    """The variables of an expression."""
+    return {variable.name for variable in iter_variables(expression)}
+
+
+def plain_names(literal: Literal) -> set[str]:
+    """The variables that stand by themselves: matching a fact gives them."""
+    return {part.name for part in (*literal.term.arguments, literal.value) if isinstance(part, Variable)}
+
+
+def computed(literal: Literal) -> set[str]:
+    """The variables under arithmetic or in records: matching a fact cannot give them."""
+    parts = (*literal.term.arguments, literal.value)
+    return {name for part in parts if not isinstance(part, Variable) for name in names_of(part)}
+
+
+def nested(term: Term) -> set[str]:
+    """The variables under arithmetic in a record: matching cannot give them."""
+    found: set[str] = set()
+    for part in term.arguments:
+        if isinstance(part, Arithmetic):
+            found |= names_of(part)
+        elif isinstance(part, Term):
+            found |= nested(part)
+    return found
+
+
+def matched(term: Term) -> set[str]:
+    """The variables that matching a record gives."""
+    found: set[str] = set()
+    for part in term.arguments:
+        if isinstance(part, Variable):
+            found.add(part.name)
+        elif isinstance(part, Term):
+            found |= matched(part)
+    return found

@@ -9,9 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from lcorpp.reasoning.grounding.patterns import computed, matched, names_of, nested, plain_names
-from lcorpp.reasoning.grounding.values import Value, divide, holds, matches, value_of
-from lcorpp.reasoning.language.arithmetic import ground, variables
+from lcorpp.reasoning.grounding.values import (
+    Value,
+    computed,
+    divide,
+    holds,
+    matched,
+    matches,
+    names_of,
+    nested,
+    plain_names,
+    value_of,
+)
+from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
 from lcorpp.reasoning.language.safety import variable_sorts
 from lcorpp.reasoning.language.signature import Signature, Slot
 from lcorpp.reasoning.language.syntax import (
@@ -36,7 +46,7 @@ class Source(str):
 Part = Source | Value
 
 
-class Join:
+class RuleInstantiator:
     """The ways to bind the variables of one statement.
 
     Args:
@@ -59,7 +69,7 @@ class Join:
     ) -> None:
         self._signature, self._members = signature, members
         self._facts, self._bound = facts, tuple(bound)
-        used = [variable for expression in scope for variable in variables(expression)]
+        used = [variable for expression in scope for variable in iter_variables(expression)]
         self._sorts = variable_sorts(slots, used, signature)
         self._known = set(bound)
         self._lines: list[str] = []
@@ -100,8 +110,8 @@ class Join:
         """The value of an expression, or the source that computes it from variables with values."""
         if isinstance(expression, Variable):
             return Source(f"v_{expression.name}")
-        if isinstance(expression, Number) or not any(variables(expression)):
-            return value_of(ground(expression))
+        if isinstance(expression, Number) or not any(iter_variables(expression)):
+            return value_of(canonical_text(expression))
         if isinstance(expression, Term):
             inner = " + ',' + ".join(f"str({self.source(argument)})" for argument in expression.arguments)
             return Source(f"({expression.name + '('!r} + {inner} + ')')")
@@ -136,7 +146,7 @@ class Join:
 
     def _collect(self, slots: Sequence[Slot], body: Iterable[Literal | Comparison]) -> None:
         for expression, sort in slots:
-            if isinstance(expression, Variable) or not any(variables(expression)):
+            if isinstance(expression, Variable) or not any(iter_variables(expression)):
                 continue
             self._tests.append((names_of(expression), self._member(expression, sort, "in")))
             if isinstance(expression, Term):
