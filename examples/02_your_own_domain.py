@@ -18,7 +18,7 @@ for value, probability in reasoner.posterior("wish", {"daytime": "morning", "gaz
 
 # The six strategies, scored exactly: every guest and every answer enumerated.
 channel = Channel.of(domain)
-policy = solve(domain.pomdp, domain.starts()).policy
-robot = Robot(channel, reasoner, Planner(domain.pomdp, policy), domain)
+planner = Planner(solve(domain.pomdp, domain.starts()))
+robot = Robot(channel, reasoner, planner, domain)
 for scores in exact(domain, robot, channel, STRATEGIES):
     print(f"  {scores.strategy:<7} accuracy {scores.accuracy.value:.3f}  return {scores.earned.value:6.2f}")

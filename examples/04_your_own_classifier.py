@@ -34,7 +34,7 @@ def main() -> None:
     print(f"call interested from {told.thresholds[0].probability:.2f} on where 40% are")
 
     # The label goes to the reasoner as it is, or as a likelihood that weighs what the reasoner knows.
-    planner = Planner(domain.pomdp, solve(domain.pomdp, domain.starts()).policy)
+    planner = Planner(solve(domain.pomdp, domain.starts()))
     hard = Robot(classifier, Reasoner(domain.program_for(validation.confusion)), planner, domain)
     soft = Robot(classifier.soft(), Reasoner(domain.soft_program), planner, domain)
     for name, robot in (("hard", hard), ("soft", soft)):

@@ -21,7 +21,7 @@ class ParseError(LcorppError):
 
     Attributes:
         file: name of the file, or ``<text>`` when there is none.
-        line, column: place of the offence, both counted from 1.
+        line, column: place of the issue, both counted from 1.
         message: what is wrong and what was expected.
         text: the offending line, shown under the message with a caret.
     """

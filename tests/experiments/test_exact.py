@@ -42,7 +42,7 @@ def parts(preset: str):
     domain = load_domain("intention", preset=preset)
     policy = planning.solve(domain.pomdp, domain.starts()).policy
     channel = Channel.of(domain)
-    robot = Robot(channel, Enumeration(domain.program), planning.Planner(domain.pomdp, policy), domain)
+    robot = Robot(channel, Enumeration(domain.program), planning.Planner(policy, domain.pomdp), domain)
     return domain, robot, channel
 
 

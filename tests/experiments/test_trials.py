@@ -28,7 +28,7 @@ ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 def rooms() -> Experiment:
     domain = load_domain(ROOMS)
     channel = Channel.of(domain)
-    planner = planning.Planner(domain.pomdp, planning.solve(domain.pomdp, domain.starts()).policy)
+    planner = planning.Planner(planning.solve(domain.pomdp, domain.starts()))
     robot = Robot(channel, Enumeration(domain.program), planner, domain)
     return Experiment(domain, robot, channel, channel, STRATEGIES, 3)
 
@@ -73,7 +73,7 @@ def test_a_likelihood_that_is_the_label_s_column_decides_as_the_label(place):
     """Both go through the same program; the rules of the hard one hold the same rates."""
     domain = load_domain(place)
     channel = Channel.of(domain)
-    planner = planning.Planner(domain.pomdp, planning.solve(domain.pomdp, domain.starts()).policy)
+    planner = planning.Planner(planning.solve(domain.pomdp, domain.starts()))
     rows = tuple(row for row in STRATEGIES if row.reasons)
     counts = []
     for reader, program in ((channel, domain.program), (Column(channel), domain.soft_program)):
@@ -228,7 +228,7 @@ def test_soft_evidence_decides_better_than_the_label():
     counts = confusion_matrix(labels, Sigmoid.classes_[probabilities.argmax(axis=1)])
     calibration = calibrate(tuple(Sigmoid.classes_), probabilities, labels.tolist())
     trained = TrainedClassifier(Sigmoid(), ConfusionMatrix(tuple(Sigmoid.classes_), counts), calibration)
-    planner = planning.Planner(domain.pomdp, planning.solve(domain.pomdp, domain.starts()).policy)
+    planner = planning.Planner(planning.solve(domain.pomdp, domain.starts()))
     found = []
     for reader, program in (
         (trained, domain.program_for(trained.confusion)),

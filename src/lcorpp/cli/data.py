@@ -85,7 +85,7 @@ def make(
     import numpy as np
 
     from lcorpp.domains import load_domain
-    from lcorpp.learning import dataset_of, save_dataset, write_recording
+    from lcorpp.learning import save_dataset, to_dataset, write_recording
     from lcorpp.simulation.recordings import simulated_recording
 
     rng = np.random.default_rng(seed)
@@ -93,7 +93,7 @@ def make(
         load_domain(domain), rng, tracks=tracks, positives=positives, seconds=seconds
     )
     if out.suffix.lower() == ".npz":
-        dataset = dataset_of(recording)
+        dataset = to_dataset(recording)
         save_dataset(dataset, out)
         labels, notes = list(dataset.labels), dataset.notes
     else:
@@ -158,12 +158,12 @@ def describe(
 
     from lcorpp.cli import describe as data_report
     from lcorpp.files import write_atomically
-    from lcorpp.learning.data.writing import mends_table
+    from lcorpp.learning.data.writing import repairs_to_csv
 
     data_report.tell(recording, path, seed)
     if report is not None:
-        write_atomically(report, mends_table(recording.mends))
-        show.console.print(f"wrote {report}: {len(recording.mends)} repairs")
+        write_atomically(report, repairs_to_csv(recording.repairs))
+        show.console.print(f"wrote {report}: {len(recording.repairs)} repairs")
 
 
 @app.command()
@@ -180,10 +180,10 @@ def plot(
     models.check_picture(out)
     recording = _read(path, label, label_file, repair, robot, gap)
 
-    from lcorpp.learning.data.plots import draw_tracks
+    from lcorpp.learning.data.plots import plot_tracks
     from lcorpp.plot_style import save
 
-    save(draw_tracks(recording, title=path.name), out)
+    save(plot_tracks(recording, title=path.name), out)
     show.console.print(f"wrote {out}")
 
 

@@ -12,8 +12,7 @@ import typer
 from lcorpp.errors import FileError, ModelError, expected
 
 if TYPE_CHECKING:
-    from lcorpp.planning import Policy, Pomdp
-    from lcorpp.planning.factored import Factored
+    from lcorpp.planning import Factored, Policy, Pomdp
     from lcorpp.planning.policy import Indices
 
 MODELS = (".pomdp", ".pomdpx")
@@ -34,7 +33,7 @@ def read_model(path: Path) -> tuple[Pomdp, Factored | None]:
 
     problem = read_factored(path)
     try:
-        return problem.flat(), problem
+        return planning.flatten(problem), problem
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
 

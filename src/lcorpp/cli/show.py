@@ -13,8 +13,7 @@ from lcorpp.errors import FileError, ModelError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lcorpp.planning import Policy, Pomdp
-    from lcorpp.planning.factored import Factored
+    from lcorpp.planning import Factored, Policy, Pomdp
 
 NAMED = 8
 """Up to so many states, actions or observations are named."""
@@ -106,7 +105,7 @@ def _start(pomdp: Pomdp) -> str:
 def _policy_facts(policy: Path, pomdp: Pomdp, drawn: Policy) -> None:
     used = sorted(set(drawn.actions.tolist()))
     typer.echo(f"{policy}")
-    _say("vectors", f"{len(drawn)}" + ("" if drawn.is_flat else f" in {len(drawn.pieces)} pieces"))
+    _say("vectors", f"{len(drawn)}" + ("" if drawn.is_flat else f" in {len(drawn.vector_sets)} pieces"))
     names = [pomdp.actions[action] for action in used]
     more = f", ... ({len(names)} in all)" if len(names) > NAMED else ""
     _say("actions", ", ".join(names[:NAMED]) + more)

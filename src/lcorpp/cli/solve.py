@@ -69,8 +69,8 @@ def solve(
     if check:
         from lcorpp.planning import certificate
 
-        found = certificate(pomdp, solution)
-        typer.echo(found.told())
+        found = certificate(solution)
+        typer.echo(found.text)
         if found.verdict == "refuted":
             raise typer.Exit(1)
 

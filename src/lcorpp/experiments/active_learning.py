@@ -16,7 +16,7 @@ from lcorpp.experiments.metrics import Scores, scores
 from lcorpp.experiments.plotting import plot_batches
 from lcorpp.experiments.results import FIGURES, row, write_csv, write_json
 from lcorpp.learning import SoftClassifier, TrainedClassifier, save_classifier
-from lcorpp.learning.store import Stored
+from lcorpp.learning.store import StoredTrack
 from lcorpp.simulation.population import Appearance, Person, Population
 from lcorpp.simulation.world import SimulatedWorld, Stage
 from lcorpp.values import Array, Episode, Instance
@@ -43,12 +43,12 @@ class Outcome:
         return {"simulated": {"actual": self.actual, "cost": self.cost, "earned": self.earned}}
 
     @classmethod
-    def of(cls, stored: Stored) -> Outcome | None:
+    def of(cls, stored: StoredTrack) -> Outcome | None:
         """Of a decision in a store; None where nobody knows the truth."""
         known = stored.extra.get("simulated")
         if not isinstance(known, dict) or not {"actual", "cost", "earned"} <= set(known):
             return None
-        return cls(known["actual"], stored.said[0].label, known["cost"], known["earned"])
+        return cls(known["actual"], stored.label_history[0].label, known["cost"], known["earned"])
 
 
 class Crowd:

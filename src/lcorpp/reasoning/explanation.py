@@ -10,7 +10,7 @@ from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM, ground_program
-from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Place, Query
 from lcorpp.reasoning.reasoner import Answer, Reasoner
@@ -85,7 +85,7 @@ def _worlds(program: Program, query: Query, count: int) -> tuple[tuple[World, tu
     if program.has_cr_rules:
         return ()
     query = program.named(query)
-    do = {ground(item.term): ground(item.value) for item in query.interventions}
+    do = {canonical_text(item.term): canonical_text(item.value) for item in query.interventions}
     observed = [observation.literal for observation in query.observations]
     found = WorldQueries(build_trellis(build_transition_system(program, do, observed))).most_probable(
         {}, count

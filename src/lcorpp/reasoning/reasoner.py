@@ -17,13 +17,13 @@ from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
 from lcorpp.reasoning.circuit.refusals import impossible, no_value, shown
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.gc_pause import without_collection
+from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM
-from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query, Term
-from lcorpp.reasoning.resolve import facts_of, interventions_of, term_of
+from lcorpp.reasoning.resolve import resolve_evidence, resolve_interventions, resolve_term
 from lcorpp.reasoning.transitions.likelihood_weighting import SAMPLES, SampleEstimates, estimate
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
@@ -115,8 +115,8 @@ class Reasoner:
         return self._weighing[key]
 
     def _posterior(self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str]) -> Distribution:
-        term = ground(term_of(self.program, attribute))
-        facts, set_to = facts_of(self.program, evidence), interventions_of(self.program, do)
+        term = canonical_text(resolve_term(self.program, attribute))
+        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
             return self._enumeration().posterior(term, facts, set_to)
         key = (term, frozenset(facts), frozenset(set_to.items()))
@@ -158,11 +158,11 @@ class Reasoner:
         Raises:
             TooLargeError: the program has too many states.
         """
-        term = term_of(self.program, attribute)
-        facts, set_to = facts_of(self.program, evidence), interventions_of(self.program, do)
+        term = resolve_term(self.program, attribute)
+        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
-            return self._enumeration().exact(ground(term), facts, set_to)
-        sums = self._worlds(set_to, (ground(term), *facts)).exact(ground(term), facts)
+            return self._enumeration().exact(canonical_text(term), facts, set_to)
+        sums = self._worlds(set_to, (canonical_text(term), *facts)).exact(canonical_text(term), facts)
         return _marginal(self.program, term, sums, shown(facts, set_to))
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NOTHING) -> dict[str, str]:
@@ -177,7 +177,7 @@ class Reasoner:
         """
         if self.program.has_cr_rules:
             return self._enumeration().sample(rng, given)
-        facts = facts_of(self.program, given)
+        facts = resolve_evidence(self.program, given)
         found = self._worlds({}, tuple(facts)).sample(rng, facts)
         if found is None:
             raise UndefinedError(f"{self.program.file}: no possible world{shown(given, {})}")
@@ -198,7 +198,7 @@ class Reasoner:
             raise impossible(self.program, "")
         return paths.count()
 
-    @without_collection()
+    @gc_paused()
     def ask(self, query: Query, *, exact: bool = False) -> dict[str, Answer] | Answer:
         """The distribution that a query asks for, or its probability.
 
@@ -216,9 +216,9 @@ class Reasoner:
         if self.program.has_cr_rules:
             found = self._enumeration().ask(checked)
             return found if exact else _floats(found)  # type: ignore[return-value]
-        do = {ground(item.term): ground(item.value) for item in checked.interventions}
+        do = {canonical_text(item.term): canonical_text(item.value) for item in checked.interventions}
         observed = [observation.literal for observation in checked.observations]
-        name = ground(checked.subject) if checked.subject else QUERY_TERM
+        name = canonical_text(checked.subject) if checked.subject else QUERY_TERM
         prepared = build_transition_system(self.program, do, observed, (name,), checked.literals)
         conditions = _conditions(checked)
         try:
@@ -300,11 +300,11 @@ def _checked(program: Program, query: Query) -> Query:
     try:
         query = program.named(query)
         program.check_query(query)
-    except Offence as offence:
-        raise ProgramError(str(offence)) from None
+    except SourceIssue as issue:
+        raise ProgramError(str(issue)) from None
     set_to: dict[str, str] = {}
     for item in query.interventions:
-        term, value = ground(item.term), ground(item.value)
+        term, value = canonical_text(item.term), canonical_text(item.value)
         if set_to.setdefault(term, value) != value:
             raise ProgramError(f"{item.at}: do({term}) sets two values, {set_to[term]} and {value}")
     return query
@@ -325,7 +325,7 @@ def _marginal(
     if not total:
         raise impossible(program, conditions)
     if sums.get(""):
-        raise no_value(program, ground(term), sums[""] / total)
+        raise no_value(program, canonical_text(term), sums[""] / total)
     zero = 0 * total
     return {v: sums.get(v, zero) / total for v in program.attributes[term.name].values}
 
@@ -340,7 +340,7 @@ def _estimates(program: Program, query: Query, found: SampleEstimates) -> dict[s
         return made.get("true", Estimate(0.0, 0.0))
     lost = made.pop("")
     if lost:
-        raise no_value(program, ground(query.subject), lost)
+        raise no_value(program, canonical_text(query.subject), lost)
     return dict(made)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from lcorpp.errors import DataError
 from lcorpp.learning import Recording
-from lcorpp.learning.data.plots import draw_tracks
+from lcorpp.learning.data.plots import plot_tracks
 from lcorpp.plot_style import save
 
 from .texts import crowd, walk
@@ -18,7 +18,7 @@ from .texts import crowd, walk
 def test_a_panel_for_each_class_and_one_for_speeds(tmp_path):
     recording = crowd(30)
     unlabelled = [replace(track, label=None) for track in recording.tracks[:5]]
-    figure = draw_tracks(Recording((*unlabelled, *recording.tracks[5:])), title="a crowd", most=10)
+    figure = plot_tracks(Recording((*unlabelled, *recording.tracks[5:])), title="a crowd", most=10)
     *panels, speeds = figure.axes
     titles = [axes.get_title() for axes in panels]
     assert titles == ["in: 10 of 12 tracks", "out: 10 of 13 tracks", "without a label: 5 tracks"]
@@ -30,7 +30,7 @@ def test_a_panel_for_each_class_and_one_for_speeds(tmp_path):
 
 
 def test_the_speeds_are_those_of_the_tracks():
-    speeds = draw_tracks(Recording((walk("a", seconds=10), walk("b", seconds=4)))).axes[-1]
+    speeds = plot_tracks(Recording((walk("a", seconds=10), walk("b", seconds=4)))).axes[-1]
     times, median = (np.asarray(values) for values in speeds.lines[0].get_data())
     np.testing.assert_allclose(median, 1.0)
     assert times.min() == pytest.approx(-9.8)  # half of the tracks reach back ten seconds
@@ -38,9 +38,9 @@ def test_the_speeds_are_those_of_the_tracks():
 
 
 def test_tracks_too_short_for_a_speed_are_drawn_all_the_same():
-    assert len(draw_tracks(Recording((walk("a", seconds=0.1),))).axes) == 2
+    assert len(plot_tracks(Recording((walk("a", seconds=0.1),))).axes) == 2
 
 
 def test_nothing_to_draw():
     with pytest.raises(DataError, match="there are no tracks to draw"):
-        draw_tracks(Recording(()))
+        plot_tracks(Recording(()))

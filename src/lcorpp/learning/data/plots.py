@@ -32,7 +32,7 @@ ORDER = (5, 1, 2, 3, 6, 0)
 
 
 @drawn
-def draw_tracks(recording: Recording, *, title: str = "", most: int = MOST) -> Figure:
+def plot_tracks(recording: Recording, *, title: str = "", most: int = MOST) -> Figure:
     """A panel of tracks for each class, all to one scale, above the speeds of all classes.
 
     A dot is where a track ends, a cross where the robot stands. The speeds are the median of the class and

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from lcorpp.errors import DataError, expected
-from lcorpp.learning.data.tracks import ANGLES, Recording, Track, wrapped
+from lcorpp.learning.data.tracks import ANGLES, Recording, Track, wrap_angle
 from lcorpp.values import CHANNELS, Array, Dataset
 
 INTERVAL, POINTS = 0.033, 304
@@ -17,7 +17,7 @@ INTERVAL, POINTS = 0.033, 304
 End = Literal["last", "first"]
 
 
-def dataset_of(
+def to_dataset(
     recording: Recording,
     *,
     interval: float = INTERVAL,
@@ -66,7 +66,7 @@ def dataset_of(
     if len(kept) < len(recording):
         notes = (*notes, _left_out(recording, kept, needed))
     return Dataset(
-        np.stack([window(track, names, interval, points, end) for track in kept]),
+        np.stack([extract_window(track, names, interval, points, end) for track in kept]),
         tuple(str(track.label) for track in kept),
         tuple(track.group for track in kept),
         recording.source,
@@ -76,7 +76,7 @@ def dataset_of(
     )
 
 
-def window(track: Track, channels: Sequence[str], interval: float, points: int, end: End) -> Array:
+def extract_window(track: Track, channels: Sequence[str], interval: float, points: int, end: End) -> Array:
     """(channels, points) of one track; outside of its times it stays where it begins or ends."""
     steps = np.arange(points) * interval
     at = track.times[0] + steps if end == "first" else track.times[-1] - steps[::-1]
@@ -84,7 +84,7 @@ def window(track: Track, channels: Sequence[str], interval: float, points: int, 
     for name in channels:
         values = track.columns[name]
         if name in ANGLES:
-            rows.append(wrapped(np.interp(at, track.times, np.unwrap(values))))
+            rows.append(wrap_angle(np.interp(at, track.times, np.unwrap(values))))
         else:
             rows.append(np.interp(at, track.times, values))
     return np.stack(rows)

@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.exceptions import NotFittedError
 
 from lcorpp.errors import DataError, expected
-from lcorpp.learning.data.dataset import checked_tracks
+from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.lstm.class_weights import class_weights
 from lcorpp.learning.lstm.state import LstmState
 from lcorpp.learning.lstm.training import SCHEDULES, Cases, Plan, train
@@ -92,7 +92,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
                 is not there, neither compiled kernels nor torch are, or the training diverged.
         """
         self._check_parameters()
-        inputs = _inputs(checked_tracks(X))
+        inputs = _inputs(check_tracks(X))
         classes, index = np.unique(np.asarray(y), return_inverse=True)
         if index.shape != (len(inputs),):
             raise DataError(f"{len(inputs)} tracks need as many labels, not shape {index.shape}")
@@ -121,7 +121,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             NotFittedError: before `fit`.
         """
         weights = self._fitted()
-        inputs = _inputs(checked_tracks(X))
+        inputs = _inputs(check_tracks(X))
         _check_channels(inputs.shape[2], weights)
         network = weights.network
         starts = range(0, len(inputs), _ROWS_AT_ONCE)

@@ -12,7 +12,7 @@ from lcorpp.planning.factored.table import Table, check_distributions
 from lcorpp.planning.factored.variables import AFTER, Scope
 
 
-def ordered(
+def topological_order(
     kind: str, tables: Sequence[Table], scope: Scope, children: Sequence[str], parents: Sequence[str]
 ) -> tuple[Table, ...]:
     """The tables of a kind, checked, each after those it depends on.

@@ -11,15 +11,15 @@ from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.matrices import Layer, Matrix
 from lcorpp.reasoning.circuit.trellis import Trellis, build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.gc_pause import without_collection
-from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.gc_pause import gc_paused
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.resolve import interventions_of, term_of, terms_of
+from lcorpp.reasoning.resolve import resolve_interventions, resolve_term, resolve_terms
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array
 
 
-@without_collection()
+@gc_paused()
 def compile_program(
     program: Program, inputs: Sequence[str], query: str | Sequence[str], do: Mapping[str, str]
 ) -> Circuit:
@@ -39,11 +39,11 @@ def compile_program(
             f"{program.file}: a program with cr-rules cannot be compiled: an observation may create worlds;"
             " ask for one posterior at a time"
         )
-    names = list(dict.fromkeys(found for name in inputs for found in terms_of(program, name)))
-    queries = ground(term_of(program, query)) if isinstance(query, str) else [
-        ground(term_of(program, name)) for name in query
+    names = list(dict.fromkeys(found for name in inputs for found in resolve_terms(program, name)))
+    queries = canonical_text(resolve_term(program, query)) if isinstance(query, str) else [
+        canonical_text(resolve_term(program, name)) for name in query
     ]  # fmt: skip
-    do = interventions_of(program, do)
+    do = resolve_interventions(program, do)
     observed = dict.fromkeys((*names, *((queries,) if isinstance(queries, str) else queries)))
     built: Trellis = build_trellis(build_transition_system(program, do, wanted=observed))
     layers, ending = labelled_layers(built, list(observed))

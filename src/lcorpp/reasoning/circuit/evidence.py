@@ -9,9 +9,9 @@ import numpy as np
 
 from lcorpp.errors import ProgramError, expected
 from lcorpp.reasoning.circuit.answer_table import Codes
-from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.resolve import term_of
+from lcorpp.reasoning.resolve import resolve_term
 
 _Column = TypeVar("_Column")
 
@@ -41,7 +41,7 @@ class EvidenceEncoder:
         found: dict[str, _Column] = {}
         for name, value in evidence.items():
             try:
-                own = name if name in self.columns else ground(term_of(self._program, name))
+                own = name if name in self.columns else canonical_text(resolve_term(self._program, name))
             except ProgramError:
                 own = name
             self.check_names((own,))

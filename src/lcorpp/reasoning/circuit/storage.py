@@ -26,10 +26,10 @@ from lcorpp.files import read_bytes, write_atomically
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.matrices import Layer, Matrix
 from lcorpp.reasoning.circuit.trellis import MAX_ARCS
-from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.language.program import Program, program_text
-from lcorpp.reasoning.resolve import interventions_of, term_of
+from lcorpp.reasoning.resolve import resolve_interventions, resolve_term
 
 FORMAT, VERSION = "lcorpp circuit", 1
 
@@ -118,12 +118,12 @@ def _program(head: dict[str, Any]) -> Program:
         raise DataError(f"its program is {head['file']!r} of {head['semantics']!r}")
     program = parse_plog(head["program"], file=head["file"], semantics=head["semantics"])
     for key in ("inputs", "queries"):
-        terms = [ground(term_of(program, name)) for name in head[key]]
+        terms = [canonical_text(resolve_term(program, name)) for name in head[key]]
         if terms != head[key] or (key == "inputs" and len(set(terms)) < len(terms)):
             raise DataError(f"its {key} are {head[key]}")
     if not head["queries"]:
         raise DataError("it asks for nothing")
-    interventions_of(program, head["do"])
+    resolve_interventions(program, head["do"])
     return program
 
 

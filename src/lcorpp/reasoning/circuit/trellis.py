@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from lcorpp.errors import ProgramError, TooLargeError
-from lcorpp.reasoning.gc_pause import without_collection
+from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.transitions.selection import ConditionViolation
 from lcorpp.reasoning.transitions.transition import Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
@@ -63,7 +63,7 @@ def build_trellis(prepared: TransitionSystem, limit: int = MAX_ARCS) -> Trellis:
         TooLargeError: there are more than `limit` edges.
         ProgramError: a condition of the language is broken in a world, or a circle has too many models.
     """
-    with without_collection():
+    with gc_paused():
         built, violations = _forward(prepared, limit)
         _prune(built)
     if violations:  # those that no world meets were pruned

@@ -15,12 +15,12 @@ import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning.enumeration.measures import holds, measure_worlds
-from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Query, Term
-from lcorpp.reasoning.resolve import facts_of, interventions_of, term_of
+from lcorpp.reasoning.resolve import resolve_evidence, resolve_interventions, resolve_term
 from lcorpp.reasoning.world import World
 from lcorpp.values import Distribution
 
@@ -101,8 +101,8 @@ class Enumeration:
         self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
     ) -> dict[str, Fraction]:
         """The same as `posterior`, as fractions by value in the order of the declaration."""
-        subject = term_of(self.program, attribute)
-        table = self._given(facts_of(self.program, evidence), interventions_of(self.program, do))
+        subject = resolve_term(self.program, attribute)
+        table = self._given(resolve_evidence(self.program, evidence), resolve_interventions(self.program, do))
         return self._marginal(subject, table)
 
     def probability(self, query: Query) -> Fraction:
@@ -154,7 +154,7 @@ class Enumeration:
         key = frozenset(given.items())
         draw = self._draws.get(key)
         if draw is None:
-            table = self._given(facts_of(self.program, given), {})
+            table = self._given(resolve_evidence(self.program, given), {})
             draw = ([weight / table.total for weight in accumulate(table.weights)], table.values)
             _keep(self._draws, key, draw, TABLE_CACHE_SIZE)
         cumulative, worlds = draw
@@ -163,7 +163,7 @@ class Enumeration:
         )  # the last entry is exactly 1, above any draw
 
     def _marginal(self, subject: Term, table: _Table) -> dict[str, Fraction]:
-        name = ground(subject)
+        name = canonical_text(subject)
         sums = dict.fromkeys(self.program.attributes[subject.name].values, 0)
         undefined = 0
         for values, weight in zip(table.values, table.weights, strict=True):
@@ -183,11 +183,11 @@ class Enumeration:
     def _conditioned(self, query: Query) -> _Table:
         try:
             self.program.check_query(query)
-        except Offence as offence:
-            raise ProgramError(str(offence)) from None
+        except SourceIssue as issue:
+            raise ProgramError(str(issue)) from None
         interventions: dict[str, str] = {}
         for item in query.interventions:
-            term, value = ground(item.term), ground(item.value)
+            term, value = canonical_text(item.term), canonical_text(item.value)
             if interventions.setdefault(term, value) != value:
                 raise ProgramError(
                     f"{item.at}: do({term}) sets two values, {interventions[term]} and {value}"

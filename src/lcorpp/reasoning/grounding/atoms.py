@@ -12,7 +12,7 @@ from lcorpp.errors import TooLargeError
 from lcorpp.reasoning.grounding.ground_program import GroundProgram, Literal as GroundLiteral
 from lcorpp.reasoning.grounding.rule_instantiator import Part, RuleInstantiator, Source
 from lcorpp.reasoning.grounding.values import Value, compare_values, parse_value
-from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.syntax import Expression, Literal, Term
 
 Key = Value | tuple[Value, ...]
@@ -46,9 +46,13 @@ class AtomTable:
 
     def translate_ground_literal(self, literal: Literal) -> GroundLiteral:
         """Translate a literal without variables."""
-        arguments = [parse_value(ground(argument)) for argument in literal.term.arguments]
+        arguments = [parse_value(canonical_text(argument)) for argument in literal.term.arguments]
         term = self.number_term(literal.term.name, make_key(arguments))
-        return term, self._satisfying_outcomes(literal, parse_value(ground(literal.value))), literal.negated
+        return (
+            term,
+            self._satisfying_outcomes(literal, parse_value(canonical_text(literal.value))),
+            literal.negated,
+        )
 
     # parts of clauses with variables: numbers, or source that computes them
 

@@ -24,10 +24,10 @@ from lcorpp.reasoning.grounding.ground_program import (
 )
 from lcorpp.reasoning.grounding.rule_instantiator import Facts, Part, RuleInstantiator, Source
 from lcorpp.reasoning.grounding.values import Value, parse_value, split_record
-from lcorpp.reasoning.language.arithmetic import exact, ground, variables
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.signature import expressions, scope
+from lcorpp.reasoning.language.signature import iter_expressions, list_expressions
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
@@ -63,8 +63,8 @@ def ground_program(
     """
     try:
         return _Grounder(program, do).run(observed, asked)
-    except Offence as offence:
-        raise ProgramError(str(offence)) from None
+    except SourceIssue as issue:
+        raise ProgramError(str(issue)) from None
 
 
 class _Grounder:
@@ -78,7 +78,7 @@ class _Grounder:
         self._contradictory: set[str] = set()  # terms that interventions set to two values (2018)
         for statement in program.statements:
             if isinstance(statement, Intervention):
-                self._intervene(ground(statement.term), ground(statement.value))
+                self._intervene(canonical_text(statement.term), canonical_text(statement.value))
         self._facts = self._evaluate_facts()
 
     def _intervene(self, term: str, value: str) -> None:
@@ -156,7 +156,9 @@ class _Grounder:
         self, statement: Rule | Selection | Probability, body: Body, facts: Facts
     ) -> RuleInstantiator:
         slots = list(self.signature.slots(statement))
-        return RuleInstantiator(self.signature, self._members, slots, scope(statement), body, facts)
+        return RuleInstantiator(
+            self.signature, self._members, slots, list_expressions(statement), body, facts
+        )
 
     def _members(self, sort: str) -> Mapping[Value, None]:
         if sort not in self._sorts:
@@ -175,10 +177,10 @@ class _Grounder:
 
     def _ground_selection(self, index: int, selection: Selection) -> None:
         rule = self._instantiate(selection, selection.body, self._facts)
-        conditions = list(expressions(selection.range.condition)) if selection.range else []
+        conditions = list(iter_expressions(selection.range.condition)) if selection.range else []
         label = selection.label.arguments if selection.label else ()
         used = _find_all_variables((*conditions, selection.term, *label))
-        shared = sorted(used & _find_all_variables(scope(selection)))
+        shared = sorted(used & _find_all_variables(list_expressions(selection)))
         term = self.atoms.translate_term(rule, selection.term)
         instances: dict[tuple[Value, ...], int] = {}  # values of the shared variables -> term
         instance = _write_tuple(shared)
@@ -197,7 +199,7 @@ class _Grounder:
         assert selection.range
         variable, condition = selection.range.variable, selection.range.condition
         slots = list(self.signature.range_slots(selection))
-        used = [variable, *expressions(condition)]
+        used = [variable, *iter_expressions(condition)]
         rule = RuleInstantiator(self.signature, self._members, slots, used, condition, self._facts, shared)
         value = self.atoms.translate_value(rule, selection.term, variable)
         instance = _write_tuple(shared)
@@ -283,7 +285,7 @@ class _Grounder:
 
 
 def _find_all_variables(parts: Iterable[Expression]) -> set[str]:
-    return {variable.name for part in parts for variable in variables(part)}
+    return {variable.name for part in parts for variable in iter_variables(part)}
 
 
 def _write_tuple(names: Iterable[str]) -> Source:
@@ -296,7 +298,7 @@ def _compute_number(rule: RuleInstantiator, number: Expression) -> Source:
     known: dict[tuple[Value, ...], Fraction] = {}
 
     def compute(values: tuple[Value, ...]) -> Fraction:
-        result = known[values] = exact(number, dict(zip(names, map(str, values), strict=True)))
+        result = known[values] = evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
         return result
 
     name = rule.name_constant(None)

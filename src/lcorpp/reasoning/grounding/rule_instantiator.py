@@ -28,7 +28,7 @@ from lcorpp.reasoning.grounding.values import (
     match,
     parse_value,
 )
-from lcorpp.reasoning.language.arithmetic import ground, variables
+from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
 from lcorpp.reasoning.language.safety import variable_sorts
 from lcorpp.reasoning.language.signature import Signature, Slot
 from lcorpp.reasoning.language.syntax import (
@@ -77,7 +77,7 @@ class RuleInstantiator:
     ) -> None:
         self._signature, self._members = signature, members
         self._facts, self._arguments = facts, tuple(bound)
-        used = [variable for expression in scope for variable in variables(expression)]
+        used = [variable for expression in scope for variable in iter_variables(expression)]
         self._sorts = variable_sorts(slots, used, signature)
         self._bound = set(bound)
         self._lines: list[str] = []
@@ -117,8 +117,8 @@ class RuleInstantiator:
         """Return the value of an expression, or the source that computes it from bound variables."""
         if isinstance(expression, Variable):
             return Source(f"v_{expression.name}")
-        if isinstance(expression, Number) or not any(variables(expression)):
-            return parse_value(ground(expression))
+        if isinstance(expression, Number) or not any(iter_variables(expression)):
+            return parse_value(canonical_text(expression))
         if isinstance(expression, Term):
             inner = " + ',' + ".join(f"str({self._write(argument)})" for argument in expression.arguments)
             return Source(f"({expression.name + '('!r} + {inner} + ')')")
@@ -153,7 +153,7 @@ class RuleInstantiator:
 
     def _collect_conditions(self, slots: Sequence[Slot], body: Iterable[Literal | Comparison]) -> None:
         for expression, sort in slots:
-            if isinstance(expression, Variable) or not any(variables(expression)):
+            if isinstance(expression, Variable) or not any(iter_variables(expression)):
                 continue
             self._tests.append((find_variables(expression), self._test_member(expression, sort, "in")))
             if isinstance(expression, Term):

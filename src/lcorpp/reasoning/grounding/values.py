@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from operator import ge, gt, le, lt
 
-from lcorpp.reasoning.language.arithmetic import ground, is_integer, variables
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer, iter_variables
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Literal, Place, Term, Variable
 
 Value = int | str
@@ -38,10 +38,10 @@ def divide(dividend: int, divisor: int, operator: str, at: Place) -> int:
     """Divide integers, rounding toward zero as ASP does; any operator but ``/`` returns the remainder.
 
     Raises:
-        Offence: the divisor is zero.
+        SourceIssue: the divisor is zero.
     """
     if divisor == 0:
-        raise Offence(at, "cannot be grounded: division by zero")
+        raise SourceIssue(at, "cannot be grounded: division by zero")
     quotient = abs(dividend) // abs(divisor) * (-1 if (dividend < 0) != (divisor < 0) else 1)
     return quotient if operator == "/" else dividend - divisor * quotient
 
@@ -81,7 +81,7 @@ def match(pattern: Expression, value: Value, bindings: dict[str, Value]) -> bool
                 match(p, parse_value(a), bindings) for p, a in zip(pattern.arguments, arguments, strict=True)
             )
         )
-    return isinstance(pattern, Arithmetic) or parse_value(ground(pattern)) == value
+    return isinstance(pattern, Arithmetic) or parse_value(canonical_text(pattern)) == value
 
 
 # the variables of patterns
@@ -89,7 +89,7 @@ def match(pattern: Expression, value: Value, bindings: dict[str, Value]) -> bool
 
 def find_variables(expression: Expression) -> set[str]:
     """Return the variables of an expression."""
-    return {variable.name for variable in variables(expression)}
+    return {variable.name for variable in iter_variables(expression)}
 
 
 def find_bare_variables(literal: Literal) -> set[str]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.language.checker import check, check_query
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.rewriting import renamed_query
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.rewriting import rename_query_terms
 from lcorpp.reasoning.language.signature import Attribute, Signature
 from lcorpp.reasoning.language.syntax import CrRule, Query, Semantics, SortDefinition, Statement, Term
 
@@ -34,8 +34,8 @@ class Program:
     def __post_init__(self) -> None:
         try:
             object.__setattr__(self, "signature", check(self.statements))
-        except Offence as offence:
-            raise ProgramError(str(offence)) from None
+        except SourceIssue as issue:
+            raise ProgramError(str(issue)) from None
 
     @property
     def attributes(self) -> Mapping[str, Attribute]:
@@ -58,13 +58,13 @@ class Program:
 
     def named(self, query: Query) -> Query:
         """The query with each attribute under the name it has in the program; see `Signature.named`."""
-        return renamed_query(query, self.signature.named)
+        return rename_query_terms(query, self.signature.named)
 
     def check_query(self, query: Query) -> None:
         """Check a query as those in the program are.
 
         Raises:
-            Offence: it names what the program does not know.
+            SourceIssue: it names what the program does not know.
         """
         check_query(query, self.signature)
 

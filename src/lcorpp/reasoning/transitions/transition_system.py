@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from lcorpp.reasoning.gc_pause import without_collection
+from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.simplification import simplify
@@ -52,7 +52,7 @@ def build_transition_system(
     Raises:
         ProgramError: arithmetic is undefined.
     """
-    with without_collection():
+    with gc_paused():
         return _plan(program, do, observed, wanted, asked)
 
 

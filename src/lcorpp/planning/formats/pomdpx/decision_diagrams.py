@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lcorpp.errors import expected
-from lcorpp.planning.factored.table_builder import Cells, Selector
+from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import AFTER, ALL, EACH
 from lcorpp.planning.formats.pomdpx.tables import Function, check_probabilities
 from lcorpp.planning.formats.pomdpx.xml import Element
@@ -25,7 +25,7 @@ _SHORTHANDS = {
 _HOLDERS = {"DAG": (), "Edge": ("val",), "SubDAGTemplate": ("id",)}
 
 
-def read_diagram(function: Function, cells: Cells) -> None:
+def read_diagram(function: Function, cells: TableBuilder) -> None:
     """Put what the decision diagram of a function says into a table; cases that no path agrees with are 0.
 
     Raises:
@@ -35,7 +35,7 @@ def read_diagram(function: Function, cells: Cells) -> None:
 
 
 class _Diagram:
-    def __init__(self, function: Function, cells: Cells) -> None:
+    def __init__(self, function: Function, cells: TableBuilder) -> None:
         self.function, self.cells = function, cells
         self.document = function.source.document
         self.templates: dict[str, Element] = {}
