@@ -132,9 +132,8 @@ class Log:
             result = self._scores(self._outcomes)
             self._outcomes = []
             cells |= {name: value for name, value in to_row(result).items() if name in METRICS}
-            line += (
-                f"; F1 {result.f1.value:.3f}, cost {result.cost.value:.2f}, return {result.return_.value:.2f}"
-            )
+            f1, cost, return_ = result.f1.estimate, result.cost.estimate, result.return_.estimate
+            line += f"; F1 {f1:.3f}, cost {cost:.2f}, return {return_:.2f}"
         self.rows.append(cells)
         self.write(batch)
         return line

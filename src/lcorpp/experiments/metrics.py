@@ -8,18 +8,9 @@ from statistics import NormalDist
 
 import numpy as np
 
-from lcorpp.values import Array
+from lcorpp.values import Array, Interval
 
 Z95 = NormalDist().inv_cdf(0.975)
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A figure with the ends of its 95% interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +26,12 @@ class Scores:
 
     strategy: str
     counts: Array
-    f1: Estimate
-    precision: Estimate
-    recall: Estimate
-    accuracy: Estimate
-    cost: Estimate
-    return_: Estimate
+    f1: Interval
+    precision: Interval
+    recall: Interval
+    accuracy: Interval
+    cost: Interval
+    return_: Interval
     cost_sd: float
 
 
@@ -80,47 +71,44 @@ def score_probabilities(
         joint: (V, V + 1) probability of true value i and reported value j.
     """
     confusion = _classification(joint, values, positive, _proportion)
-    return Scores(
-        strategy, joint, *confusion, Estimate(cost, cost, cost), Estimate(return_, return_, return_), cost_sd
-    )
+    return Scores(strategy, joint, *confusion, Interval.exact(cost), Interval.exact(return_), cost_sd)
 
 
-def wilson_interval(hits: float, total: float) -> Estimate:
+def wilson_interval(hits: float, total: float) -> Interval:
     """Return a proportion with its Wilson interval; without cases 0 with [0, 1]."""
     if total == 0:
-        return Estimate(0.0, 0.0, 1.0)
+        return Interval(0.0, 0.0, 1.0)
     p, z2 = hits / total, Z95**2 / total
     middle = (p + z2 / 2) / (1 + z2)
     half = float(np.sqrt(z2 * (p * (1 - p) + z2 / 4))) / (1 + z2)
-    return Estimate(p, min(p, max(0.0, middle - half)), max(p, min(1.0, middle + half)))
+    return Interval(p, min(p, max(0.0, middle - half)), max(p, min(1.0, middle + half)))
 
 
-def mean_interval(numbers: Array) -> Estimate:
+def mean_interval(numbers: Array) -> Interval:
     """Return the mean of numbers (n,) with the normal interval."""
     middle = float(np.mean(numbers))
     half = Z95 * _sd(numbers) / float(np.sqrt(len(numbers)))
-    return Estimate(middle, middle - half, middle + half)
+    return Interval(middle, middle - half, middle + half)
 
 
 def _sd(numbers: Array) -> float:
     return float(np.std(numbers, ddof=1)) if len(numbers) > 1 else 0.0
 
 
-def _proportion(hits: float, total: float) -> Estimate:
-    share = hits / total if total else 0.0
-    return Estimate(share, share, share)
+def _proportion(hits: float, total: float) -> Interval:
+    return Interval.exact(hits / total if total else 0.0)
 
 
 def _classification(
-    counts: Array, values: Sequence[str], positive: str | None, share: Callable[[float, float], Estimate]
-) -> tuple[Estimate, Estimate, Estimate, Estimate]:
+    counts: Array, values: Sequence[str], positive: str | None, share: Callable[[float, float], Interval]
+) -> tuple[Interval, Interval, Interval, Interval]:
     """Return F1, precision, recall and accuracy."""
     rows = range(len(values)) if positive is None else [list(values).index(positive)]
     f1, precision, recall = [], [], []
     for i in rows:
         hits, reported, actual = counts[i, i], counts[:, i].sum(), counts[i].sum()
         either = share(hits, reported + actual - hits)
-        f1.append(Estimate(*(2 * p / (1 + p) for p in (either.value, either.low, either.high))))
+        f1.append(Interval(*(2 * p / (1 + p) for p in (either.estimate, either.low, either.high))))
         precision.append(share(hits, reported))
         recall.append(share(hits, actual))
     square = counts[:, : len(values)]
@@ -128,9 +116,9 @@ def _classification(
     return _average(f1), _average(precision), _average(recall), accuracy
 
 
-def _average(estimates: Sequence[Estimate]) -> Estimate:
-    return Estimate(
-        float(np.mean([e.value for e in estimates])),
+def _average(estimates: Sequence[Interval]) -> Interval:
+    return Interval(
+        float(np.mean([e.estimate for e in estimates])),
         float(np.mean([e.low for e in estimates])),
         float(np.mean([e.high for e in estimates])),
     )

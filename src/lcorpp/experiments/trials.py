@@ -18,7 +18,7 @@ from lcorpp.simulation.population import Population
 from lcorpp.simulation.trajectories import TrajectorySource
 from lcorpp.simulation.world import SimulationModel
 from lcorpp.values import Array, Instance, Label
-from lcorpp.workers import sheltered
+from lcorpp.workers import ignore_sigint
 
 CHUNK_SIZE = 100
 """Trials per chunk. Each chunk has its own random generator, so this number is part of every result."""
@@ -83,7 +83,7 @@ def run_trials(
                 progress(sum(len(chunk.truth) for chunk in done))
         else:
             work = (delayed(run_chunk)(experiment, number, size) for number, size in enumerate(sizes))
-            with sheltered():
+            with ignore_sigint():
                 started = Parallel(n_jobs=jobs, return_as="generator")(work)
             with closing(started) as chunks:
                 for chunk in chunks:

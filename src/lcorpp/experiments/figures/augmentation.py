@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from lcorpp.plot_style import BLUE, ORANGE, drawn, tidy
+from lcorpp.plot_style import BLUE, ORANGE, despine, with_style
 
 
-@drawn
+@with_style
 def plot_augmentation(batches: Sequence[int], f1: Sequence[float], change: Sequence[float]) -> Figure:
     """Draw the F1 score of each batch's decisions and the change of the confusion matrix.
 
@@ -26,5 +26,5 @@ def plot_augmentation(batches: Sequence[int], f1: Sequence[float], change: Seque
         axes.set(xlabel="batch", ylabel=label)
         axes.set_ylim(0, top)
         axes.xaxis.get_major_locator().set_params(integer=True)
-        tidy(axes)
+        despine(axes)
     return figure

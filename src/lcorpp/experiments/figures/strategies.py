@@ -7,17 +7,18 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lcorpp.experiments.metrics import Estimate, Scores
-from lcorpp.plot_style import BLUE, INK, ORANGE, drawn, tidy
+from lcorpp.experiments.metrics import Scores
+from lcorpp.plot_style import BLUE, INK, ORANGE, despine, with_style
+from lcorpp.values import Interval
 
 
-@drawn
+@with_style
 def plot_strategies(scores: Sequence[Scores], title: str) -> Figure:
     """Draw one panel for each metric, with 95 % confidence intervals as error bars.
 
     The cost panel leaves out strategies that do not plan, as the paper does.
     """
-    planning = [result for result in scores if result.cost.value > 0]
+    planning = [result for result in scores if result.cost.estimate > 0]
     widths = [len(scores), len(scores)] + ([max(len(planning), 2)] if planning else [])
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     axes = figure.subplots(1, len(widths), width_ratios=widths)
@@ -34,16 +35,16 @@ def plot_strategies(scores: Sequence[Scores], title: str) -> Figure:
 
 
 def _draw_bars(
-    axes: Axes, names: Sequence[str], estimates: Sequence[Estimate], label: str, number_format: str
+    axes: Axes, names: Sequence[str], intervals: Sequence[Interval], label: str, number_format: str
 ) -> None:
-    for position, (name, estimate) in enumerate(zip(names, estimates, strict=True)):
+    for position, (name, interval) in enumerate(zip(names, intervals, strict=True)):
         colour = ORANGE if name == "LCORPP" else BLUE
-        axes.bar(position, estimate.value, color=colour, width=0.66)
-        errors = [[estimate.value - estimate.low], [estimate.high - estimate.value]]
-        axes.errorbar(position, estimate.value, yerr=errors, color=INK, capsize=3, linewidth=1)
+        axes.bar(position, interval.estimate, color=colour, width=0.66)
+        errors = [[interval.estimate - interval.low], [interval.high - interval.estimate]]
+        axes.errorbar(position, interval.estimate, yerr=errors, color=INK, capsize=3, linewidth=1)
         axes.annotate(
-            number_format.format(estimate.value),
-            (position, estimate.high),
+            number_format.format(interval.estimate),
+            (position, interval.high),
             xytext=(0, 3),
             textcoords="offset points",
             ha="center",
@@ -52,4 +53,4 @@ def _draw_bars(
     axes.set_xticks(range(len(names)), names)
     axes.set(xlabel="strategy", ylabel=label)
     axes.margins(y=0.12)
-    tidy(axes)
+    despine(axes)
