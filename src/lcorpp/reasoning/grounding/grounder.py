@@ -24,7 +24,6 @@ from lcorpp.reasoning.grounding.values import Value, split, value_of
 from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.signature import iter_expressions, list_expressions
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
@@ -36,6 +35,7 @@ from lcorpp.reasoning.language.syntax import (
     Rule,
     Selection,
 )
+from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions
 
 Body = Sequence[Literal | Comparison]
 

@@ -9,10 +9,9 @@ from collections.abc import Iterable, Sequence
 
 from lcorpp.errors import expected
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
-from lcorpp.reasoning.language.declared import build_signature
 from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
 from lcorpp.reasoning.language.safety import check_order, check_slots, check_variables
-from lcorpp.reasoning.language.signature import Signature, as_selection, iter_expressions, list_expressions
+from lcorpp.reasoning.language.signature import Signature, build_signature
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     CrRule,
@@ -28,6 +27,7 @@ from lcorpp.reasoning.language.syntax import (
     Statement,
     Term,
 )
+from lcorpp.reasoning.language.traversal import as_selection, iter_expressions, list_expressions
 
 
 def check(statements: Sequence[Statement]) -> Signature:

@@ -12,9 +12,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
-from lcorpp.reasoning.language.rewriting import iter_literals, map_literals
 from lcorpp.reasoning.language.signature import BOOLEAN, mangle_name
-from lcorpp.reasoning.language.sorts import BOOLEANS, Sorts
+from lcorpp.reasoning.language.sorts import BOOLEANS, SortTable
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     DomainDirective,
@@ -30,6 +29,7 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     Variable,
 )
+from lcorpp.reasoning.language.traversal import iter_literals, map_literals
 
 
 @dataclass
@@ -39,7 +39,7 @@ class _Slot:
     sorts: dict[str, None] = field(default_factory=dict)
     constants: dict[str, Expression] = field(default_factory=dict)
 
-    def note(self, found: Expression, known: dict[str, str], sorts: Sorts) -> None:
+    def note(self, found: Expression, known: dict[str, str], sorts: SortTable) -> None:
         if isinstance(found, Variable):
             if known.get(found.name) in sorts.known:
                 self.sorts[known[found.name]] = None
@@ -60,7 +60,7 @@ class _Use:
 class _Found:
     declared: dict[str, AttributeDeclaration] = field(default_factory=dict)
     domains: dict[str, str] = field(default_factory=dict)
-    sorts: Sorts = field(default_factory=Sorts)
+    sorts: SortTable = field(default_factory=SortTable)
     uses: dict[str, dict[int, _Use]] = field(default_factory=dict)
 
 

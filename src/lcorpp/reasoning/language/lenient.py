@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from lcorpp.reasoning.language.checker import check_attribute, check_statement
-from lcorpp.reasoning.language.declared import build_signature
 from lcorpp.reasoning.language.issues import SortMismatch
 from lcorpp.reasoning.language.safety import check_slots
-from lcorpp.reasoning.language.signature import Signature, get_body
+from lcorpp.reasoning.language.signature import Signature, build_signature
 from lcorpp.reasoning.language.syntax import CrRule, Literal, Probability, Rule, Selection, Statement
+from lcorpp.reasoning.language.traversal import get_body
 
 
 def drop_ill_sorted(statements: Sequence[Statement]) -> tuple[Statement, ...]:

@@ -26,9 +26,9 @@ NAME, VARIABLE, INTEGER, DECIMAL, HASH_NAME, UNKNOWN, END = (
 
 _KINDS = {"N": NAME, "V": VARIABLE, "I": INTEGER, "D": DECIMAL, "H": HASH_NAME, "U": UNKNOWN}
 
-_NAMED = frozenset({*_KINDS.values(), END})
+_NAMED_KINDS = frozenset({*_KINDS.values(), END})
 
-_UNTOLD = frozenset(
+_HINTS_OMITTED = frozenset(
     {"+", "-", "*", "/", "\\", "mod", "==", "!=", "<>", "<", "<=", ">", ">=", "+-", ":+", DECIMAL}
 )
 """What messages do not offer, as it may stand nearly everywhere."""
@@ -112,11 +112,11 @@ class Cursor:
         self._lines = [0, *(found.end() for found in _LINE_END.finditer(text))]
         self.index = 0
         self.constants: dict[str, Expression] = {}
-        self.dialect_2 = False
+        self.uses_plog2 = False
         self.semantics: str | None = None
-        self.anonymous = 0
+        self.anonymous_count = 0
         self._depth = 0
-        self._wanted: set[str] = set()
+        self._expected_kinds: set[str] = set()
 
     @property
     def kind(self) -> str:
@@ -124,7 +124,7 @@ class Cursor:
         return self.kinds[self.index]
 
     @property
-    def following(self) -> str:
+    def second_kind(self) -> str:
         """The kind of the token after the next."""
         return self.kinds[self.index + 1]
 
@@ -148,7 +148,7 @@ class Cursor:
         """The text of the next token, which is passed."""
         token = self.texts[self.index]
         self.index += 1
-        self._wanted.clear()
+        self._expected_kinds.clear()
         return token
 
     def accept(self, kind: str) -> bool:
@@ -156,7 +156,7 @@ class Cursor:
         if self.kinds[self.index] == kind:
             self.take()
             return True
-        self._wanted.add(kind)
+        self._expected_kinds.add(kind)
         return False
 
     def accept_word(self, word: str) -> bool:
@@ -164,14 +164,14 @@ class Cursor:
         if self.kinds[self.index] == NAME and self.texts[self.index] == word:
             self.take()
             return True
-        self._wanted.add(word)
+        self._expected_kinds.add(word)
         return False
 
-    def sees(self, *kinds: str) -> bool:
+    def next_is(self, *kinds: str) -> bool:
         """Whether the next token is of one of these kinds."""
         if self.kinds[self.index] in kinds:
             return True
-        self._wanted.update(kinds)
+        self._expected_kinds.update(kinds)
         return False
 
     def expect(self, kind: str) -> str:
@@ -182,8 +182,8 @@ class Cursor:
 
     def unexpected(self, wanted: Iterable[str] = ()) -> SourceIssue:
         """The next token as an error, with everything that was looked for in its place."""
-        kinds = {*self._wanted, *wanted} - _UNTOLD
-        names = {kind if kind in _NAMED else f"'{kind}'" for kind in kinds}
+        kinds = {*self._expected_kinds, *wanted} - _HINTS_OMITTED
+        names = {kind if kind in _NAMED_KINDS else f"'{kind}'" for kind in kinds}
         hint = f"; expected {' or '.join(sorted(names))}" if names else ""
         if self.kind == UNKNOWN:
             return SourceIssue(self.at, f"unexpected character {self.word!r}")

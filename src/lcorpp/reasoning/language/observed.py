@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.rewriting import iter_literals, map_literals
 from lcorpp.reasoning.language.signature import BOOLEAN
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
@@ -20,6 +19,7 @@ from lcorpp.reasoning.language.syntax import (
     Statement,
     Term,
 )
+from lcorpp.reasoning.language.traversal import iter_literals, map_literals
 
 TRUE, FALSE = Term("true"), Term("false")
 

@@ -14,15 +14,15 @@ from typing import NoReturn, TypeVar
 
 from lcorpp.errors import ParseError, ProgramError
 from lcorpp.files import read_text
-from lcorpp.reasoning.language.declared import check_record_names
 from lcorpp.reasoning.language.desugar import desugar
-from lcorpp.reasoning.language.expressions import value
+from lcorpp.reasoning.language.expressions import parse_value
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.lenient import drop_ill_sorted
 from lcorpp.reasoning.language.lexer import END, Cursor
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.queries import question
-from lcorpp.reasoning.language.statements import statements
+from lcorpp.reasoning.language.queries import parse_question
+from lcorpp.reasoning.language.signature import check_record_names
+from lcorpp.reasoning.language.statements import parse_statements
 from lcorpp.reasoning.language.syntax import Expression, Query, Semantics
 
 _Read = TypeVar("_Read")
@@ -65,8 +65,8 @@ def parse_plog(
     """
 
     def program(cursor: Cursor) -> Program:
-        found = tuple(statements(cursor))
-        marked: Semantics = "2018" if cursor.dialect_2 else "2009"
+        found = tuple(parse_statements(cursor))
+        marked: Semantics = "2018" if cursor.uses_plog2 else "2009"
         told: Semantics | None = cursor.semantics  # type: ignore[assignment]  # one of the two, checked where read
         chosen = semantics or told or marked
         try:
@@ -79,7 +79,7 @@ def parse_plog(
             raise ProgramError(str(issue)) from None
         return Program(file, whole, chosen)
 
-    return _parsed(text, file, program)
+    return _parse_with(text, file, program)
 
 
 def parse_query(text: str, program: Program) -> Query:
@@ -92,13 +92,13 @@ def parse_query(text: str, program: Program) -> Query:
     """
 
     def query(cursor: Cursor) -> Query:
-        found = program.named(question(cursor))
+        found = program.named(parse_question(cursor))
         cursor.accept(".")
         cursor.expect(END)
         program.check_query(found)
         return found
 
-    return _parsed(text, "<query>", query)
+    return _parse_with(text, "<query>", query)
 
 
 def parse_term(text: str, file: str) -> Expression:
@@ -109,21 +109,21 @@ def parse_term(text: str, file: str) -> Expression:
     """
 
     def term(cursor: Cursor) -> Expression:
-        found = value(cursor)
+        found = parse_value(cursor)
         cursor.expect(END)
         return found
 
-    return _parsed(text, file, term)
+    return _parse_with(text, file, term)
 
 
-def _parsed(text: str, file: str, read: Callable[[Cursor], _Read]) -> _Read:
+def _parse_with(text: str, file: str, read: Callable[[Cursor], _Read]) -> _Read:
     try:
         return read(Cursor(text, file))
     except SourceIssue as issue:
-        _refuse(issue, text)
+        _raise_parse_error(issue, text)
 
 
-def _refuse(issue: SourceIssue, text: str) -> NoReturn:
+def _raise_parse_error(issue: SourceIssue, text: str) -> NoReturn:
     lines = re.split(r"\r\n|\r|\n", text)
     shown = lines[issue.at.line - 1] if issue.at.line <= len(lines) else ""
     raise ParseError(issue.at.file, issue.at.line, issue.at.column, issue.message, shown) from None

@@ -53,7 +53,7 @@ def check_variables(
     span = outcomes
     computed = _computed(body)
     for name, found in sorts.items():
-        common = signature.shared(found)
+        common = signature.count_common_members(found)
         if not common:
             where = next((v.at for v in used if v.name == name), at)
             raise SourceIssue(where, f"variable {name} cannot be of the sorts {' and '.join(found)} at once")
@@ -61,12 +61,12 @@ def check_variables(
             span *= common
     if span > MAX_INSTANCES:
         raise SourceIssue(at, f"this spans {span} ground instances; at most {MAX_INSTANCES} are grounded")
-    bounds = dict.fromkeys(sorts, signature.largest)
+    bounds = dict.fromkeys(sorts, signature.max_integer)
     for expression, _ in slots:
         if isinstance(
             expression, Term
         ):  # a record: its members are known, so its variables are found by matching
-            bounds.update((v.name, signature.largest) for v in iter_variables(expression))
+            bounds.update((v.name, signature.max_integer) for v in iter_variables(expression))
     _bind(body, bounds)
     for variable in used:
         if variable.name not in bounds:

@@ -49,14 +49,14 @@ class Sort:
     """
 
     members: dict[str, None]
-    largest: int
+    max_integer: int
     integers: bool
 
 
 BOOLEANS = Sort({"true": None, "false": None}, 0, False)
 
 
-class Sorts:
+class SortTable:
     """The sorts of a program, worked out one after the other; each may use those before it."""
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ class Sorts:
             SourceIssue: it names an unknown sort, has a member twice, is empty or too large.
         """
         name, at = definition.name, definition.at
-        if definition.is_algebra:
+        if definition.has_sort_expression:
             expression = definition.elements[0]
             assert isinstance(expression, SortName | SortSet | RecordSort | SortOperation)
             made = self._made(expression)
@@ -110,7 +110,7 @@ class Sorts:
             if isinstance(element, Interval):
                 part = self._interval(element)
                 found: Iterable[str] = part.members
-                largest = max(largest, part.largest)
+                largest = max(largest, part.max_integer)
             else:
                 assert not isinstance(element, SortName | SortSet | RecordSort | SortOperation)
                 text = canonical_text(element)
@@ -155,7 +155,7 @@ class Sorts:
             condition = record.condition
             rows = (row for row in rows if _holds(condition, row, places))
         members = {f"{record.name}({','.join(row)})": None for row in rows}
-        return Sort(members, max(part.largest for part in parts), False)
+        return Sort(members, max(part.max_integer for part in parts), False)
 
     def _operation(self, operation: SortOperation) -> Sort:
         left, right = self._made(operation.left), self._made(operation.right)
@@ -166,7 +166,7 @@ class Sorts:
             members = {member: None for member in left.members if member in right.members}
         else:
             members = {member: None for member in left.members if member not in right.members}
-        return Sort(members, max(left.largest, right.largest), all(map(is_integer, members)))
+        return Sort(members, max(left.max_integer, right.max_integer), all(map(is_integer, members)))
 
 
 def _largest(text: str) -> int:
@@ -194,15 +194,15 @@ def _holds(condition: Comparison | Connective, row: Sequence[str], places: Mappi
     return compare(first, condition.relation, second)
 
 
-def records_of(elements: Iterable[Expression | SortExpression]) -> Iterator[tuple[str, int]]:
+def iter_record_shapes(elements: Iterable[Expression | SortExpression]) -> Iterator[tuple[str, int]]:
     """Name and number of arguments of each kind of record in sort expressions, names of sorts left alone."""
     for element in elements:
         if isinstance(element, Term) and element.arguments:
             yield element.name, len(element.arguments)
         elif isinstance(element, RecordSort):
             yield element.name, len(element.parts)
-            yield from records_of(element.parts)
+            yield from iter_record_shapes(element.parts)
         elif isinstance(element, SortSet):
-            yield from records_of(element.elements)
+            yield from iter_record_shapes(element.elements)
         elif isinstance(element, SortOperation):
-            yield from records_of((element.left, element.right))
+            yield from iter_record_shapes((element.left, element.right))
