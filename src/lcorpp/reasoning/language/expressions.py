@@ -1,6 +1,6 @@
-"""Reads expressions, literals and bodies: what stands inside of statements.
+"""Parse expressions, literals and bodies.
 
-Terms, values and literals begin alike; what follows tells them apart.
+Terms, values and literals share their first tokens: a literal is a sum with an optional relation.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from lcorpp.reasoning.language.syntax import (
 )
 
 MAX_DIGITS = 300
-"""How many digits a number may have."""
+"""Maximal number of digits of a number."""
 
 RESERVED = frozenset({"not", "mod"})
-"""Words that are never the name of anything."""
+"""Names reserved for operators."""
 
 NEGATED_RELATIONS = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 
@@ -34,29 +34,29 @@ RELATION_SYNONYMS = {"==": "=", "<>": "!="}
 
 
 class MinusTerm:
-    """`-p`: a false literal if it stands alone, nothing elsewhere."""
+    """`-p`, which is valid only as a whole literal: `p=false`."""
 
     def __init__(self, at: Place, term: Term) -> None:
         self.at, self.term = at, term
 
 
 def parse_value(cursor: Cursor) -> Expression:
-    """An expression that stands for a value."""
+    """Parse an expression that denotes a value."""
     return require_value(parse_sum(cursor))
 
 
 def require_value(found: Expression | MinusTerm) -> Expression:
-    """The expression, which must not be a false literal."""
+    """Return the expression; raise SourceIssue for `-p`."""
     if isinstance(found, MinusTerm):
         raise SourceIssue(found.at, f"'-{found.term}' is a literal; expected a value")
     return found
 
 
 def parse_sum(cursor: Cursor, arrow: bool = False) -> Expression | MinusTerm:
-    """A sum, or `-p`.
+    """Parse a sum, or `-p`.
 
     Args:
-        arrow: whether `+-` may be the arrow of a cr-rule here; elsewhere it is a sum of something negative.
+        arrow: whether `+-` is the arrow of a cr-rule; otherwise it adds a negative number.
     """
     left = _parse_product(cursor)
     while True:
@@ -85,7 +85,7 @@ def _parse_product(cursor: Cursor) -> Expression | MinusTerm:
 
 
 def parse_factor(cursor: Cursor) -> Expression | MinusTerm:
-    """A number, a variable, a term, something in parentheses, or one of them after a minus."""
+    """Parse a number, a variable, a term or a parenthesised sum, with an optional minus."""
     at = cursor.at
     if cursor.accept("-"):
         cursor.enter()
@@ -109,12 +109,12 @@ def parse_factor(cursor: Cursor) -> Expression | MinusTerm:
 
 def _parse_number(cursor: Cursor, at: Place) -> Number:
     if len(cursor.word) > MAX_DIGITS:
-        raise SourceIssue(at, f"a number of {len(cursor.word)} digits; at most {MAX_DIGITS} are read")
+        raise SourceIssue(at, f"a number of {len(cursor.word)} digits; expected at most {MAX_DIGITS}")
     return Number(Fraction(cursor.take()), at=at)
 
 
 def _parse_variable_name(cursor: Cursor) -> str:
-    """The name of a variable; `_` gets one that it shares with no other `_` of its statement."""
+    """Parse the name of a variable. Each `_` of a statement gets a name of its own."""
     name = cursor.take()
     if name == "_":
         cursor.anonymous_count += 1
@@ -165,12 +165,12 @@ def _check_depth(node: Term | Arithmetic) -> Term | Arithmetic:
 
 
 def parse_literal(cursor: Cursor, arrow: bool = False) -> Literal | Comparison:
-    """`term`, `-term` or `left relation right`."""
+    """Parse `term`, `-term` or `left relation right`."""
     return parse_relation(parse_sum(cursor, arrow), cursor, arrow)
 
 
 def parse_relation(left: Expression | MinusTerm, cursor: Cursor, arrow: bool = False) -> Literal | Comparison:
-    """The literal whose left side has been read."""
+    """Parse the rest of a literal after its left side."""
     if not cursor.next_is(*RELATIONS):
         return _complete_literal(left)
     sign = cursor.take()
@@ -192,26 +192,26 @@ def _complete_literal(left: Expression | MinusTerm) -> Literal:
 
 
 def has_implicit_value(literal: Literal) -> bool:
-    """Whether a literal was written without relation and value: its value stands where it begins."""
+    """Whether the text of a literal has no value; the implicit one has the place of the literal."""
     return literal.value.at == literal.term.at or literal.value.at == literal.at
 
 
 def parse_body_literal(cursor: Cursor) -> Literal | Comparison:
-    """A literal, perhaps under `not`."""
+    """Parse a literal with an optional `not`."""
     at = cursor.at
     if not cursor.accept_word("not"):
         return parse_literal(cursor)
     before = cursor.anonymous_count
     found = parse_literal(cursor)
     if cursor.anonymous_count > before:
-        raise SourceIssue(at, "'_' under 'not' can be read in two ways; write a variable in its place")
+        raise SourceIssue(at, "'_' under 'not' is ambiguous; expected a named variable")
     if isinstance(found, Literal):
         return Literal(found.term, found.relation, found.value, True, at=at)
     return Comparison(found.left, NEGATED_RELATIONS[found.relation], found.right, at=at)
 
 
 def parse_body(cursor: Cursor) -> Body:
-    """Literals with commas between them."""
+    """Parse literals separated by commas."""
     found = [parse_body_literal(cursor)]
     while cursor.accept(","):
         found.append(parse_body_literal(cursor))

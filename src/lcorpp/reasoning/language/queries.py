@@ -1,4 +1,4 @@
-"""Reads observations, interventions and queries."""
+"""Parse observations, interventions and queries."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Conditions = tuple[tuple[Observation, ...], tuple[Intervention, ...]]
 
 
 def require_assignment(found: Literal | Comparison, where: str) -> Literal:
-    """The literal that says what value a term gets."""
+    """Return the literal; raise SourceIssue unless it has the form `attribute=value`."""
     if isinstance(found, Comparison) or found.relation != "=":
         raise SourceIssue(found.at, f"expected attribute=value in {where}, not {found}")
     return found
@@ -31,7 +31,7 @@ def _require_literal(found: Literal | Comparison, where: str) -> Literal:
 
 
 def parse_observation(cursor: Cursor) -> Observation:
-    """`obs(literal)`, or in the way of plog 2.0 `obs(term, value)` and `obs(term, value, true or false)`."""
+    """Parse `obs(literal)`, or `obs(term, value)` and `obs(term, value, true or false)` of plog 2.0."""
     at = cursor.at
     cursor.take()
     cursor.expect("(")
@@ -48,7 +48,7 @@ def parse_observation(cursor: Cursor) -> Observation:
 
 
 def _apply_polarity(cursor: Cursor, found: Literal) -> Literal:
-    """The literal that was observed to be true, or its opposite; both need a value."""
+    """Parse `true` or `false`; return the literal or its opposite."""
     if cursor.accept_word("true"):
         return found
     if not cursor.accept_word("false"):
@@ -57,7 +57,7 @@ def _apply_polarity(cursor: Cursor, found: Literal) -> Literal:
 
 
 def parse_intervention(cursor: Cursor) -> Intervention:
-    """`do(term=value)`, or `do(term, value)`."""
+    """Parse `do(term=value)` or `do(term, value)`."""
     at = cursor.at
     cursor.take()
     cursor.expect("(")
@@ -70,7 +70,9 @@ def parse_intervention(cursor: Cursor) -> Intervention:
             )
         chosen = parse_value(cursor)
         if cursor.kind == ",":
-            raise SourceIssue(found.at, "do() of a named rule is not read; expected do(attribute, value)")
+            raise SourceIssue(
+                found.at, "do() of a named rule is not supported; expected do(attribute, value)"
+            )
     cursor.expect(")")
     if cursor.kind == ":-":
         raise SourceIssue(cursor.at, "an intervention has no body; expected do(attribute=value).")
@@ -78,16 +80,16 @@ def parse_intervention(cursor: Cursor) -> Intervention:
 
 
 def parse_query_statement(cursor: Cursor) -> Query:
-    """`?question.`"""
+    """Parse `?question.` The full stop is optional at the end of the text."""
     at = cursor.at
     found = parse_question(cursor)
-    if cursor.kind != END:  # the dot of a query that ends the text may be missing
+    if cursor.kind != END:
         cursor.expect(".")
     return Query(found.literals, found.subject, found.observations, found.interventions, at=at)
 
 
 def parse_question(cursor: Cursor) -> Query:
-    """`{literals} | conditions`, `literals | conditions` or `term | conditions`, `?` before it or not."""
+    """Parse `{literals} | conditions`, `literals | conditions` or `term | conditions`, with optional `?`."""
     cursor.accept("?")
     braced = cursor.accept("{")
     literals = tuple(
@@ -110,7 +112,7 @@ def parse_question(cursor: Cursor) -> Query:
 
 
 def _parse_formulas(cursor: Cursor) -> Body:
-    """Formulas of plog 1.0 that all have to hold: literals, `(F and F)` and `!literal`."""
+    """Parse a conjunction of formulas of plog 1.0: literals, `(F and F)` and `!literal`."""
     found = list(_parse_formula(cursor))
     while cursor.accept(","):
         found.extend(_parse_formula(cursor))
@@ -125,7 +127,7 @@ def _parse_formula(cursor: Cursor) -> Body:
         cursor.leave()
         first = inner[0]
         if len(inner) > 1 or isinstance(first, Comparison) or first.negated:
-            raise SourceIssue(at, "'!' is read before a single literal only")
+            raise SourceIssue(at, "'!' is only supported before a single literal")
         return (Literal(first.term, first.relation, first.value, True, at=at),)
     if cursor.kind != "(":
         return (parse_body_literal(cursor),)
@@ -136,7 +138,9 @@ def _parse_formula(cursor: Cursor) -> Body:
         found.extend(_parse_formula(cursor))
     cursor.leave()
     if cursor.kind == NAME and cursor.word == "or":
-        raise SourceIssue(cursor.at, "'or' is not read in a query; give an attribute one rule for each case")
+        raise SourceIssue(
+            cursor.at, "'or' is not supported in a query; define an attribute with one rule for each case"
+        )
     cursor.expect(")")
     return tuple(found)
 

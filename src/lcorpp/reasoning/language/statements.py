@@ -1,18 +1,16 @@
-"""Reads statements: what a P-log program is made of, in the words of plog 1.0, plog 2.0 and the papers."""
+"""Parse statements in the dialects of plog 1.0, plog 2.0 and the papers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from fractions import Fraction
 
-from lcorpp.reasoning.language.arithmetic import evaluate_number, iter_variables
+from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
 from lcorpp.reasoning.language.declarations import (
     is_bare_name,
     parse_attributes,
-    parse_constant,
-    parse_domains,
     parse_hash_sort,
     parse_plain_sort,
-    parse_semantics,
 )
 from lcorpp.reasoning.language.expressions import (
     parse_body,
@@ -22,7 +20,7 @@ from lcorpp.reasoning.language.expressions import (
     parse_value,
 )
 from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.lexer import END, HASH_NAME, NAME, VARIABLE, Cursor
+from lcorpp.reasoning.language.lexer import END, HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
 from lcorpp.reasoning.language.queries import (
     parse_intervention,
     parse_observation,
@@ -33,6 +31,7 @@ from lcorpp.reasoning.language.syntax import (
     Body,
     Comparison,
     CrRule,
+    DomainDirective,
     DynamicRange,
     Literal,
     Number,
@@ -51,7 +50,7 @@ _ARROWS = (":+", "+-")
 
 
 def parse_statements(cursor: Cursor) -> Iterator[Statement]:
-    """All statements of a program, one after the other."""
+    """Parse the statements of a program."""
     while cursor.kind != END:
         cursor.anonymous_count = 0
         yield from _parse_statement(cursor)
@@ -91,11 +90,11 @@ def _parse_statement(cursor: Cursor) -> Iterator[Statement]:
 
 def _parse_directive(cursor: Cursor) -> Iterator[Statement]:
     if cursor.word == "#domain":
-        yield from parse_domains(cursor)
+        yield from _parse_domains(cursor)
     elif cursor.word == "#const":
-        parse_constant(cursor)
+        _parse_constant(cursor)
     elif cursor.word == "#semantics":
-        parse_semantics(cursor)
+        _parse_semantics(cursor)
     else:
         yield parse_hash_sort(cursor)
 
@@ -108,6 +107,54 @@ def _parse_declaration_or_rule(cursor: Cursor) -> Iterator[Statement]:
         yield parse_plain_sort(cursor, left)
     else:
         yield _parse_rule(cursor, parse_relation(left, cursor, arrow=True), None)
+
+
+def _parse_domains(cursor: Cursor) -> Iterator[DomainDirective]:
+    """Parse `#domain s(X;Y), t(Z).`"""
+    at = cursor.at
+    cursor.take()
+    while True:
+        sort = cursor.expect(NAME)
+        cursor.expect("(")
+        names = [_parse_domain_variable(cursor)]
+        while cursor.accept(";"):
+            names.append(_parse_domain_variable(cursor))
+        cursor.expect(")")
+        yield DomainDirective(sort, tuple(dict.fromkeys(names)), at=at)
+        if not cursor.accept(","):
+            break
+    cursor.expect(".")
+
+
+def _parse_domain_variable(cursor: Cursor) -> str:
+    if cursor.word == "_":
+        raise cursor.unexpected((VARIABLE,))
+    return cursor.expect(VARIABLE)
+
+
+def _parse_constant(cursor: Cursor) -> None:
+    """Parse `#const name = value.`, which replaces the name in the rest of the text."""
+    cursor.take()
+    at, name = cursor.at, cursor.expect(NAME)
+    cursor.expect("=")
+    given = parse_value(cursor)
+    cursor.expect(".")
+    if name in cursor.constants:
+        raise SourceIssue(at, f"the constant {name} is declared twice")
+    text = canonical_text(given)
+    cursor.constants[name] = given if isinstance(given, Term) else Number(Fraction(text), at=given.at)
+
+
+def _parse_semantics(cursor: Cursor) -> None:
+    """Parse `#semantics 2009.` or `#semantics 2018.`, which overrides the dialect."""
+    cursor.take()
+    at, given = cursor.at, cursor.expect(INTEGER)
+    if given not in ("2009", "2018"):
+        raise SourceIssue(at, f"unknown semantics {given}; expected 2009 or 2018")
+    if cursor.semantics not in (None, given):
+        raise SourceIssue(at, f"the semantics {cursor.semantics} is already chosen")
+    cursor.semantics = given
+    cursor.expect(".")
 
 
 # rules
@@ -135,7 +182,7 @@ def _parse_labelled(cursor: Cursor, label: Term | None) -> Statement:
 
 
 def _parse_tail(cursor: Cursor) -> Body:
-    """What follows a head, the dot included."""
+    """Parse the rest of a rule after its head, full stop included; return the body."""
     if not cursor.next_is(":-", *_ARROWS):
         cursor.expect(".")
         return ()
@@ -168,7 +215,7 @@ def _parse_constraint(cursor: Cursor) -> Rule | CrRule:
 
 
 def _parse_selection_head(cursor: Cursor) -> tuple[Term, DynamicRange | None]:
-    """`(term)`, `(term : {X : condition})` or `(term, p)`."""
+    """Parse `(term)`, `(term : {X : condition})` or `(term, p)`."""
     cursor.expect("(")
     term = parse_value(cursor)
     if not isinstance(term, Term):
@@ -179,7 +226,7 @@ def _parse_selection_head(cursor: Cursor) -> tuple[Term, DynamicRange | None]:
         at = cursor.at
         variable = Variable(cursor.expect(VARIABLE), at=at)
         if variable.name == "_":
-            raise SourceIssue(at, "the values of a dynamic range need a name; expected a variable, not '_'")
+            raise SourceIssue(at, "expected a named variable in a dynamic range, not '_'")
         cursor.expect(":")
         chosen = DynamicRange(variable, parse_body(cursor), at=at)
         cursor.expect("}")
