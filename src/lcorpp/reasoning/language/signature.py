@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from lcorpp.errors import expected
+from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.sorts import BOOLEANS, SortTable, iter_record_shapes
 from lcorpp.reasoning.language.syntax import (
@@ -211,7 +211,7 @@ def _check_new(name: str, at: Place, places: dict[str, Place]) -> None:
 
 def _check_sort(name: str, at: Place, sorts: Iterable[str]) -> None:
     if name not in sorts:
-        raise SourceIssue(at, f"unknown sort {name!r}; {expected(list(sorts))}")
+        raise SourceIssue(at, f"unknown sort {name!r}; {expected_one_of(list(sorts))}")
 
 
 def check_record_names(statements: Sequence[Statement]) -> None:
