@@ -65,7 +65,7 @@ def test_sort_algebra(sort: str, expected: str) -> None:
             "the records f(...) are 1000000000; a sort has at most",
         ),
         ("#s = f({a}(X)) : X < Y.", "1:22", "variable Y is not an argument of the record"),
-        ("#s = f({a}(X), {b}(X)).", "1:6", "a variable stands for two arguments"),
+        ("#s = f({a}(X), {b}(X)).", "1:6", "a variable names two arguments"),
         ("#s = {a} + .", "1:12", "unexpected '.'; expected '(' or '{'"),
         ("#s = " + "{a} + " * 200 + "{a}.", "1:", "a sort made of more than 100 sorts in one expression"),
         ("#boolean = {yes, no}.", "1:1", "built in as {true, false} and cannot be declared otherwise"),
