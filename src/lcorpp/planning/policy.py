@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import MAX_BYTES
-from lcorpp.values import Array, Belief, frozen
+from lcorpp.values import Array, Belief, freeze
 
 Indices = npt.NDArray[np.intp]
 
@@ -35,7 +35,7 @@ class AlphaVectors:
     actions: Indices
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vectors", frozen(self.vectors))
+        object.__setattr__(self, "vectors", freeze(self.vectors))
         for field in ("states", "actions"):
             array = np.array(getattr(self, field), dtype=np.intp)
             array.setflags(write=False)

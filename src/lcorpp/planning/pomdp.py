@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import ModelError, expected
+from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.planning.sparse import SparseTables
-from lcorpp.values import Array, Belief, frozen
+from lcorpp.values import Array, Belief, freeze
 
 SUM_TOLERANCE = 1e-9
 """How far a row may be from summing to 1: rounding of some thousand added doubles stays far below."""
@@ -104,7 +104,7 @@ class Pomdp:
     def _index(self, kind: str, name: str) -> int:
         known = self._indices[kind]
         if name not in known:
-            raise ModelError(f"unknown {kind} {name!r}; {expected(tuple(known))}")
+            raise ModelError(f"unknown {kind} {name!r}; {expected_one_of(tuple(known))}")
         return known[name]
 
     def state_index(self, name: str) -> int:
@@ -163,4 +163,4 @@ def _kept(array: npt.ArrayLike) -> Array:
         and not array.flags.writeable
     ):
         return array
-    return frozen(array)
+    return freeze(array)
