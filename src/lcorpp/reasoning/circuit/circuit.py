@@ -106,8 +106,9 @@ class Circuit:
         try:  # all inputs given, and these met before: nothing but a look-up
             if len(evidence) == self._count:
                 return self._complete[self._take(evidence)]
-            given, answer = self._answers[tuple(map(evidence.get, self.inputs))]  # type: ignore[union-attr,
-            arg-type] if given == len(evidence): return answer
+            given, answer = self._answers[tuple(map(evidence.get, self.inputs))]  # type: ignore[union-attr, arg-type]
+            if given == len(evidence):
+                return answer
         except (KeyError, TypeError, AttributeError, IndexError):
             pass
         if isinstance(evidence, np.ndarray):
