@@ -8,7 +8,7 @@ import pytest
 
 from lcorpp.domains import load_domain, shipped_domains
 from lcorpp.errors import DomainError, FileError, LcorppError, ParseError
-from lcorpp.experiments.training import simulated_training
+from lcorpp.experiments.training_data import simulate_training_data
 from lcorpp.reasoning import Reasoner
 from lcorpp.values import ConfusionMatrix, Distribution, Likelihood
 
@@ -306,7 +306,7 @@ def test_the_spacing_of_simulated_tracks_is_the_domain_s(tmp_path):
     file = tmp_path / "rooms" / "domain.toml"
     file.write_text(file.read_text().replace("tracks = 60", "tracks = 60\ninterval = 0.4"))
     assert (load_domain(ROOMS).interval, load_domain(tmp_path / "rooms").interval) == (0.033, 0.4)
-    assert simulated_training(load_domain(tmp_path / "rooms"), 0).dataset.interval == 0.4
+    assert simulate_training_data(load_domain(tmp_path / "rooms"), 0).dataset.interval == 0.4
     file.write_text(file.read_text().replace("0.4", "0"))
     with pytest.raises(DomainError, match="interval"):
         load_domain(tmp_path / "rooms")
