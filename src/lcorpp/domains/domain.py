@@ -116,7 +116,7 @@ class Domain:
         return next((value for value, name in label_of.items() if name == label), None)
 
     def prior(self, marginal: Distribution) -> Belief:
-        """(S,) the planner's belief with the reasoner's marginal; local variables have their initial values."""
+        """(S,) the planner's belief with the reasoner's marginal; other variables at their initial values."""
         return marginal.probabilities @ self.planning.initial_states
 
     def start_beliefs(self) -> Array:

@@ -135,7 +135,9 @@ def _confusion_channel(
     """P(label | target value) of the simulated classifier: as given, else from the true program."""
     labels = tuple(learning.label_of.values())
     if "channel" in table:
-        return _given_channel(table.section("channel"), table.location("channel"), labels, reasoning, learning)
+        return _given_channel(
+            table.section("channel"), table.location("channel"), labels, reasoning, learning
+        )
     if learning.attribute not in true_program.attributes:
         return None
     reasoner = Reasoner(true_program)
