@@ -67,7 +67,7 @@ def test_quantities_of_a_known_walk(benchmark):
 def test_rates_of_the_papers_lstm(benchmark, seed):
     domain = load_domain("intention")
     motion = SimulatedTrajectories(domain.simulation.trajectories)
-    balanced = simulate_dataset(domain, motion, domain.tracks, np.random.default_rng([seed, 0]))
+    balanced = simulate_dataset(domain, motion, domain.learning.tracks, np.random.default_rng([seed, 0]))
     found = {
         name: benchmark.rates(
             cross_validate(paper_pipeline(random_state=seed), benchmark.part(balanced, points), seed=seed)
@@ -85,7 +85,8 @@ def test_rates_of_the_papers_lstm(benchmark, seed):
 def test_the_papers_63_of_2286_with_class_weights(benchmark):
     domain = load_domain("intention")
     validation = cross_validate(
-        paper_pipeline(epochs=domain.epochs, class_weight="balanced"), benchmark.imbalanced(domain, 0)
+        paper_pipeline(epochs=domain.learning.epochs, class_weight="balanced"),
+        benchmark.imbalanced(domain, 0),
     )
     found = benchmark.rates(validation)
     assert found["least said"] > 0.1  # no fold collapses to one class

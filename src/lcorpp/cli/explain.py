@@ -84,12 +84,16 @@ def explain(
             channel = NoisyChannel.of(loaded)
             given = channel.classify_many(channel.trajectories([person], rng))[0]
         world = SimulationModel(loaded).make_world(person, rng)
-        hidden = ", ".join(f"{k}={v}" for k, v in person.items() if k not in (*facts, loaded.attribute))
+        hidden = ", ".join(
+            f"{k}={v}" for k, v in person.items() if k not in (*facts, loaded.learning.attribute)
+        )
         show.console.print(f"somebody is there; hidden from the robot: {hidden}", style="dim")
     evidence = loaded.evidence(facts, given)
     if soft is None:
         show.heading(1, "learning", "the classifier's label")
-        show.console.print(f"     {given} ({loaded.attribute} = {evidence[loaded.attribute]})")
+        show.console.print(
+            f"     {given} ({loaded.learning.attribute} = {evidence[loaded.learning.attribute]})"
+        )
     else:
         show.heading(1, "learning", "how likely what the classifier saw is, in proportion")
         for value, weight in soft:
@@ -135,10 +139,10 @@ def _facts(domain: Domain, pairs: list[str]) -> dict[str, str]:
 
 def _claimed(domain: Domain, label: str, option: str = "--label") -> str:
     """The class that a label of the program, or the class itself, stands for."""
-    for value, word in domain.label_of.items():
+    for value, word in domain.learning.label_of.items():
         if label in (word, value):
             return value
-    raise DomainError(f"{option} {label!r}: {expected_one_of(tuple(domain.label_of.values()))}")
+    raise DomainError(f"{option} {label!r}: {expected_one_of(tuple(domain.learning.label_of.values()))}")
 
 
 def _likelihood(domain: Domain, pairs: list[str]) -> Likelihood:
@@ -173,10 +177,12 @@ def _asked(domain: Domain, facts: Mapping[str, str], label: Label | None) -> tup
                 domain.program.attributes[name].values, f"What is the {name}?", tell=show.console.print
             )
     if label is None:
-        words = tuple(domain.label_of.values())
+        words = tuple(domain.learning.label_of.values())
         label = _claimed(
             domain,
-            choose(words, f"What does the classifier say ({domain.attribute})?", tell=show.console.print),
+            choose(
+                words, f"What does the classifier say ({domain.learning.attribute})?", tell=show.console.print
+            ),
         )
     return asked, label
 

@@ -38,7 +38,7 @@ def parse_goal(domain: Domain, text: str) -> Goal:
 
 def positive_class(domain: Domain) -> str:
     """Return the domain's positive class, or the last in alphabetical order if it has none."""
-    return domain.positive or max(domain.values)
+    return domain.learning.positive or max(domain.values)
 
 
 def class_prevalence(domain: Domain, positive_prevalence: float | None = None) -> dict[str, float]:
