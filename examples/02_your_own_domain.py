@@ -5,12 +5,12 @@ The same as a command: `lcorpp run examples/drinks`, and `lcorpp check examples/
 
 from pathlib import Path
 
-from lcorpp import STRATEGIES, Planner, Robot, load_domain, solve
+from lcorpp import STRATEGIES, Planner, Reasoner, Robot, load_domain, solve
 from lcorpp.experiments.exact_evaluation import exact
 from lcorpp.simulation.population import Channel
 
 domain = load_domain(Path(__file__).parent / "drinks")
-reasoner = domain.program
+reasoner = Reasoner(domain.program)
 
 print(f"{domain.description} It is morning, and the guest looks at the kettle.")
 for value, probability in reasoner.posterior("wish", {"daytime": "morning", "gaze": "at_kettle"}):
@@ -18,7 +18,8 @@ for value, probability in reasoner.posterior("wish", {"daytime": "morning", "gaz
 
 # The six strategies, scored exactly: every guest and every answer enumerated.
 channel = Channel.of(domain)
-policy = solve(domain.pomdp, domain.starts()).policy
-robot = Robot(channel, reasoner, Planner(domain.pomdp, policy), domain)
+planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
+robot = Robot(channel, reasoner, planner, domain)
 for scores in exact(domain, robot, channel, STRATEGIES):
-    print(f"  {scores.strategy:<7} accuracy {scores.accuracy.value:.3f}  return {scores.earned.value:6.2f}")
+    accuracy, earned = scores.accuracy.estimate, scores.earned.estimate
+    print(f"  {scores.strategy:<7} accuracy {accuracy:.3f}  return {earned:6.2f}")

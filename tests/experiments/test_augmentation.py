@@ -7,7 +7,7 @@ import numpy as np
 from lcorpp.domains import load_domain
 from lcorpp.experiments.active_learning import GROUP, Crowd, Outcome
 from lcorpp.experiments.training import motion_of
-from lcorpp.learning.store import Entry, Layout, Store
+from lcorpp.learning.store import NewTrack, Store, TrackSchema
 from lcorpp.values import Episode
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
@@ -40,7 +40,7 @@ def test_a_run_that_goes_on_meets_those_whom_it_would_have_met():
 def test_outcomes_are_kept_beside_the_track(tmp_path):
     outcome = Outcome("a", "b", 2.5, -7.0)
     extras = [outcome.as_extra(), {}, {"simulated": {"cost": 1}}]
-    with Store(tmp_path / "s", Layout(("x",), 1, ("a", "b"))) as store:
-        store.extend([Entry([[row, 1.0]], "b", extra=extra) for row, extra in enumerate(extras)])
-        store.relabel(store.reading().tracks[0].id, "a")  # a person knows better now: the report stays
-        assert [Outcome.of(stored) for stored in store.reading()] == [outcome, None, None]
+    with Store(tmp_path / "s", TrackSchema(("x",), 1, ("a", "b"))) as store:
+        store.extend([NewTrack([[row, 1.0]], "b", extra=extra) for row, extra in enumerate(extras)])
+        store.relabel(store.snapshot().tracks[0].id, "a")  # a person knows better now: the report stays
+        assert [Outcome.of(stored) for stored in store.snapshot()] == [outcome, None, None]

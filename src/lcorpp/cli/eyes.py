@@ -12,7 +12,7 @@ import numpy as np
 from lcorpp.cli import console as show, report_table
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
-from lcorpp.reasoning import Program
+from lcorpp.reasoning import Program, Reasoner
 from lcorpp.simulation.population import Appearance, Channel, Reader
 from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset
 
@@ -186,7 +186,7 @@ def _prevalence(domain: Domain, positive: str, given: float | None) -> dict[str,
 
     A class that the knowledge rules out counts as one in a thousand, so that thresholds exist.
     """
-    told = dict(domain.program.posterior(domain.target, {}))
+    told = dict(Reasoner(domain.program).posterior(domain.target, {}))
     raised = {value: max(share, RAREST) for value, share in told.items()}
     common = {value: share / sum(raised.values()) for value, share in raised.items()}
     if given is not None:

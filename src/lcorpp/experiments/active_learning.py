@@ -16,7 +16,7 @@ from lcorpp.experiments.metrics import Scores, scores
 from lcorpp.experiments.plotting import plot_batches
 from lcorpp.experiments.results import FIGURES, row, write_csv, write_json
 from lcorpp.learning import SoftClassifier, TrainedClassifier, save_classifier
-from lcorpp.learning.store import Stored
+from lcorpp.learning.store import StoredTrack
 from lcorpp.simulation.population import Appearance, Person, Population
 from lcorpp.simulation.world import SimulatedWorld, Stage
 from lcorpp.values import Array, Episode, Instance
@@ -43,12 +43,12 @@ class Outcome:
         return {"simulated": {"actual": self.actual, "cost": self.cost, "earned": self.earned}}
 
     @classmethod
-    def of(cls, stored: Stored) -> Outcome | None:
+    def of(cls, stored: StoredTrack) -> Outcome | None:
         """Of a decision in a store; None where nobody knows the truth."""
         known = stored.extra.get("simulated")
         if not isinstance(known, dict) or not {"actual", "cost", "earned"} <= set(known):
             return None
-        return cls(known["actual"], stored.said[0].label, known["cost"], known["earned"])
+        return cls(known["actual"], stored.label_history[0].label, known["cost"], known["earned"])
 
 
 class Crowd:
@@ -130,9 +130,8 @@ class Log:
             result = self._scores(self._outcomes)
             self._outcomes = []
             cells |= {name: value for name, value in row(result).items() if name in FIGURES}
-            line += (
-                f"; F1 {result.f1.value:.3f}, cost {result.cost.value:.2f}, return {result.earned.value:.2f}"
-            )
+            f1, cost, earned = result.f1.estimate, result.cost.estimate, result.earned.estimate
+            line += f"; F1 {f1:.3f}, cost {cost:.2f}, return {earned:.2f}"
         self.rows.append(cells)
         self.write(batch)
         return line

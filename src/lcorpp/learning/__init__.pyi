@@ -14,7 +14,7 @@ from .data.dataset import check_trainable as check_trainable, split as split
 from .data.npz import load_dataset as load_dataset, save_dataset as save_dataset
 from .data.reading import read_data as read_data, read_recording as read_recording
 from .data.tracks import Recording as Recording, Track as Track
-from .data.windows import dataset_of as dataset_of
+from .data.windows import to_dataset as to_dataset
 from .data.writing import write_recording as write_recording
 from .evaluation.calibration import (
     Calibration as Calibration,
@@ -36,7 +36,7 @@ from .features.motion import Motion as Motion, Scaling as Scaling
 from .features.resampling import regular as regular
 from .features.summaries import Summaries as Summaries
 from .lstm import LstmClassifier as LstmClassifier, LstmState as LstmState
-from .store import Entry as Entry, Layout as Layout, Store as Store, read_store as read_store
+from .store import NewTrack as NewTrack, Store as Store, TrackSchema as TrackSchema, read_store as read_store
 from .streaming import (
     Answer as Answer,
     ByAge as ByAge,

@@ -10,7 +10,7 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, DomainError
-from lcorpp.reasoning import Enumeration
+from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.values import Array, Dataset, Instance, Label
 
 Person = Mapping[str, str]
@@ -40,10 +40,11 @@ class Population:
 
     def __init__(self, domain: Domain) -> None:
         self._truth = domain.simulation.truth
+        self._reasoner = Reasoner(self._truth)
 
     def people(self, count: int, rng: np.random.Generator, given: Mapping[str, str] = {}) -> list[Person]:
         """`count` people, among those with the given values."""
-        return [self._truth.sample(rng, given) for _ in range(count)]
+        return [self._reasoner.sample(rng, given) for _ in range(count)]
 
     def cells(self, attributes: Sequence[str]) -> dict[tuple[str, ...], float]:
         """The exact joint distribution of some attributes: value tuple -> probability."""

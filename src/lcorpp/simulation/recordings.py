@@ -7,6 +7,7 @@ import numpy as np
 from lcorpp.domains import Domain
 from lcorpp.errors import DomainError
 from lcorpp.learning.data.tracks import COLUMNS, Recording, Track
+from lcorpp.reasoning import Reasoner
 from lcorpp.simulation.population import Person, Population
 
 PAPER_TRACKS, PAPER_POSITIVES = 2286, 63
@@ -62,7 +63,7 @@ def _people(domain: Domain, tracks: int, positives: int, rng: np.random.Generato
         raise DomainError(f"{domain.folder}/domain.toml: [learning] positive is missing; who is to be rare?")
     if not 0 <= positives <= tracks:
         raise DomainError(f"{positives} of {tracks} tracks cannot be positive")
-    shares = dict(domain.simulation.truth.posterior(domain.target, {}))
+    shares = dict(Reasoner(domain.simulation.truth).posterior(domain.target, {}))
     others = [value for value in domain.values if value != domain.positive]
     weights = np.array([shares[value] for value in others])
     counts = rng.multinomial(tracks - positives, weights / weights.sum())

@@ -25,7 +25,7 @@ from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 from threadpoolctl import threadpool_limits
 
 from lcorpp.errors import DataError
-from lcorpp.learning.data.npz import recording_of
+from lcorpp.learning.data.npz import to_recording
 from lcorpp.learning.data.tracks import Recording
 from lcorpp.learning.evaluation.shortcuts import TRACES, traces_of
 from lcorpp.values import Array, Dataset
@@ -85,7 +85,7 @@ def leak_check(data: Dataset | Recording, *, divisions: int = DIVISIONS, seed: i
     obstacle = _obstacle(data)
     if obstacle is not None:
         raise DataError(f"a leak check needs {obstacle}")
-    recording = recording_of(data) if isinstance(data, Dataset) else data
+    recording = to_recording(data) if isinstance(data, Dataset) else data
     labels = np.array([str(label) for label in recording.labels])
     groups = np.array([track.group for track in recording.tracks])
     found = [traces_of(track) for track in recording.tracks]

@@ -15,7 +15,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
-from lcorpp.learning.data.dataset import checked_tracks
+from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.features.channels import ANGLES, Points, Pose, check_channels, rows_of, told
 from lcorpp.learning.features.resampling import Places, between, check_rate, places, regular
 from lcorpp.values import Array
@@ -78,7 +78,7 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
             DataError: X is not of that kind, or a parameter is out of range or does not fit another.
         """
         self._check()
-        tracks = checked_tracks(X)
+        tracks = check_tracks(X)
         if tracks.shape[1] != len(self.inputs):
             raise DataError(
                 f"the inputs are {', '.join(self.inputs)}, but the tracks have {tracks.shape[1]} channels"
@@ -178,7 +178,7 @@ class Scaling(TransformerMixin, BaseEstimator):  # type: ignore[misc]
 
     def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
         """Estimate mean and deviation of each channel of X (cases, channels, time points)."""
-        tracks = checked_tracks(X)
+        tracks = check_tracks(X)
         self.mean_: Array = tracks.mean(axis=(0, 2))
         deviation = tracks.std(axis=(0, 2))
         self.scale_: Array = np.where(deviation > 0, deviation, 1.0)  # a constant channel becomes 0
@@ -219,7 +219,7 @@ class Scaling(TransformerMixin, BaseEstimator):  # type: ignore[misc]
 
 
 def _with_channels(X: Any, channels: int) -> Array:
-    tracks = checked_tracks(X)
+    tracks = check_tracks(X)
     if tracks.shape[1] != channels:
         raise DataError(f"trained on tracks of {channels} channels, given {tracks.shape[1]}")
     return tracks

@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
-from lcorpp.learning.data.dataset import checked_tracks
+from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.values import Array
 
 PARTS = 4
@@ -47,7 +47,7 @@ class Summaries(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # sciki
         Raises:
             DataError: it has fewer rows than two, or is no array of finite tracks.
         """
-        tracks = checked_tracks(X)
+        tracks = check_tracks(X)
         if tracks.shape[1] < 2:
             raise DataError(f"summaries need x and y, and the tracks have {tracks.shape[1]} channels")
         self.rows_ = int(tracks.shape[1])
@@ -60,7 +60,7 @@ class Summaries(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # sciki
             DataError: X is not of the kind it was fitted to.
         """
         check_is_fitted(self, "rows_")
-        tracks = checked_tracks(X)
+        tracks = check_tracks(X)
         if tracks.shape[1] != self.rows_:
             raise DataError(f"fitted to tracks of {self.rows_} channels, given {tracks.shape[1]}")
         steps = np.diff(tracks[:, :2], axis=2) * self.rate

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.exceptions import NotFittedError
 
-from lcorpp.errors import DataError, expected
-from lcorpp.learning.data.dataset import checked_tracks
+from lcorpp.errors import DataError, expected_one_of
+from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.lstm.class_weights import class_weights
 from lcorpp.learning.lstm.state import LstmState
 from lcorpp.learning.lstm.training import SCHEDULES, Cases, Plan, train
@@ -92,7 +92,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
                 is not there, neither compiled kernels nor torch are, or the training diverged.
         """
         self._check_parameters()
-        inputs = _inputs(checked_tracks(X))
+        inputs = _inputs(check_tracks(X))
         classes, index = np.unique(np.asarray(y), return_inverse=True)
         if index.shape != (len(inputs),):
             raise DataError(f"{len(inputs)} tracks need as many labels, not shape {index.shape}")
@@ -121,7 +121,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             NotFittedError: before `fit`.
         """
         weights = self._fitted()
-        inputs = _inputs(checked_tracks(X))
+        inputs = _inputs(check_tracks(X))
         _check_channels(inputs.shape[2], weights)
         network = weights.network
         starts = range(0, len(inputs), _ROWS_AT_ONCE)
@@ -219,7 +219,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         if not isinstance(self.learning_rate, Real) or not 0 < self.learning_rate <= 1:
             raise DataError(f"learning_rate must lie in (0, 1], not {self.learning_rate}")
         if self.schedule not in SCHEDULES:
-            raise DataError(f"unknown schedule {self.schedule!r}; {expected(SCHEDULES)}")
+            raise DataError(f"unknown schedule {self.schedule!r}; {expected_one_of(SCHEDULES)}")
         if self.device not in ("cpu", "cuda"):
             raise DataError(f"unknown device {self.device!r}; expected cpu or cuda")
 

@@ -17,7 +17,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
 from lcorpp.learning.classifiers.contract import fitted, predicted
-from lcorpp.learning.data.dataset import checked_tracks
+from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.features.motion import Motion, Scaling
 from lcorpp.values import Array
 
@@ -79,7 +79,7 @@ class ByAge(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-lea
         Raises:
             DataError: X is malformed, a share is out of range or two leave the same, or the classifier fails.
         """
-        tracks = checked_tracks(X)
+        tracks = check_tracks(X)
         if not len(self.shares) or not all(0 < share <= 1 for share in self.shares):
             raise DataError(f"the ages are shares in (0, 1], not {tuple(self.shares)}")
         lengths = [max(2, round(share * tracks.shape[2])) for share in self.shares]
@@ -97,7 +97,7 @@ class ByAge(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-lea
             DataError: X is malformed, or the classifier fails.
         """
         check_is_fitted(self, "classifiers_")
-        tracks = checked_tracks(X)
+        tracks = check_tracks(X)
         weights = self._weights(np.full(len(tracks), tracks.shape[2]))
         said = np.full((len(self.classifiers_), len(tracks), len(self.classes_)), 1.0)
         for copy in np.flatnonzero(weights.any(axis=0)):

@@ -11,7 +11,7 @@ from sklearn.base import clone
 from sklearn.model_selection import StratifiedGroupKFold
 
 from lcorpp.errors import DataError
-from lcorpp.learning.data.dataset import check_trainable, checked_tracks
+from lcorpp.learning.data.dataset import check_tracks, check_trainable
 from lcorpp.learning.streaming.prefix_predictions import OverTime
 from lcorpp.learning.streaming.streams import Streams
 from lcorpp.values import Dataset
@@ -48,7 +48,7 @@ def follow(pipeline: Any, dataset: Dataset, *, least: int = 2, window: int | Non
         raise DataError(
             f"the pipeline takes {', '.join(streams.inputs)}, the tracks are {', '.join(dataset.channels)}"
         )
-    tracks = checked_tracks(dataset.trajectories)
+    tracks = check_tracks(dataset.trajectories)
     cases, _, times = tracks.shape
     said, points = np.full((cases, times, len(streams.classes)), np.nan), []
     for time, row in enumerate(tracks.transpose(2, 0, 1).tolist()):

@@ -7,7 +7,7 @@ from functools import cache
 
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernel_protocols import Kernels, Model
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 
 
 class SlowKernelsWarning(UserWarning):
@@ -26,7 +26,7 @@ def load_kernels(*, numpy: bool = False) -> Kernels:
 def build_model(kernels: Kernels, pomdp: Pomdp) -> Model:
     """Convert a problem for the kernels.
 
-    Rows whose sum differs from 1 by rounding are scaled: over an infinite horizon even 1e-9 would make the
+    SparseTables whose sum differs from 1 by rounding are scaled: over an infinite horizon even 1e-9 would make the
     bounds cross.
     """
     T, Z = _normalise(pomdp.transition), _normalise(pomdp.observation)
@@ -41,9 +41,9 @@ def build_model(kernels: Kernels, pomdp: Pomdp) -> Model:
     )
 
 
-def _normalise(table: Rows) -> Rows:
-    sums = table.sums()
-    return table if (sums == 1).all() else table.scaled(1 / sums)
+def _normalise(table: SparseTables) -> SparseTables:
+    sums = table.row_sums()
+    return table if (sums == 1).all() else table.scale_rows(1 / sums)
 
 
 @cache

@@ -5,44 +5,44 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Number, Term, Variable
 
-LARGEST = 2**31 - 1
+MAX_INTEGER = 2**31 - 1
 """ASP computes with 32 bits; nothing here may leave them, so that nothing wraps around."""
 
 
-def variables(expression: Expression) -> Iterator[Variable]:
+def iter_variables(expression: Expression) -> Iterator[Variable]:
     """The variables of an expression from left to right, each as often as it occurs."""
     if isinstance(expression, Variable):
         yield expression
     elif isinstance(expression, Arithmetic):
-        yield from variables(expression.left)
-        yield from variables(expression.right)
+        yield from iter_variables(expression.left)
+        yield from iter_variables(expression.right)
     elif isinstance(expression, Term):
         for argument in expression.arguments:
-            yield from variables(argument)
+            yield from iter_variables(argument)
 
 
-def exact(expression: Expression, bindings: Mapping[str, str]) -> Fraction:
+def evaluate_number(expression: Expression, bindings: Mapping[str, str]) -> Fraction:
     """The value of the number of a pr-atom; division is exact.
 
     Args:
         bindings: the value of each variable in it, as text.
 
     Raises:
-        Offence: a division by zero, or something that is not a number.
+        SourceIssue: a division by zero, or something that is not a number.
     """
     if isinstance(expression, Number):
         return expression.value
     if isinstance(expression, Variable):
         value = bindings[expression.name]
         if not is_integer(value):
-            raise Offence(expression.at, f"{expression} has the value {value!r}, which is not a number")
+            raise SourceIssue(expression.at, f"{expression} has the value {value!r}, which is not a number")
         return Fraction(int(value))
     if isinstance(expression, Term):
-        raise Offence(expression.at, f"{expression} is not a number")
-    left, right = exact(expression.left, bindings), exact(expression.right, bindings)
+        raise SourceIssue(expression.at, f"{expression} is not a number")
+    left, right = evaluate_number(expression.left, bindings), evaluate_number(expression.right, bindings)
     match expression.operator:
         case "+":
             return left + right
@@ -51,20 +51,20 @@ def exact(expression: Expression, bindings: Mapping[str, str]) -> Fraction:
         case "*":
             return left * right
     if right == 0:
-        raise Offence(expression.at, f"division by zero in {expression}")
+        raise SourceIssue(expression.at, f"division by zero in {expression}")
     return left / right if expression.operator == "/" else left - right * int(left / right)
 
 
-def ground(expression: Expression) -> str:
+def canonical_text(expression: Expression) -> str:
     """The value of an expression in an atom, as canonical text: ``3``, ``a`` or ``cell(1,2)``.
 
     Raises:
-        Offence: a variable, a fraction, a division by zero or a number beyond 32 bits.
+        SourceIssue: a variable, a fraction, a division by zero or a number beyond 32 bits.
     """
     if isinstance(expression, Variable):
-        raise Offence(expression.at, f"variable {expression} is not allowed here; expected a value")
+        raise SourceIssue(expression.at, f"variable {expression} is not allowed here; expected a value")
     if isinstance(expression, Term):
-        arguments = ",".join(map(ground, expression.arguments))
+        arguments = ",".join(map(canonical_text, expression.arguments))
         return f"{expression.name}({arguments})" if arguments else expression.name
     return str(_integer(expression))
 
@@ -72,12 +72,12 @@ def ground(expression: Expression) -> str:
 def _integer(expression: Expression) -> int:
     if isinstance(expression, Number):
         if expression.value.denominator != 1:
-            raise Offence(expression.at, f"expected an integer, not {expression}")
+            raise SourceIssue(expression.at, f"expected an integer, not {expression}")
         value = expression.value.numerator
     elif isinstance(expression, Arithmetic):
         left, right = _integer(expression.left), _integer(expression.right)
         if expression.operator in ("/", "mod") and right == 0:
-            raise Offence(expression.at, f"division by zero in {expression}")
+            raise SourceIssue(expression.at, f"division by zero in {expression}")
         quotient = abs(left) // abs(right) * (-1 if (left < 0) != (right < 0) else 1) if right else 0
         value = {
             "+": left + right,
@@ -87,9 +87,9 @@ def _integer(expression: Expression) -> int:
             "mod": left - right * quotient,
         }[expression.operator]
     else:
-        raise Offence(expression.at, f"expected an integer, not {expression}")
-    if abs(value) > LARGEST:
-        raise Offence(expression.at, f"the number {expression} is beyond 32 bits")
+        raise SourceIssue(expression.at, f"expected an integer, not {expression}")
+    if abs(value) > MAX_INTEGER:
+        raise SourceIssue(expression.at, f"the number {expression} is beyond 32 bits")
     return value
 
 

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import TypeGuard
 
-from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.expressions import Minus, value
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.lexer import HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
 from lcorpp.reasoning.language.sort_expressions import sort_expression, sort_name
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
-    Domain,
+    DomainDirective,
     Expression,
     Number,
     Place,
@@ -60,7 +60,7 @@ def is_name(found: Expression | Minus) -> TypeGuard[Term]:
 def _name(found: Expression | Minus, what: str) -> Term:
     if is_name(found):
         return found
-    raise Offence(found.at, f"expected the name of {what}")
+    raise SourceIssue(found.at, f"expected the name of {what}")
 
 
 def attribute(cursor: Cursor, name: Expression | Minus) -> Iterator[Statement]:
@@ -78,7 +78,7 @@ def attribute(cursor: Cursor, name: Expression | Minus) -> Iterator[Statement]:
     target = _sort(cursor, term, made) if cursor.accept("->") else None
     cursor.expect(".")
     if target is None and len(sorts) > 1:
-        raise Offence(term.at, f"attribute {term} has arguments but no range; expected '-> sort'")
+        raise SourceIssue(term.at, f"attribute {term} has arguments but no range; expected '-> sort'")
     arguments, target = (tuple(sorts), target) if target is not None else ((), sorts[0])
     yield from made
     for term in terms:
@@ -100,7 +100,7 @@ def _sort(cursor: Cursor, attribute: Term, made: list[SortDefinition]) -> str:
     return name
 
 
-def domains(cursor: Cursor) -> Iterator[Domain]:
+def domains(cursor: Cursor) -> Iterator[DomainDirective]:
     """`#domain s(X;Y), t(Z).`"""
     at = cursor.at
     cursor.take()
@@ -111,7 +111,7 @@ def domains(cursor: Cursor) -> Iterator[Domain]:
         while cursor.accept(";"):
             names.append(_variable(cursor))
         cursor.expect(")")
-        yield Domain(sort, tuple(dict.fromkeys(names)), at=at)
+        yield DomainDirective(sort, tuple(dict.fromkeys(names)), at=at)
         if not cursor.accept(","):
             break
     cursor.expect(".")
@@ -131,8 +131,8 @@ def constant(cursor: Cursor) -> None:
     given = value(cursor)
     cursor.expect(".")
     if name in cursor.constants:
-        raise Offence(at, f"the constant {name} is declared twice")
-    settled = ground(given)
+        raise SourceIssue(at, f"the constant {name} is declared twice")
+    settled = canonical_text(given)
     cursor.constants[name] = given if isinstance(given, Term) else Number(Fraction(settled), at=given.at)
 
 
@@ -141,8 +141,8 @@ def semantics(cursor: Cursor) -> None:
     cursor.take()
     at, given = cursor.at, cursor.expect(INTEGER)
     if given not in ("2009", "2018"):
-        raise Offence(at, f"unknown semantics {given}; expected 2009 or 2018")
+        raise SourceIssue(at, f"unknown semantics {given}; expected 2009 or 2018")
     if cursor.semantics not in (None, given):
-        raise Offence(at, f"the semantics {cursor.semantics} is already chosen")
+        raise SourceIssue(at, f"the semantics {cursor.semantics} is already chosen")
     cursor.semantics = given
     cursor.expect(".")

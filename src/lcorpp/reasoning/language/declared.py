@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from types import MappingProxyType
 
-from lcorpp.errors import expected
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.signature import BOOLEAN, Attribute, Signature, selection_of
+from lcorpp.errors import expected_one_of
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.signature import BOOLEAN, Attribute, Signature, as_selection
 from lcorpp.reasoning.language.sorts import BOOLEANS, Sorts, records_of
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
-    Domain,
+    DomainDirective,
     Place,
     Selection,
     SortDefinition,
@@ -19,11 +19,11 @@ from lcorpp.reasoning.language.syntax import (
 )
 
 
-def declarations(statements: Sequence[Statement]) -> Signature:
+def build_signature(statements: Sequence[Statement]) -> Signature:
     """What a program declares.
 
     Raises:
-        Offence: a declaration is wrong.
+        SourceIssue: a declaration is wrong.
     """
     sorts = Sorts()
     sorts.known[BOOLEAN] = BOOLEANS
@@ -47,13 +47,13 @@ def declarations(statements: Sequence[Statement]) -> Signature:
             declared.name, declared.arguments, declared.range, values[declared.range], declared.at.line
         )
     domains: dict[str, str] = {}
-    for domain in (s for s in statements if isinstance(s, Domain)):
+    for domain in (s for s in statements if isinstance(s, DomainDirective)):
         _known_sort(domain.sort, domain.at, sorts.known)
         for variable in domain.variables:
             if domains.setdefault(variable, domain.sort) != domain.sort:
-                raise Offence(domain.at, f"variable {variable} already has the sort {domains[variable]}")
+                raise SourceIssue(domain.at, f"variable {variable} already has the sort {domains[variable]}")
     selections: dict[str, tuple[Selection, ...]] = {}
-    for selection in filter(None, map(selection_of, statements)):
+    for selection in filter(None, map(as_selection, statements)):
         selections[selection.term.name] = (*selections.get(selection.term.name, ()), selection)
     return Signature(
         MappingProxyType({name: MappingProxyType(s.members) for name, s in sorts.known.items()}),
@@ -68,29 +68,29 @@ def declarations(statements: Sequence[Statement]) -> Signature:
 def _check_boolean(sort: SortDefinition) -> None:
     """The built-in sort may be declared as what it is: plog 2.0 asks for it."""
     if sort.is_algebra or {str(element) for element in sort.elements} != {"true", "false"}:
-        raise Offence(
+        raise SourceIssue(
             sort.at, "the sort boolean is built in as {true, false} and cannot be declared otherwise"
         )
 
 
 def _claim(name: str, at: Place, places: dict[str, Place]) -> None:
     if name == BOOLEAN:
-        raise Offence(at, "the sort boolean is built in; an attribute cannot have its name")
+        raise SourceIssue(at, "the sort boolean is built in; an attribute cannot have its name")
     if name in places:
-        raise Offence(at, f"{name} is declared twice; first at {places[name]}")
+        raise SourceIssue(at, f"{name} is declared twice; first at {places[name]}")
     places[name] = at
 
 
 def _known_sort(name: str, at: Place, sorts: Iterable[str]) -> None:
     if name not in sorts:
-        raise Offence(at, f"unknown sort {name!r}; {expected(list(sorts))}")
+        raise SourceIssue(at, f"unknown sort {name!r}; {expected_one_of(list(sorts))}")
 
 
-def check_names(statements: Sequence[Statement]) -> None:
+def check_record_names(statements: Sequence[Statement]) -> None:
     """Check that no attribute has the name and the number of arguments of a record.
 
     Raises:
-        Offence: one has; where it stands would still tell them apart, but not to a reader.
+        SourceIssue: one has; where it stands would still tell them apart, but not to a reader.
 
     Source: the manual of plog 2.0, section on errors in attribute declarations.
     """
@@ -99,7 +99,7 @@ def check_names(statements: Sequence[Statement]) -> None:
         records.update(records_of(sort.elements))
     for declared in (s for s in statements if isinstance(s, AttributeDeclaration)):
         if (declared.name, len(declared.arguments)) in records:
-            raise Offence(
+            raise SourceIssue(
                 declared.at,
                 f"{declared.name} is an attribute and, with as many arguments, a record in a sort;"
                 " expected different names",

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from lcorpp.reasoning.language.observed import with_records
+from lcorpp.reasoning.language.observed import replace_observed
 from lcorpp.reasoning.language.signature import BOOLEAN
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
-    Domain,
+    DomainDirective,
     Literal,
     Query,
     Semantics,
@@ -23,7 +23,7 @@ from lcorpp.reasoning.language.syntax import (
 )
 
 
-def completed(statements: Sequence[Statement], dialect: Semantics) -> tuple[Statement, ...]:
+def desugar(statements: Sequence[Statement], dialect: Semantics) -> tuple[Statement, ...]:
     """The statements with all that they leave unsaid.
 
     Args:
@@ -32,15 +32,15 @@ def completed(statements: Sequence[Statement], dialect: Semantics) -> tuple[Stat
     Raises:
         Offence: a rule asks for a record that cannot be.
     """
-    if any(isinstance(statement, Domain) for statement in statements):
+    if any(isinstance(statement, DomainDirective) for statement in statements):
         from lcorpp.reasoning.language.implicit_declarations import (
-            with_declarations,  # here, as most programs do without
+            infer_declarations,  # here, as most programs do without
         )
 
-        statements = with_declarations(statements)
+        statements = infer_declarations(statements)
     if dialect == "2018":
         statements = _with_asked(statements)
-    return tuple(with_records(statements))
+    return tuple(replace_observed(statements))
 
 
 def _with_asked(statements: Sequence[Statement]) -> Sequence[Statement]:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.lexer import DECIMAL, DEEPEST, INTEGER, NAME, VARIABLE, Cursor
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.lexer import DECIMAL, INTEGER, MAX_DEPTH, NAME, VARIABLE, Cursor
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Body,
@@ -21,16 +21,16 @@ from lcorpp.reasoning.language.syntax import (
     Variable,
 )
 
-LONGEST_NUMBER = 300
+MAX_DIGITS = 300
 """How many digits a number may have."""
 
 RESERVED = frozenset({"not", "mod"})
 """Words that are never the name of anything."""
 
-OPPOSITE = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
+NEGATED_RELATIONS = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 
 RELATIONS = ("=", "==", "!=", "<>", "<", "<=", ">", ">=")
-ALIKE = {"==": "=", "<>": "!="}
+RELATION_SYNONYMS = {"==": "=", "<>": "!="}
 
 
 class Minus:
@@ -48,7 +48,7 @@ def value(cursor: Cursor) -> Expression:
 def as_value(found: Expression | Minus) -> Expression:
     """The expression, which must not be a false literal."""
     if isinstance(found, Minus):
-        raise Offence(found.at, f"'-{found.term}' is a literal; expected a value")
+        raise SourceIssue(found.at, f"'-{found.term}' is a literal; expected a value")
     return found
 
 
@@ -108,8 +108,8 @@ def factor(cursor: Cursor) -> Expression | Minus:
 
 
 def _number(cursor: Cursor, at: Place) -> Number:
-    if len(cursor.word) > LONGEST_NUMBER:
-        raise Offence(at, f"a number of {len(cursor.word)} digits; at most {LONGEST_NUMBER} are read")
+    if len(cursor.word) > MAX_DIGITS:
+        raise SourceIssue(at, f"a number of {len(cursor.word)} digits; at most {MAX_DIGITS} are read")
     return Number(Fraction(cursor.take()), at=at)
 
 
@@ -156,8 +156,8 @@ def _arithmetic(sign: str, left: Expression | Minus, right: Expression | Minus) 
 
 
 def _bounded(node: Term | Arithmetic) -> Term | Arithmetic:
-    if node.depth > DEEPEST:
-        raise Offence(node.at, f"an expression nested deeper than {DEEPEST}")
+    if node.depth > MAX_DEPTH:
+        raise SourceIssue(node.at, f"an expression nested deeper than {MAX_DEPTH}")
     return node
 
 
@@ -175,9 +175,9 @@ def literal_from(left: Expression | Minus, cursor: Cursor, arrow: bool = False) 
         return _bare(left)
     sign = cursor.take()
     if isinstance(left, Minus):
-        raise Offence(left.at, f"'-' before a literal with a value; write {left.term}!=...")
+        raise SourceIssue(left.at, f"'-' before a literal with a value; write {left.term}!=...")
     right = as_value(operand(cursor, arrow))
-    sign = ALIKE.get(sign, sign)
+    sign = RELATION_SYNONYMS.get(sign, sign)
     if isinstance(left, Term):
         return Literal(left, sign, right, at=left.at)
     return Comparison(left, sign, right, at=left.at)
@@ -188,7 +188,7 @@ def _bare(left: Expression | Minus) -> Literal:
         return Literal(left.term, "=", Term("false", at=left.at), at=left.at)
     if isinstance(left, Term):
         return Literal(left, "=", Term("true", at=left.at), at=left.at)
-    raise Offence(left.at, f"expected a literal, not {left}")
+    raise SourceIssue(left.at, f"expected a literal, not {left}")
 
 
 def is_bare(literal: Literal) -> bool:
@@ -204,10 +204,10 @@ def body_literal(cursor: Cursor) -> Literal | Comparison:
     before = cursor.anonymous
     found = literal(cursor)
     if cursor.anonymous > before:
-        raise Offence(at, "'_' under 'not' can be read in two ways; write a variable in its place")
+        raise SourceIssue(at, "'_' under 'not' can be read in two ways; write a variable in its place")
     if isinstance(found, Literal):
         return Literal(found.term, found.relation, found.value, True, at=at)
-    return Comparison(found.left, OPPOSITE[found.relation], found.right, at=at)
+    return Comparison(found.left, NEGATED_RELATIONS[found.relation], found.right, at=at)
 
 
 def body(cursor: Cursor) -> Body:

@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from lcorpp.reasoning.language.arithmetic import ground, variables
-from lcorpp.reasoning.language.rewriting import changed, literals
-from lcorpp.reasoning.language.signature import BOOLEAN, overloaded
+from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.rewriting import iter_literals, map_literals
+from lcorpp.reasoning.language.signature import BOOLEAN, mangle_name
 from lcorpp.reasoning.language.sorts import BOOLEANS, Sorts
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
-    Domain,
+    DomainDirective,
     Expression,
     Literal,
     Place,
@@ -43,8 +43,8 @@ class _Slot:
         if isinstance(found, Variable):
             if known.get(found.name) in sorts.known:
                 self.sorts[known[found.name]] = None
-        elif not any(variables(found)):
-            self.constants[ground(found)] = found
+        elif not any(iter_variables(found)):
+            self.constants[canonical_text(found)] = found
 
 
 @dataclass
@@ -64,7 +64,7 @@ class _Found:
     uses: dict[str, dict[int, _Use]] = field(default_factory=dict)
 
 
-def with_declarations(statements: Sequence[Statement]) -> Sequence[Statement]:
+def infer_declarations(statements: Sequence[Statement]) -> Sequence[Statement]:
     """The statements with all attributes declared that their use makes known.
 
     Raises:
@@ -87,7 +87,7 @@ def with_declarations(statements: Sequence[Statement]) -> Sequence[Statement]:
         else:
             whole.append(statement)
     if any(name != plain for (plain, _), name in names.items()):
-        whole = [changed(statement, lambda literal: _renamed(literal, names)) for statement in whole]
+        whole = [map_literals(statement, lambda literal: _renamed(literal, names)) for statement in whole]
     return [*whole, *added]
 
 
@@ -103,13 +103,13 @@ def _gathered(statements: Sequence[Statement]) -> _Found:
     for statement in statements:
         if isinstance(statement, AttributeDeclaration):
             found.declared.setdefault(statement.name, statement)
-        elif isinstance(statement, Domain):
+        elif isinstance(statement, DomainDirective):
             found.domains.update(dict.fromkeys(statement.variables, statement.sort))
         elif isinstance(statement, SortDefinition) and statement.name != BOOLEAN:
             found.sorts.define(statement)
     for statement in statements:
         known = _known_sorts(statement, found)
-        for literal, is_head in literals(statement):
+        for literal, is_head in iter_literals(statement):
             _note(literal, is_head, known, found)
     return found
 
@@ -117,7 +117,7 @@ def _gathered(statements: Sequence[Statement]) -> _Found:
 def _known_sorts(statement: Statement, found: _Found) -> dict[str, str]:
     """The sorts of the variables of a statement: those of `#domain`, and of what is declared in full."""
     known = dict(found.domains)
-    for literal, _ in literals(statement):
+    for literal, _ in iter_literals(statement):
         attribute = found.declared.get(literal.term.name)
         if literal.term.name in found.sorts.known and len(literal.term.arguments) == 1:
             pairs: list[tuple[Expression, str]] = [(literal.term.arguments[0], literal.term.name)]
@@ -158,7 +158,7 @@ def _declarations(
     if declared is not None and set(uses) == {0}:
         return
     for count, use in sorted(uses.items()):
-        own = name if count == min(uses) else overloaded(name, count)
+        own = name if count == min(uses) else mangle_name(name, count)
         names[name, count] = own
         slots = use.slots[:-1] if declared else use.slots
         sorts: list[str] = []

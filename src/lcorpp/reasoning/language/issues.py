@@ -5,7 +5,7 @@ from __future__ import annotations
 from lcorpp.reasoning.language.syntax import Place
 
 
-class Offence(Exception):
+class SourceIssue(Exception):
     """Never leaves the room: a program turns it into ProgramError, the parser into ParseError."""
 
     def __init__(self, at: Place, message: str) -> None:
@@ -13,5 +13,5 @@ class Offence(Exception):
         super().__init__(f"{at}: {message}")
 
 
-class Misfit(Offence):
+class SortMismatch(SourceIssue):
     """What does not fit its declaration: a constant outside of its sort, a wrong number of arguments."""

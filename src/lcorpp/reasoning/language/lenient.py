@@ -10,27 +10,27 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from lcorpp.reasoning.language.checker import check_attribute, check_statement
-from lcorpp.reasoning.language.declared import declarations
-from lcorpp.reasoning.language.issues import Misfit
+from lcorpp.reasoning.language.declared import build_signature
+from lcorpp.reasoning.language.issues import SortMismatch
 from lcorpp.reasoning.language.safety import check_slots
-from lcorpp.reasoning.language.signature import Signature, body_of
+from lcorpp.reasoning.language.signature import Signature, get_body
 from lcorpp.reasoning.language.syntax import CrRule, Literal, Probability, Rule, Selection, Statement
 
 
-def fitting(statements: Sequence[Statement]) -> tuple[Statement, ...]:
+def drop_ill_sorted(statements: Sequence[Statement]) -> tuple[Statement, ...]:
     """The statements without those that have no instance.
 
     Raises:
         Offence: something else is wrong with one.
     """
-    signature = declarations(statements)
+    signature = build_signature(statements)
     return tuple(statement for statement in statements if _fits(statement, signature))
 
 
 def _fits(statement: Statement, signature: Signature) -> bool:
     try:
         check_statement(statement, signature)
-    except Misfit:
+    except SortMismatch:
         inner = statement.statement if isinstance(statement, CrRule) else statement
         if isinstance(inner, Rule | Selection | Probability) and _has_no_instance(inner, signature):
             return False
@@ -43,7 +43,7 @@ def _has_no_instance(statement: Rule | Selection | Probability, signature: Signa
         check_attribute(literal.term, signature)
         if not _is_within(literal, signature):
             return True
-    needed = (part for part in body_of(statement) if isinstance(part, Literal) and not part.negated)
+    needed = (part for part in get_body(statement) if isinstance(part, Literal) and not part.negated)
     return any(not _is_within(literal, signature) for literal in needed)
 
 
@@ -64,6 +64,6 @@ def _is_within(literal: Literal, signature: Signature) -> bool:
     try:
         check_attribute(literal.term, signature)
         check_slots(signature.literal_slots(literal), signature)
-    except Misfit:
+    except SortMismatch:
         return False
     return True

@@ -10,7 +10,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterable
 
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.syntax import Expression, Place
 
 NAME, VARIABLE, INTEGER, DECIMAL, HASH_NAME, UNKNOWN, END = (
@@ -47,7 +47,7 @@ _TOKEN = re.compile(
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
-DEEPEST = 100
+MAX_DEPTH = 100
 """How deep anything may be nested, so that a recursive function can walk it."""
 
 
@@ -180,22 +180,22 @@ class Cursor:
             raise self.unexpected((kind,))
         return self.take()
 
-    def unexpected(self, wanted: Iterable[str] = ()) -> Offence:
+    def unexpected(self, wanted: Iterable[str] = ()) -> SourceIssue:
         """The next token as an error, with everything that was looked for in its place."""
         kinds = {*self._wanted, *wanted} - _UNTOLD
         names = {kind if kind in _NAMED else f"'{kind}'" for kind in kinds}
         hint = f"; expected {' or '.join(sorted(names))}" if names else ""
         if self.kind == UNKNOWN:
-            return Offence(self.at, f"unexpected character {self.word!r}")
+            return SourceIssue(self.at, f"unexpected character {self.word!r}")
         if self.kind == END:
-            return Offence(self.at, f"unexpected end of the text{hint}")
-        return Offence(self.at, f"unexpected {self.word!r}{hint}")
+            return SourceIssue(self.at, f"unexpected end of the text{hint}")
+        return SourceIssue(self.at, f"unexpected {self.word!r}{hint}")
 
     def enter(self) -> None:
         """Go one level deeper, and count it."""
         self._depth += 1
-        if self._depth > DEEPEST:
-            raise Offence(self.at, f"an expression nested deeper than {DEEPEST}")
+        if self._depth > MAX_DEPTH:
+            raise SourceIssue(self.at, f"an expression nested deeper than {MAX_DEPTH}")
 
     def leave(self) -> None:
         """Come back from a level."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.rewriting import changed, literals
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.rewriting import iter_literals, map_literals
 from lcorpp.reasoning.language.signature import BOOLEAN
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
@@ -24,17 +24,17 @@ from lcorpp.reasoning.language.syntax import (
 TRUE, FALSE = Term("true"), Term("false")
 
 
-def with_records(statements: Sequence[Statement]) -> Sequence[Statement]:
+def replace_observed(statements: Sequence[Statement]) -> Sequence[Statement]:
     """The statements with an attribute in place of each `obs(...)` in a body, and its facts.
 
     Raises:
-        Offence: such a literal is not well-formed, or a body asks for `do(...)`.
+        SourceIssue: such a literal is not well-formed, or a body asks for `do(...)`.
     """
     asked: dict[str, Term] = {}
     for statement in statements:
-        for literal, _ in literals(statement):
+        for literal, _ in iter_literals(statement):
             if literal.term.name == "do":
-                raise Offence(literal.at, "do(...) in the body of a rule is not read")
+                raise SourceIssue(literal.at, "do(...) in the body of a rule is not read")
             if literal.term.name == "obs":
                 observed = _observed(literal.term)[0]
                 asked.setdefault(observed.name, observed)
@@ -45,13 +45,13 @@ def with_records(statements: Sequence[Statement]) -> Sequence[Statement]:
     for name, term in asked.items():
         attribute = declared.get(name)
         if attribute is None:
-            raise Offence(
+            raise SourceIssue(
                 term.at, f"{name!r} is not declared; expected an attribute in obs(attribute, value)"
             )
         sorts = (*attribute.arguments, attribute.range, BOOLEAN)
         made.append(AttributeDeclaration(_name(name), sorts, BOOLEAN, at=attribute.at))
     made.extend(_fact(s) for s in statements if _is_record(s, asked))
-    return [*(changed(statement, _asked) for statement in statements), *made]
+    return [*(map_literals(statement, _asked) for statement in statements), *made]
 
 
 def _name(attribute: str) -> str:
@@ -62,7 +62,9 @@ def _observed(term: Term) -> tuple[Term, Expression, Expression]:
     """Attribute term, value and whether it was observed to have the value."""
     first, *rest = term.arguments or (None,)
     if not isinstance(first, Term) or len(rest) > 2:
-        raise Offence(term.at, f"expected obs(attribute, value) or obs(attribute, value, true), not {term}")
+        raise SourceIssue(
+            term.at, f"expected obs(attribute, value) or obs(attribute, value, true), not {term}"
+        )
     return first, rest[0] if rest else TRUE, rest[1] if len(rest) > 1 else TRUE
 
 

@@ -14,16 +14,16 @@ from typing import NoReturn, TypeVar
 
 from lcorpp.errors import ParseError, ProgramError
 from lcorpp.files import read_text
-from lcorpp.reasoning.language.declared import check_names
-from lcorpp.reasoning.language.desugar import completed
+from lcorpp.reasoning.language.declared import check_record_names
+from lcorpp.reasoning.language.desugar import desugar
 from lcorpp.reasoning.language.expressions import value
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.lenient import fitting
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.lenient import drop_ill_sorted
 from lcorpp.reasoning.language.lexer import END, Cursor
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.queries import question
 from lcorpp.reasoning.language.statements import statements
 from lcorpp.reasoning.language.syntax import Expression, Query, Semantics
-from lcorpp.reasoning.program import Program
 
 _Read = TypeVar("_Read")
 
@@ -70,13 +70,13 @@ def parse_plog(
         told: Semantics | None = cursor.semantics  # type: ignore[assignment]  # one of the two, checked where read
         chosen = semantics or told or marked
         try:
-            whole = completed(found, marked)
+            whole = desugar(found, marked)
             if strict:
-                check_names(whole)
+                check_record_names(whole)
             else:
-                whole = fitting(whole)
-        except Offence as offence:
-            raise ProgramError(str(offence)) from None
+                whole = drop_ill_sorted(whole)
+        except SourceIssue as issue:
+            raise ProgramError(str(issue)) from None
         return Program(file, whole, chosen)
 
     return _parsed(text, file, program)
@@ -119,11 +119,11 @@ def parse_term(text: str, file: str) -> Expression:
 def _parsed(text: str, file: str, read: Callable[[Cursor], _Read]) -> _Read:
     try:
         return read(Cursor(text, file))
-    except Offence as offence:
-        _refuse(offence, text)
+    except SourceIssue as issue:
+        _refuse(issue, text)
 
 
-def _refuse(offence: Offence, text: str) -> NoReturn:
+def _refuse(issue: SourceIssue, text: str) -> NoReturn:
     lines = re.split(r"\r\n|\r|\n", text)
-    shown = lines[offence.at.line - 1] if offence.at.line <= len(lines) else ""
-    raise ParseError(offence.at.file, offence.at.line, offence.at.column, offence.message, shown) from None
+    shown = lines[issue.at.line - 1] if issue.at.line <= len(lines) else ""
+    raise ParseError(issue.at.file, issue.at.line, issue.at.column, issue.message, shown) from None

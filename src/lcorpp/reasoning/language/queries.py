@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from lcorpp.reasoning.language.expressions import OPPOSITE, body, body_literal, is_bare, literal, value
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.expressions import (
+    NEGATED_RELATIONS,
+    body,
+    body_literal,
+    is_bare,
+    literal,
+    value,
+)
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.lexer import END, NAME, Cursor
 from lcorpp.reasoning.language.syntax import Body, Comparison, Intervention, Literal, Observation, Query, Term
 
@@ -13,13 +20,13 @@ Conditions = tuple[tuple[Observation, ...], tuple[Intervention, ...]]
 def outcome(found: Literal | Comparison, where: str) -> Literal:
     """The literal that says what value a term gets."""
     if isinstance(found, Comparison) or found.relation != "=":
-        raise Offence(found.at, f"expected attribute=value in {where}, not {found}")
+        raise SourceIssue(found.at, f"expected attribute=value in {where}, not {found}")
     return found
 
 
 def _ordinary(found: Literal | Comparison, where: str) -> Literal:
     if isinstance(found, Comparison):
-        raise Offence(found.at, f"expected a literal of an attribute in {where}, not {found}")
+        raise SourceIssue(found.at, f"expected a literal of an attribute in {where}, not {found}")
     return found
 
 
@@ -46,7 +53,7 @@ def _polarised(cursor: Cursor, found: Literal) -> Literal:
         return found
     if not cursor.accept_word("false"):
         raise cursor.unexpected()
-    return Literal(found.term, OPPOSITE[found.relation], found.value, found.negated, at=found.at)
+    return Literal(found.term, NEGATED_RELATIONS[found.relation], found.value, found.negated, at=found.at)
 
 
 def intervention(cursor: Cursor) -> Intervention:
@@ -58,15 +65,15 @@ def intervention(cursor: Cursor) -> Intervention:
     chosen = found.value
     if cursor.accept(","):
         if not is_bare(found) or found.value != Term("true"):
-            raise Offence(
+            raise SourceIssue(
                 found.at, f"expected do(attribute=value) or do(attribute, value), not do({found}, ...)"
             )
         chosen = value(cursor)
         if cursor.kind == ",":
-            raise Offence(found.at, "do() of a named rule is not read; expected do(attribute, value)")
+            raise SourceIssue(found.at, "do() of a named rule is not read; expected do(attribute, value)")
     cursor.expect(")")
     if cursor.kind == ":-":
-        raise Offence(cursor.at, "an intervention has no body; expected do(attribute=value).")
+        raise SourceIssue(cursor.at, "an intervention has no body; expected do(attribute=value).")
     return Intervention(found.term, chosen, at=at)
 
 
@@ -115,7 +122,7 @@ def _formula(cursor: Cursor) -> Body:
         cursor.leave()
         first = inner[0]
         if len(inner) > 1 or isinstance(first, Comparison) or first.negated:
-            raise Offence(at, "'!' is read before a single literal only")
+            raise SourceIssue(at, "'!' is read before a single literal only")
         return (Literal(first.term, first.relation, first.value, True, at=at),)
     if cursor.kind != "(":
         return (body_literal(cursor),)
@@ -126,7 +133,7 @@ def _formula(cursor: Cursor) -> Body:
         found.extend(_formula(cursor))
     cursor.leave()
     if cursor.kind == NAME and cursor.word == "or":
-        raise Offence(cursor.at, "'or' is not read in a query; give an attribute one rule for each case")
+        raise SourceIssue(cursor.at, "'or' is not read in a query; give an attribute one rule for each case")
     cursor.expect(")")
     return tuple(found)
 

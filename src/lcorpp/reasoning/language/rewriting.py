@@ -24,13 +24,13 @@ Change = Callable[[Literal], Literal]
 """What is done to each literal; its value tells more than its term alone."""
 
 
-def changed(statement: Statement, change: Change) -> Statement:
+def map_literals(statement: Statement, change: Change) -> Statement:
     """The statement with each of its literals, heads and selected terms changed."""
     if isinstance(statement, Rule):
         head = change(statement.head) if statement.head else None
         return replace(statement, head=head, body=_body(statement.body, change))
     if isinstance(statement, CrRule):
-        inner = changed(statement.statement, change)
+        inner = map_literals(statement.statement, change)
         assert isinstance(inner, Rule | Selection)
         return replace(statement, statement=inner)
     if isinstance(statement, Selection):
@@ -66,12 +66,12 @@ def changed_query(query: Query, change: Change) -> Query:
     )
 
 
-def renamed_query(query: Query, rename: Callable[[Term], Term]) -> Query:
+def rename_query_terms(query: Query, rename: Callable[[Term], Term]) -> Query:
     """The query with each attribute term renamed."""
     return changed_query(query, lambda literal: replace(literal, term=rename(literal.term)))
 
 
-def literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
+def iter_literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
     """The literals of a statement, heads and selected terms among them, and whether each is a head."""
     found: list[tuple[Literal, bool]] = []
     head = statement.statement if isinstance(statement, CrRule) else statement
@@ -87,7 +87,7 @@ def literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
         found.append((literal, first is not None and literal.term is first.term))
         return literal
 
-    changed(statement, note)
+    map_literals(statement, note)
     return iter(found)
 
 

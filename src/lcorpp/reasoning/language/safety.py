@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from lcorpp.errors import expected
-from lcorpp.reasoning.language.arithmetic import LARGEST, ground, is_integer, variables
-from lcorpp.reasoning.language.issues import Misfit, Offence
+from lcorpp.errors import expected_one_of
+from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, canonical_text, is_integer, iter_variables
+from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
 from lcorpp.reasoning.language.signature import Signature, Slot
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
@@ -22,11 +22,11 @@ from lcorpp.reasoning.language.syntax import (
     Variable,
 )
 
-MOST_INSTANCES = 2_000_000
+MAX_INSTANCES = 2_000_000
 """How many ground instances the variables of one statement may span, each outcome of a selection counted."""
 
 
-def check_scope(
+def check_variables(
     at: Place,
     scope: Sequence[Expression],
     slots: list[Slot],
@@ -44,11 +44,11 @@ def check_scope(
         outcomes: how many values each instance may take, for a selection.
 
     Raises:
-        Offence: a constant or variable does not fit its sort, a variable ranges over nothing known, the
+        SourceIssue: a constant or variable does not fit its sort, a variable ranges over nothing known, the
             instances are too many, or arithmetic meets what is no integer or grows beyond 32 bits.
     """
     check_slots(slots, signature)
-    used = [variable for expression in scope for variable in variables(expression)]
+    used = [variable for expression in scope for variable in iter_variables(expression)]
     sorts = variable_sorts(slots, used, signature)
     span = outcomes
     computed = _computed(body)
@@ -56,21 +56,21 @@ def check_scope(
         common = signature.shared(found)
         if not common:
             where = next((v.at for v in used if v.name == name), at)
-            raise Offence(where, f"variable {name} cannot be of the sorts {' and '.join(found)} at once")
+            raise SourceIssue(where, f"variable {name} cannot be of the sorts {' and '.join(found)} at once")
         if name not in computed:
             span *= common
-    if span > MOST_INSTANCES:
-        raise Offence(at, f"this spans {span} ground instances; at most {MOST_INSTANCES} are grounded")
+    if span > MAX_INSTANCES:
+        raise SourceIssue(at, f"this spans {span} ground instances; at most {MAX_INSTANCES} are grounded")
     bounds = dict.fromkeys(sorts, signature.largest)
     for expression, _ in slots:
         if isinstance(
             expression, Term
         ):  # a record: its members are known, so its variables are found by matching
-            bounds.update((v.name, signature.largest) for v in variables(expression))
+            bounds.update((v.name, signature.largest) for v in iter_variables(expression))
     _bind(body, bounds)
     for variable in used:
         if variable.name not in bounds:
-            raise Offence(
+            raise SourceIssue(
                 variable.at,
                 f"variable {variable} is unsafe; expected it as an argument or a value of an attribute,"
                 " or in #domain",
@@ -84,11 +84,11 @@ def check_scope(
 def check_slots(slots: Iterable[Slot], signature: Signature) -> None:
     """Check that the constants in slots are members of their sorts."""
     for expression, sort in slots:
-        if not any(variables(expression)):
-            value = ground(expression)
+        if not any(iter_variables(expression)):
+            value = canonical_text(expression)
             if value not in signature.sorts[sort]:
-                known = expected(list(signature.sorts[sort]))
-                raise Misfit(expression.at, f"{value!r} is not a member of the sort {sort}; {known}")
+                known = expected_one_of(list(signature.sorts[sort]))
+                raise SortMismatch(expression.at, f"{value!r} is not a member of the sort {sort}; {known}")
 
 
 def variable_sorts(
@@ -116,7 +116,7 @@ def _computed(body: Iterable[Literal | Comparison]) -> set[str]:
             (comparison.left, comparison.right),
             (comparison.right, comparison.left),
         ):
-            names = {variable.name for variable in variables(other)}
+            names = {variable.name for variable in iter_variables(other)}
             if isinstance(side, Variable) and side.name not in names | others and not names & computed:
                 computed.add(side.name)
                 others |= names
@@ -133,7 +133,7 @@ def _bind(body: Iterable[Literal | Comparison], bounds: dict[str, int]) -> None:
             continue
         for side, other in ((equation.left, equation.right), (equation.right, equation.left)):
             if isinstance(side, Variable) and side.name not in bounds:
-                missing = {v.name for v in variables(other)} - bounds.keys()
+                missing = {v.name for v in iter_variables(other)} - bounds.keys()
                 for name in missing:
                     waiting.setdefault(name, []).append((side, other, missing))
                 if not missing:
@@ -155,7 +155,7 @@ def _magnitude(expression: Expression, bounds: dict[str, int]) -> int:
         return bounds[expression.name]
     if isinstance(expression, Number):
         if expression.value.denominator != 1:
-            raise Offence(expression.at, f"expected an integer, not {expression}")
+            raise SourceIssue(expression.at, f"expected an integer, not {expression}")
         return abs(expression.value.numerator)
     if isinstance(expression, Term):
         return max((_magnitude(argument, bounds) for argument in expression.arguments), default=0)
@@ -166,9 +166,9 @@ def _magnitude(expression: Expression, bounds: dict[str, int]) -> int:
 def _check_arithmetic(
     expression: Expression, bounds: dict[str, int], sorts: dict[str, list[str]], signature: Signature
 ) -> None:
-    if _magnitude(expression, bounds) > LARGEST:
-        raise Offence(
-            expression.at, f"{expression} may become larger than {LARGEST}, the largest number there is"
+    if _magnitude(expression, bounds) > MAX_INTEGER:
+        raise SourceIssue(
+            expression.at, f"{expression} may become larger than {MAX_INTEGER}, the largest number there is"
         )
     if isinstance(expression, Term):
         for argument in expression.arguments:
@@ -188,7 +188,7 @@ def check_order(
             continue
         if isinstance(literal, Literal):
             if signature.attributes[literal.term.name].range not in signature.integer_sorts:
-                raise Offence(
+                raise SourceIssue(
                     literal.at, f"{literal} orders values of {literal.term.name}, which are not integers"
                 )
             sides: tuple[Expression, ...] = (literal.value,)
@@ -202,11 +202,11 @@ def _check_integer(
     expression: Expression, what: str, sorts: dict[str, list[str]], signature: Signature
 ) -> None:
     if isinstance(expression, Term):
-        raise Offence(expression.at, f"{what} needs integers, and {expression} is none")
+        raise SourceIssue(expression.at, f"{what} needs integers, and {expression} is none")
     if isinstance(expression, Variable):
         for sort in sorts.get(expression.name, ()):
             if sort not in signature.integer_sorts:
                 odd = next(m for m in signature.sorts[sort] if not is_integer(m))
-                raise Offence(
+                raise SourceIssue(
                     expression.at, f"{what} needs integers, and {expression} may be {odd} of the sort {sort}"
                 )

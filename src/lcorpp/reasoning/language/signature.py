@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from lcorpp.reasoning.language.arithmetic import variables
+from lcorpp.reasoning.language.arithmetic import iter_variables
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     CrRule,
@@ -76,7 +76,7 @@ class Signature:
         """The term under the name of its attribute: `pair(a,b)` may be `pair_2(a,b)` beside `pair(a)`."""
         count = len(term.arguments)
         attribute = self.attributes.get(term.name)
-        other = self.attributes.get(overloaded(term.name, count))
+        other = self.attributes.get(mangle_name(term.name, count))
         if attribute is None or len(attribute.arguments) == count or other is None:
             return term
         return Term(other.name, term.arguments, at=term.at) if len(other.arguments) == count else term
@@ -107,7 +107,7 @@ class Signature:
             yield from self.term_slots(statement.term)
             if isinstance(statement, Probability):
                 yield statement.value, self.attributes[statement.term.name].range
-            yield from self.body_slots(body_of(statement))
+            yield from self.body_slots(get_body(statement))
 
     def range_slots(self, selection: Selection) -> Iterator[Slot]:
         """The slots of a selection's dynamic range, its variable first."""
@@ -124,24 +124,24 @@ class Signature:
                     yield literal.term.arguments[0], literal.term.name
 
 
-def overloaded(name: str, count: int) -> str:
+def mangle_name(name: str, count: int) -> str:
     """The name of an attribute that shares its own with one that has fewer arguments."""
     return f"{name}_{count}"
 
 
-def selection_of(statement: Statement) -> Selection | None:
+def as_selection(statement: Statement) -> Selection | None:
     """The random selection that a statement is, perhaps as a cr-rule."""
     if isinstance(statement, CrRule):
         statement = statement.statement
     return statement if isinstance(statement, Selection) else None
 
 
-def body_of(statement: Rule | Selection | Probability) -> tuple[Literal | Comparison, ...]:
+def get_body(statement: Rule | Selection | Probability) -> tuple[Literal | Comparison, ...]:
     """The conditions under which a statement speaks."""
     return statement.condition if isinstance(statement, Probability) else statement.body
 
 
-def expressions(body: Iterable[Literal | Comparison]) -> Iterator[Expression]:
+def iter_expressions(body: Iterable[Literal | Comparison]) -> Iterator[Expression]:
     """Every expression of a body, terms of attributes included."""
     for literal in body:
         if isinstance(literal, Literal):
@@ -150,19 +150,21 @@ def expressions(body: Iterable[Literal | Comparison]) -> Iterator[Expression]:
             yield from (literal.left, literal.right)
 
 
-def scope(statement: Rule | Selection | Probability) -> list[Expression]:
+def list_expressions(statement: Rule | Selection | Probability) -> list[Expression]:
     """Every expression of a statement outside of a dynamic range."""
     found: list[Expression] = []
     if isinstance(statement, Rule):
-        found.extend(expressions((statement.head,) if statement.head else ()))
+        found.extend(iter_expressions((statement.head,) if statement.head else ()))
     else:
         found.extend((*statement.term.arguments, *(statement.label.arguments if statement.label else ())))
         if isinstance(statement, Probability):
             found.extend((statement.value, statement.number))
-    found.extend(expressions(body_of(statement)))
+    found.extend(iter_expressions(get_body(statement)))
     return found
 
 
-def pr_variables(atom: Probability) -> list[str]:
+def list_pr_variables(atom: Probability) -> list[str]:
     """The variables of a pr-atom in the order in which an instance of it lists their values."""
-    return sorted({variable.name for expression in scope(atom) for variable in variables(expression)})
+    return sorted(
+        {variable.name for expression in list_expressions(atom) for variable in iter_variables(expression)}
+    )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.language.expressions import ALIKE, RELATIONS, as_value, factor, value
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.language.expressions import RELATION_SYNONYMS, RELATIONS, as_value, factor, value
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.lexer import HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
 from lcorpp.reasoning.language.syntax import (
     Comparison,
@@ -46,7 +46,7 @@ def _intersection(cursor: Cursor) -> SortExpression:
 
 def _counted(cursor: Cursor, count: int) -> int:
     if count == _LONGEST:
-        raise Offence(cursor.at, f"a sort made of more than {_LONGEST} sorts in one expression")
+        raise SourceIssue(cursor.at, f"a sort made of more than {_LONGEST} sorts in one expression")
     return count + 1
 
 
@@ -94,8 +94,8 @@ def _interval(low: Expression, high: Expression) -> Interval:
 
 def _whole(end: Expression) -> int:
     if isinstance(end, Term):
-        raise Offence(end.at, f"expected an integer, not {end}")
-    return int(ground(end))
+        raise SourceIssue(end.at, f"expected an integer, not {end}")
+    return int(canonical_text(end))
 
 
 def _bound(cursor: Cursor) -> int:
@@ -159,7 +159,7 @@ def _condition(cursor: Cursor, variables: list[str | None]) -> Comparison | Conn
     left = _side(cursor, variables)
     if not cursor.sees(*RELATIONS):
         raise cursor.unexpected(("<",))
-    sign = ALIKE.get(cursor.word, cursor.word)
+    sign = RELATION_SYNONYMS.get(cursor.word, cursor.word)
     cursor.take()
     return Comparison(left, sign, _side(cursor, variables), at=left.at)
 
@@ -168,9 +168,9 @@ def _side(cursor: Cursor, variables: list[str | None]) -> Expression:
     """A side of a comparison: an integer, a constant, or a variable of the record."""
     side = as_value(factor(cursor))
     if isinstance(side, Variable) and side.name not in variables:
-        raise Offence(
+        raise SourceIssue(
             side.at, f"variable {side} stands for no argument of the record; expected f(#sort({side}))"
         )
     if not isinstance(side, Variable):
-        ground(side)
+        canonical_text(side)
     return side

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from itertools import product
 from math import prod
 
-from lcorpp.errors import expected
-from lcorpp.reasoning.language.arithmetic import compare, ground, is_integer
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.errors import expected_one_of
+from lcorpp.reasoning.language.arithmetic import canonical_text, compare, is_integer
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Connective,
@@ -30,10 +30,10 @@ from lcorpp.reasoning.language.syntax import (
     Variable,
 )
 
-LARGEST_SORT = 100_000
+MAX_SORT_SIZE = 100_000
 """How many members a sort may have."""
 
-MOST_HANDLED = 500_000
+MAX_HANDLED_MEMBERS = 500_000
 """How many members are handled to make the sorts of a program, as often as each is taken up or compared."""
 
 _INTEGER = re.compile(r"\b[0-9]+\b")
@@ -67,7 +67,7 @@ class Sorts:
         """Work out one definition.
 
         Raises:
-            Offence: it names an unknown sort, has a member twice, is empty or too large.
+            SourceIssue: it names an unknown sort, has a member twice, is empty or too large.
         """
         name, at = definition.name, definition.at
         if definition.is_algebra:
@@ -77,21 +77,23 @@ class Sorts:
         else:
             made = self._set(definition.elements, name)
         if not made.members:
-            raise Offence(at, f"the sort {name} is empty")
-        if len(made.members) > LARGEST_SORT:
-            raise Offence(at, f"the sort {name} is too large; at most {LARGEST_SORT} members")
+            raise SourceIssue(at, f"the sort {name} is empty")
+        if len(made.members) > MAX_SORT_SIZE:
+            raise SourceIssue(at, f"the sort {name} is too large; at most {MAX_SORT_SIZE} members")
         self.known[name] = made
 
     def _handle(self, count: int, at: Place) -> None:
         self._handled += count
-        if self._handled > MOST_HANDLED:
-            raise Offence(at, f"the sorts up to here take more than {MOST_HANDLED} members to make")
+        if self._handled > MAX_HANDLED_MEMBERS:
+            raise SourceIssue(
+                at, f"the sorts up to here take more than {MAX_HANDLED_MEMBERS} members to make"
+            )
 
     def _made(self, expression: SortExpression) -> Sort:
         if isinstance(expression, SortName):
             if expression.name not in self.known:
-                names = expected([f"#{name}" for name in self.known])
-                raise Offence(expression.at, f"unknown sort {str(expression)!r}; {names}")
+                names = expected_one_of([f"#{name}" for name in self.known])
+                raise SourceIssue(expression.at, f"unknown sort {str(expression)!r}; {names}")
             return self.known[expression.name]
         if isinstance(expression, Interval):
             return self._interval(expression)
@@ -111,7 +113,7 @@ class Sorts:
                 largest = max(largest, part.largest)
             else:
                 assert not isinstance(element, SortName | SortSet | RecordSort | SortOperation)
-                text = ground(element)
+                text = canonical_text(element)
                 found = (text,)
                 self._handle(1, element.at)
                 if is_integer(text):
@@ -120,18 +122,18 @@ class Sorts:
                     largest, integers = max(largest, _largest(text)), False
             for member in found:
                 if member in members:
-                    raise Offence(element.at, f"{member} is twice in the sort {name}")
+                    raise SourceIssue(element.at, f"{member} is twice in the sort {name}")
                 members[member] = None
         return Sort(members, largest, integers)
 
     def _interval(self, interval: Interval) -> Sort:
         low, high = interval.low, interval.high
         if high < low:
-            raise Offence(interval.at, f"the interval {interval} is empty")
-        if high - low >= LARGEST_SORT:
-            raise Offence(
+            raise SourceIssue(interval.at, f"the interval {interval} is empty")
+        if high - low >= MAX_SORT_SIZE:
+            raise SourceIssue(
                 interval.at,
-                f"the interval {interval} is too long; a sort has at most {LARGEST_SORT} members",
+                f"the interval {interval} is too long; a sort has at most {MAX_SORT_SIZE} members",
             )
         self._handle(high - low + 1, interval.at)
         return Sort(dict.fromkeys(map(str, range(low, high + 1))), max(abs(low), abs(high)), True)
@@ -139,15 +141,15 @@ class Sorts:
     def _records(self, record: RecordSort) -> Sort:
         parts = [self._made(part) for part in record.parts]
         count = prod(len(part.members) for part in parts)
-        if count > LARGEST_SORT:
-            raise Offence(
+        if count > MAX_SORT_SIZE:
+            raise SourceIssue(
                 record.at,
-                f"the records {record.name}(...) are {count}; a sort has at most {LARGEST_SORT} members",
+                f"the records {record.name}(...) are {count}; a sort has at most {MAX_SORT_SIZE} members",
             )
         self._handle(count * (1 + _comparisons(record.condition)), record.at)
         places = {variable: index for index, variable in enumerate(record.variables) if variable}
         if len(places) < sum(variable is not None for variable in record.variables):
-            raise Offence(record.at, "a variable stands for two arguments of the record")
+            raise SourceIssue(record.at, "a variable stands for two arguments of the record")
         rows: Iterable[Sequence[str]] = product(*(part.members for part in parts))
         if record.condition is not None:
             condition = record.condition
@@ -185,7 +187,7 @@ def _holds(condition: Comparison | Connective, row: Sequence[str], places: Mappi
             return left
         return _holds(condition.right, row, places)
     sides = (
-        row[places[side.name]] if isinstance(side, Variable) else ground(side)
+        row[places[side.name]] if isinstance(side, Variable) else canonical_text(side)
         for side in (condition.left, condition.right)
     )
     first, second = sides

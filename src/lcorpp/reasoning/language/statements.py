@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lcorpp.reasoning.language.arithmetic import exact, variables
+from lcorpp.reasoning.language.arithmetic import evaluate_number, iter_variables
 from lcorpp.reasoning.language.declarations import (
     attribute,
     constant,
@@ -21,7 +21,7 @@ from lcorpp.reasoning.language.expressions import (
     operand,
     value,
 )
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.lexer import END, HASH_NAME, NAME, VARIABLE, Cursor
 from lcorpp.reasoning.language.queries import intervention, observation, outcome, query_statement
 from lcorpp.reasoning.language.syntax import (
@@ -111,7 +111,7 @@ def _declaration_or_rule(cursor: Cursor) -> Iterator[Statement]:
 def _label(cursor: Cursor) -> Term:
     term = value(cursor)
     if not isinstance(term, Term):
-        raise Offence(term.at, f"expected a label such as r or r(X), not {term}")
+        raise SourceIssue(term.at, f"expected a label such as r or r(X), not {term}")
     cursor.expect("]")
     return term
 
@@ -149,7 +149,9 @@ def _rule(cursor: Cursor, found: Literal | Comparison, label: Term | None) -> Ru
     if arrow in _ARROWS:
         return CrRule(rule, label, at=label.at if label else head.at)
     if label:
-        raise Offence(label.at, f"only random selections, pr-atoms and cr-rules have a label, not '{rule}'")
+        raise SourceIssue(
+            label.at, f"only random selections, pr-atoms and cr-rules have a label, not '{rule}'"
+        )
     return rule
 
 
@@ -165,14 +167,14 @@ def _selected(cursor: Cursor) -> tuple[Term, DynamicRange | None]:
     cursor.expect("(")
     term = value(cursor)
     if not isinstance(term, Term):
-        raise Offence(term.at, f"expected an attribute, not {term}")
+        raise SourceIssue(term.at, f"expected an attribute, not {term}")
     chosen = None
     if cursor.accept(":"):
         cursor.expect("{")
         at = cursor.at
         variable = Variable(cursor.expect(VARIABLE), at=at)
         if variable.name == "_":
-            raise Offence(at, "the values of a dynamic range need a name; expected a variable, not '_'")
+            raise SourceIssue(at, "the values of a dynamic range need a name; expected a variable, not '_'")
         cursor.expect(":")
         chosen = DynamicRange(variable, body(cursor), at=at)
         cursor.expect("}")
@@ -199,7 +201,7 @@ def _probability(cursor: Cursor, label: Term | None, at: Place) -> Probability:
     if not cursor.accept("=="):
         cursor.expect("=")
     number = value(cursor)
-    if not any(variables(number)):
-        number = Number(exact(number, {}), at=number.at)
+    if not any(iter_variables(number)):
+        number = Number(evaluate_number(number, {}), at=number.at)
     cursor.expect(".")
     return Probability(found.term, found.value, number, condition, label, at=at)

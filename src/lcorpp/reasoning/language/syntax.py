@@ -19,7 +19,7 @@ from lcorpp.reasoning.language.sort_nodes import (
     SortSet,
 )
 from lcorpp.reasoning.language.terms import (
-    NOWHERE,
+    SYNTHETIC_PLACE,
     Arithmetic,
     Comparison,
     Expression,
@@ -33,14 +33,14 @@ from lcorpp.reasoning.language.terms import (
 )
 
 __all__ = [
-    "NOWHERE",
+    "SYNTHETIC_PLACE",
     "Arithmetic",
     "AttributeDeclaration",
     "Body",
     "Comparison",
     "Connective",
     "CrRule",
-    "Domain",
+    "DomainDirective",
     "DynamicRange",
     "Expression",
     "Interval",
@@ -114,7 +114,7 @@ class AttributeDeclaration(Node):
 
 
 @dataclass(frozen=True)
-class Domain(Node):
+class DomainDirective(Node):
     """`#domain sort(X;Y).`: the sort of these variables, everywhere in the program."""
 
     sort: str
@@ -235,7 +235,7 @@ class Query(Node):
 Statement = (
     SortDefinition
     | AttributeDeclaration
-    | Domain
+    | DomainDirective
     | Selection
     | Probability
     | Rule

@@ -21,7 +21,7 @@ class Place:
         return f"{self.file}:{self.line}:{self.column}"
 
 
-NOWHERE = Place("<made>", 1, 1)
+SYNTHETIC_PLACE = Place("<made>", 1, 1)
 """The place of nodes that no text was read for."""
 
 
@@ -29,7 +29,7 @@ NOWHERE = Place("<made>", 1, 1)
 class Node:
     """What all nodes share: their place."""
 
-    at: Place = field(default=NOWHERE, compare=False, repr=False, kw_only=True)
+    at: Place = field(default=SYNTHETIC_PLACE, compare=False, repr=False, kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lcorpp.planning.sarsop.numpy_kernels.model import Indices, Model, row_entries
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
 
@@ -110,20 +110,20 @@ def _check_limits(tolerance: float, seconds: float) -> None:
         raise ValueError("tolerance and seconds must not be NaN, tolerance not negative")
 
 
-def _matrices(rows: Rows) -> list[Any]:
+def _matrices(table: SparseTables) -> list[Any]:
     """The table of each action as a scipy matrix."""
     matrices = []
-    for a in range(rows.shape[0]):
-        part = rows.part(a)
-        begins = rows.begins[a * rows.shape[1] : (a + 1) * rows.shape[1] + 1] - part.start
-        matrices.append(csr_array((rows.values[part], rows.columns[part], begins), shape=rows.shape[1:]))
+    for a in range(table.shape[0]):
+        part = table.action_slice(a)
+        begins = table.begins[a * table.shape[1] : (a + 1) * table.shape[1] + 1] - part.start
+        matrices.append(csr_array((table.values[part], table.columns[part], begins), shape=table.shape[1:]))
     return matrices
 
 
 def _joint(model: Model, action: int) -> tuple[Any, Indices]:
     """P(s', o | s, a) of one action, with a row for each possible (s, o) and a column for each s'; the s of each row."""
     T, Z = model.transition, model.observation
-    part = T.part(action)
+    part = T.action_slice(action)
     reached = T.columns[part].astype(np.intp)
     index, owner = row_entries(Z, action * model.states + reached)
     state = T.rows[part][owner] - action * model.states

@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array, Belief
 
 Indices = npt.NDArray[np.intp]
@@ -152,7 +152,7 @@ class Model:
         return np.argsort(np.argsort(first))[inverse]
 
 
-def row_entries(table: Rows, rows: Indices) -> tuple[Indices, Indices]:
+def row_entries(table: SparseTables, rows: Indices) -> tuple[Indices, Indices]:
     """Indices of the entries of the given rows (n,) of a table, concatenated, and the row 0 to n - 1 of each."""
     return concatenate_ranges(table.begins[rows], table.begins[rows + 1])
 
@@ -169,13 +169,13 @@ def _check_distributions(
     begins: npt.NDArray[np.int64],
     column: npt.NDArray[np.int32],
     value: Array,
-) -> Rows:
+) -> SparseTables:
     try:
-        rows = Rows(shape, begins, column, value)
+        rows = SparseTables(shape, begins, column, value)
     except ModelError as error:
         raise ValueError(str(error)) from None
     if not (np.isfinite(rows.values).all() and (rows.values >= 0).all()):
         raise ValueError("a probability is negative or not finite")
-    if (np.abs(rows.sums() - 1) > ROW_TOLERANCE).any():
+    if (np.abs(rows.row_sums() - 1) > ROW_TOLERANCE).any():
         raise ValueError("a row of a table does not sum to 1")
     return rows

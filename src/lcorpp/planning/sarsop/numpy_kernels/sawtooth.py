@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.belief import IMPOSSIBLE
+from lcorpp.planning.belief import MIN_PROBABILITY
 from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, Model, concatenate_ranges
 from lcorpp.values import Array
 
@@ -94,7 +94,7 @@ class Points:
         for part in np.split(relevant, np.flatnonzero(np.diff(work // CHUNK_SIZE)) + 1):
             begins, ends = self._begins[part], self._begins[part + 1]
             index, _ = concatenate_ranges(begins, ends)
-            ratios = beliefs[:, self._positions[index]] / np.maximum(self._weights[index], IMPOSSIBLE)
+            ratios = beliefs[:, self._positions[index]] / np.maximum(self._weights[index], MIN_PROBABILITY)
             phi = np.minimum.reduceat(ratios, np.cumsum(ends - begins) - (ends - begins), axis=1)
             np.minimum(lowest, (phi * self._excess[part]).min(axis=1), out=lowest)
         return lowest

@@ -10,20 +10,24 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind, Literal
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram, Literal
 
-DERIVE, ASSIGN, FORBID = Kind.DERIVE, Kind.ASSIGN, Kind.FORBID  # to look up a member of an Enum takes time
+DERIVE, ASSIGN, FORBID = (
+    ClauseKind.DERIVE,
+    ClauseKind.ASSIGN,
+    ClauseKind.FORBID,
+)  # to look up a member of an Enum takes time
 
 Conditions = tuple[tuple[int, int], ...]
 """Which of the terms of a step, and the outcomes of it that make a literal true."""
 
-Touch = tuple[Conditions, int, bool, int]
+BodyUpdate = tuple[Conditions, int, bool, int]
 """What a step can do to a body: the conditions on its terms, the slot of *denied* (-1 if no other step has
 to do with the body), whether this is the last such step, and the slot of *true* (-1 for a constraint)."""
 
 
 @dataclass(slots=True, eq=False)
-class Group:
+class ClauseGroup:
     """Clauses with one head: that one of their bodies is true is all that matters.
 
     always: whether one of the bodies is true in any case.
@@ -47,7 +51,7 @@ class Body:
 
 
 @dataclass(slots=True, eq=False)
-class Stage:
+class Dependency:
     """What a head has to do with one of the steps that come before its own.
 
     takes, frees: the slots of the bits that come into use there, and of those that no longer matter after it.
@@ -57,8 +61,8 @@ class Stage:
     rank: int
     takes: list[int] = field(default_factory=list)
     frees: list[int] = field(default_factory=list)
-    touches: list[Touch] = field(default_factory=list)
-    groups: list[Group] = field(default_factory=list)
+    touches: list[BodyUpdate] = field(default_factory=list)
+    groups: list[ClauseGroup] = field(default_factory=list)
 
     def slots(self) -> list[int]:
         """The slots of all bits that matter there."""
@@ -68,7 +72,7 @@ class Stage:
 
 
 @dataclass(slots=True, eq=False)
-class Head:
+class RuleGroup:
     """What is said about one component, or what constraints say of the same terms.
 
     terms: those of the component, or of the first that has this head; none for constraints.
@@ -80,9 +84,9 @@ class Head:
     """
 
     terms: tuple[int, ...]
-    groups: list[Group]
+    groups: list[ClauseGroup]
     always: list[int]
-    stages: list[Stage]
+    stages: list[Dependency]
     slots: int = 0
     circular: bool = False
     again: bool = False
@@ -94,7 +98,7 @@ class Head:
         clauses: Sequence[Clause],
         asked: Mapping[int, tuple[int, int]],
         outcomes: Sequence[int],
-    ) -> Head:
+    ) -> RuleGroup:
         """Gather the clauses of a component, or constraints.
 
         Args:
@@ -102,7 +106,7 @@ class Head:
                 terms of that step it is.
             outcomes: the outcomes of each term, as bits.
         """
-        groups: dict[object, Group] = {}
+        groups: dict[object, ClauseGroup] = {}
         constraints: list[Body] = []
         circular = len(terms) > 1
         for number, clause in enumerate(clauses):
@@ -110,7 +114,7 @@ class Head:
             if not terms:
                 constraints.append(body)
                 continue
-            kind, key = clause.kind, None  # type: Kind, object
+            kind, key = clause.kind, None  # type: ClauseKind, object
             if inner:
                 key, circular = number, True
             elif kind is ASSIGN:
@@ -121,14 +125,14 @@ class Head:
                 key = kind, clause.term, clause.value, clause.statement, clause.instance
             group = groups.get(key)
             if group is None:
-                group = groups[key] = Group(_alone(clause, inner))
+                group = groups[key] = ClauseGroup(_alone(clause, inner))
             if body.touched:
                 group.bodies.append(body)
             else:
                 group.always = True
         count = 1 + max([rank for rank, _ in asked.values()], default=-1)
         always = [number for number, group in enumerate(groups.values()) if group.always]
-        head = cls(terms, list(groups.values()), always, [Stage(rank) for rank in range(count)])
+        head = cls(terms, list(groups.values()), always, [Dependency(rank) for rank in range(count)])
         head.circular = circular
         for group in head.groups:
             if group.always:
@@ -206,8 +210,8 @@ def _alone(clause: Clause, inner: Sequence[Literal]) -> Clause:
     )  # fmt: skip
 
 
-def look(
-    ground: Ground, term: int, clauses: Sequence[Clause], outcomes: Sequence[int]
+def describe_structure(
+    ground: GroundProgram, term: int, clauses: Sequence[Clause], outcomes: Sequence[int]
 ) -> tuple[list[object] | None, dict[int, int]]:
     """All that a term's head and what follows from it depend on, but for the order of the terms asked for.
 

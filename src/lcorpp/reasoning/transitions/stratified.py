@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from lcorpp.reasoning.circuit.components import components
-from lcorpp.reasoning.circuit.selection import ONE, Entry, Outcome
-from lcorpp.reasoning.grounding.ground_program import Ground, Kind
+from lcorpp.reasoning.grounding.ground_program import ClauseKind, GroundProgram
+from lcorpp.reasoning.transitions.elimination_order import strongly_connected_components
+from lcorpp.reasoning.transitions.selection import ONE, GuardedClause, Outcome
 
 Atom = tuple[int, int]
 """A term and one of its values."""
@@ -54,7 +54,7 @@ class Stratified:
     wanted: positions (in `terms`) of the terms whose outcomes are worked out at once.
     """
 
-    ground: Ground
+    ground: GroundProgram
     terms: tuple[int, ...]
     atoms: Sequence[Atom]
     strata: Sequence[Sequence[_Rule]]
@@ -62,10 +62,14 @@ class Stratified:
 
     @classmethod
     def of(
-        cls, ground: Ground, terms: tuple[int, ...], entries: Sequence[Entry], wanted: Iterable[int]
+        cls,
+        ground: GroundProgram,
+        terms: tuple[int, ...],
+        entries: Sequence[GuardedClause],
+        wanted: Iterable[int],
     ) -> Stratified | None:
         """Prepare a circle; None if its `not` cannot be stratified."""
-        derives = [(bit, clause) for bit, clause in entries if clause.kind is Kind.DERIVE]
+        derives = [(bit, clause) for bit, clause in entries if clause.kind is ClauseKind.DERIVE]
         number: dict[Atom, int] = {}
         for _, clause in derives:
             number.setdefault((clause.term, clause.value), len(number))
@@ -88,7 +92,7 @@ class Stratified:
                 else:
                     parts.append(some)
             rules.append(_Rule(head, bit, tuple(parts), tuple(denied)))
-        order = components(needs)
+        order = strongly_connected_components(needs)
         stratum = {atom: i for i, atoms in enumerate(order) for atom in atoms}
         if any(stratum[head] == stratum[atom] for head, atom in denied_by):
             return None

@@ -19,9 +19,9 @@ from math import sqrt
 from random import Random
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning.circuit.plan import Plan
-from lcorpp.reasoning.circuit.selection import Outcome
-from lcorpp.reasoning.circuit.transitions import Effect
+from lcorpp.reasoning.transitions.selection import Outcome
+from lcorpp.reasoning.transitions.transition import Effect
+from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 
 SAMPLES = 20_000
 """How many worlds are drawn if nobody says otherwise."""
@@ -30,7 +30,7 @@ _Way = tuple[float, Effect, Outcome]
 
 
 @dataclass(frozen=True)
-class Estimates:
+class SampleEstimates:
     """Estimated probabilities.
 
     values: value -> (probability, standard error); "" stands for no value.
@@ -44,8 +44,8 @@ class Estimates:
 
 
 def estimate(
-    prepared: Plan, query: str, evidence: Mapping[str, str], samples: int = SAMPLES, seed: int = 0
-) -> Estimates:
+    prepared: TransitionSystem, query: str, evidence: Mapping[str, str], samples: int = SAMPLES, seed: int = 0
+) -> SampleEstimates:
     """Estimate the distribution of a term given evidence.
 
     Raises:
@@ -63,7 +63,7 @@ def estimate(
             weight, value = found
             weights.setdefault(names[value] if 0 <= value < len(names) else "", []).append(weight)
     total = sum(map(sum, weights.values()))
-    file = ground.program.file
+    file = ground.source.file
     if total == 0:
         raise UndefinedError(f"{file}: none of {samples} worlds drawn at random has the evidence")
     squares = {value: sum(w * w for w in found) for value, found in weights.items()}
@@ -73,13 +73,13 @@ def estimate(
         p = sum(weights.get(name, ())) / total
         own = squares.get(name, 0.0)
         values[name] = p, sqrt(own * (1 - p) ** 2 + (every - own) * p**2) / total
-    return Estimates(values, samples, total * total / every)
+    return SampleEstimates(values, samples, total * total / every)
 
 
 class _Draws:
     """Worlds drawn at random that have some evidence."""
 
-    def __init__(self, prepared: Plan, evidence: Mapping[str, str], random: Random) -> None:
+    def __init__(self, prepared: TransitionSystem, evidence: Mapping[str, str], random: Random) -> None:
         self._plan, self._random = prepared, random
         self._known: list[dict[int, tuple[list[float], list[_Way]]]] = [{} for _ in prepared.steps]
         given: dict[int, int] = {}
@@ -127,9 +127,9 @@ class _Draws:
         step = self._plan.steps[position]
         ways: list[_Way] = []
         for outcome in step.decision.outcomes((bits,))[bits]:
-            if outcome.breach:
+            if outcome.violation:
                 names = [self._plan.ground.names[term] for term in self._plan.order[position]]
-                told = outcome.breach.told(self._plan.ground.program.statements, names)
+                told = outcome.violation.told(self._plan.ground.source.statements, names)
                 raise ProgramError(f"{told}, in a world drawn at random")
             if all(outcome.values[i] == value for i, value in self._given[position]):
                 effect = step.effect(outcome.values)

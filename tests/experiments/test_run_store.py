@@ -8,9 +8,9 @@ import pytest
 
 from lcorpp.decision import Batch
 from lcorpp.errors import DataError, FileError
-from lcorpp.experiments.run_store import Memory
+from lcorpp.experiments.run_store import RunStore
 from lcorpp.learning import learner, train_and_validate
-from lcorpp.learning.store import Entry, Store, read_store
+from lcorpp.learning.store import NewTrack, Store, read_store
 from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance
 
 CLASSES = ("slow", "fast")
@@ -47,9 +47,11 @@ def never(_dataset):
     raise AssertionError("nothing had to be trained")
 
 
-def decide(memory: Memory, row: int, report: str | None = "slow", **extra: object) -> str:
+def decide(run_store: RunStore, row: int, report: str | None = "slow", **extra: object) -> str:
     instance = Instance(walks(1, seed=row).trajectories[0], {"time": "noon"})
-    return memory.keep(instance, Episode("fast", {}, None, np.array([1.0]), (), report), BELIEF, extra)
+    return run_store.append_decision(
+        instance, Episode("fast", {}, None, np.array([1.0]), (), report), BELIEF, extra
+    )
 
 
 @pytest.fixture
@@ -59,32 +61,32 @@ def path(tmp_path):
 
 @pytest.fixture
 def opened(path):
-    """Open the memory again and again, each time as a run with some settings would."""
-    memories = []
+    """Open the run store again and again, each time as a run with some settings would."""
+    run_stores = []
 
-    def open_again(data: Dataset = DATA, **settings: object) -> Memory:
-        for memory in memories:
-            memory.close()
-        memories.append(Memory(path, data, CLASSES, {"seed": 0, **settings}))
-        return memories[-1]
+    def open_again(data: Dataset = DATA, **settings: object) -> RunStore:
+        for run_store in run_stores:
+            run_store.close()
+        run_stores.append(RunStore(path, data, CLASSES, {"seed": 0, **settings}))
+        return run_stores[-1]
 
     yield open_again
-    for memory in memories:
-        memory.close()
+    for run_store in run_stores:
+        run_store.close()
 
 
 @pytest.fixture
 def ended(opened):
     """A run that completed batch 1 of three decisions, and two decisions of the next."""
-    memory = opened()
-    assert memory.resumed(never) is None
-    memory.save(batch(0, memory.omega()), [{"batch": 0}])
+    run_store = opened()
+    assert run_store.resume(never) is None
+    run_store.save_checkpoint(batch(0, run_store.dataset()), [{"batch": 0}])
     for row in range(3):
-        decide(memory, row, None if row == 1 else "fast")
-    completed = batch(1, memory.omega())
-    memory.save(completed, [{"batch": 0}, {"batch": 1, "f1": 0.1 + 0.2}])
-    decide(memory, 3, note="a")
-    decide(memory, 4, None)
+        decide(run_store, row, None if row == 1 else "fast")
+    completed = batch(1, run_store.dataset())
+    run_store.save_checkpoint(completed, [{"batch": 0}, {"batch": 1, "f1": 0.1 + 0.2}])
+    decide(run_store, 3, note="a")
+    decide(run_store, 4, None)
     return completed
 
 
@@ -94,11 +96,11 @@ def batch(number: int, dataset: Dataset) -> Batch:
 
 
 def test_a_run_goes_on_where_it_ended(opened, ended):
-    memory = opened()
-    resumed = memory.resumed(never)
-    assert (memory.notes, memory.number, memory.met) == ([], 1, 5)
-    assert memory.rows == [{"batch": 0}, {"batch": 1, "f1": 0.1 + 0.2}]
-    assert [(s.extra.get("note"), s.label) for s in memory.pending] == [
+    run_store = opened()
+    resumed = run_store.resume(never)
+    assert (run_store.notes, run_store.number, run_store.n_people) == ([], 1, 5)
+    assert run_store.rows == [{"batch": 0}, {"batch": 1, "f1": 0.1 + 0.2}]
+    assert [(s.extra.get("note"), s.label) for s in run_store.pending] == [
         ("a", "slow"),
         (None, None),
     ]
@@ -106,15 +108,15 @@ def test_a_run_goes_on_where_it_ended(opened, ended):
     assert np.array_equal(resumed.confusion.counts, ended.confusion.counts)
     tracks = walks(50, seed=9).trajectories
     assert resumed.classifier.classify_many(tracks) == ended.classifier.classify_many(tracks)
-    omega = memory.omega()
+    omega = run_store.dataset()
     assert omega.labels == (*DATA.labels, "fast", "fast", "slow")
     assert omega.groups[:24] == DATA.groups
     assert np.array_equal(omega.trajectories[-1], walks(1, seed=3).trajectories[0])
 
 
 def test_what_is_kept_tells_its_origin(opened, path):
-    memory = opened()
-    id = decide(memory, 7, "slow", simulated={"actual": "fast"})
+    run_store = opened()
+    id = decide(run_store, 7, "slow", simulated={"actual": "fast"})
     (stored,) = read_store(path)
     assert (stored.id, stored.label, stored.source, dict(stored.context)) == (
         id,
@@ -129,12 +131,12 @@ def test_what_is_kept_tells_its_origin(opened, path):
 
 
 def test_a_classifier_in_the_soft_way(opened):
-    memory = opened()
-    first = batch(0, memory.omega())
+    run_store = opened()
+    first = batch(0, run_store.dataset())
     soft = first.classifier.soft()
-    memory.save(Batch(0, first.dataset, soft, first.confusion, 1, (), (), False), [])
+    run_store.save_checkpoint(Batch(0, first.dataset, soft, first.confusion, 1, (), (), False), [])
     tracks = walks(3, seed=9).trajectories
-    again = opened().resumed(never).classifier.classify_many(tracks)
+    again = opened().resume(never).classifier.classify_many(tracks)
     assert [str(likelihood) for likelihood in again] == [str(one) for one in soft.classify_many(tracks)]
 
 
@@ -145,30 +147,32 @@ def test_a_classifier_that_cannot_be_stored_is_trained_once_more(opened, path):
         def classify(self, instance):
             return "slow"
 
-    memory = opened()
-    memory.save(Batch(0, DATA, Odd(), MATRIX, 1, (), (), False), [])
-    decide(memory, 1)
+    run_store = opened()
+    run_store.save_checkpoint(Batch(0, DATA, Odd(), MATRIX, 1, (), (), False), [])
+    decide(run_store, 1)
     given = []
-    resumed = opened().resumed(lambda dataset: given.append(dataset) or (Odd(), MATRIX))
+    resumed = opened().resume(lambda dataset: given.append(dataset) or (Odd(), MATRIX))
     assert len(given[0]) == len(DATA)
     assert (resumed.decided, resumed.classifier.classify(None)) == (1, "slow")
 
 
 def test_what_persons_add_in_between_is_learnt_at_once(opened, ended, path):
     opened().close()
-    with Store(path, read_store(path).layout) as store:
-        (first, *_) = store.reading()
+    with Store(path, read_store(path).schema) as store:
+        (first, *_) = store.snapshot()
         store.relabel(first.id, "slow")
-        store.append(Entry(walks(1, seed=99).trajectories[0], "slow", "person"))
-    memory = opened()
+        store.append(NewTrack(walks(1, seed=99).trajectories[0], "slow", "person"))
+    run_store = opened()
     given = []
-    resumed = memory.resumed(lambda dataset: given.append(dataset) or learn(dataset))
-    assert memory.notes == ["2 records were added since, by persons or another run: trained anew"]
+    resumed = run_store.resume(lambda dataset: given.append(dataset) or learn(dataset))
+    assert run_store.notes == ["2 records were added since, by persons or another run: trained anew"]
     assert given[0].labels[24:] == ("slow", "fast", "slow", "slow")
     assert resumed.change != 0.125
-    memory.save(Batch(1, given[0], resumed.classifier, resumed.confusion, 0.5, (), (), False), memory.rows)
-    memory = opened()
-    assert (memory.resumed(never).decided, memory.resumed(never).change) == (2, 0.5)
+    run_store.save_checkpoint(
+        Batch(1, given[0], resumed.classifier, resumed.confusion, 0.5, (), (), False), run_store.rows
+    )
+    run_store = opened()
+    assert (run_store.resume(never).decided, run_store.resume(never).change) == (2, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -179,12 +183,12 @@ def test_what_persons_add_in_between_is_learnt_at_once(opened, ended, path):
     ],
 )
 def test_other_settings_begin_anew_with_all_that_is_stored(opened, ended, settings, words):
-    memory = opened(**settings)
-    assert memory.resumed(never) is None
-    assert words in memory.notes[0]
-    assert memory.notes[0].endswith("; trained on all that is stored")
-    assert (memory.number, memory.pending, memory.rows, memory.met) == (None, (), [], 5)
-    assert len(memory.omega()) == len(settings.get("data", DATA)) + 3
+    run_store = opened(**settings)
+    assert run_store.resume(never) is None
+    assert words in run_store.notes[0]
+    assert run_store.notes[0].endswith("; trained on all that is stored")
+    assert (run_store.number, run_store.pending, run_store.rows, run_store.n_people) == (None, (), [], 5)
+    assert len(run_store.dataset()) == len(settings.get("data", DATA)) + 3
 
 
 def spoilt(path, how):
@@ -222,10 +226,10 @@ def changed(**facts):
 def test_a_checkpoint_that_cannot_be_used_costs_a_training(opened, ended, path, how, words):
     opened().close()
     spoilt(path, how)
-    memory = opened()
-    assert words in memory.notes[0]
-    assert memory.resumed(never) is None
-    assert len(memory.omega()) == 24 + 3
+    run_store = opened()
+    assert words in run_store.notes[0]
+    assert run_store.resume(never) is None
+    assert len(run_store.dataset()) == 24 + 3
 
 
 @pytest.mark.parametrize(
@@ -238,9 +242,9 @@ def test_a_checkpoint_that_cannot_be_used_costs_a_training(opened, ended, path, 
 def test_a_damaged_classifier_is_trained_once_more(opened, ended, path, how, words):
     opened().close()
     spoilt(path, how)
-    memory = opened()
-    resumed = memory.resumed(learn)
-    assert words in memory.notes[0]
+    run_store = opened()
+    resumed = run_store.resume(learn)
+    assert words in run_store.notes[0]
     assert (resumed.number, resumed.decided, resumed.change) == (1, 2, 0.125)
     tracks = walks(50, seed=9).trajectories
     assert resumed.classifier.classify_many(tracks) == ended.classifier.classify_many(tracks)
@@ -250,19 +254,19 @@ def test_decisions_lost_with_their_bytes_are_made_again(opened, ended, path):
     """The tail is torn: of the two decisions since the last training one is left."""
     opened().close()
     path.write_bytes(path.read_bytes()[:-7])
-    memory = opened()
-    assert "moved to" in memory.notes[0]
-    assert (memory.resumed(never).decided, memory.met) == (1, 4)
-    decide(memory, 4)
+    run_store = opened()
+    assert "moved to" in run_store.notes[0]
+    assert (run_store.resume(never).decided, run_store.n_people) == (1, 4)
+    decide(run_store, 4)
 
 
 def test_records_that_the_training_knew_are_lost(opened, ended, path):
     opened().close()
     stored = read_store(path).tracks[1]
     path.write_bytes(path.read_bytes()[: stored.place + 5])
-    memory = opened()
-    assert memory.resumed(learn).decided == 0
-    assert memory.notes[-1] == "2 records that the last training knew are lost: trained anew"
+    run_store = opened()
+    assert run_store.resume(learn).decided == 0
+    assert run_store.notes[-1] == "2 records that the last training knew are lost: trained anew"
 
 
 def test_only_one_classifier_file_stays(opened, ended, path):
@@ -271,30 +275,30 @@ def test_only_one_classifier_file_stays(opened, ended, path):
 
 
 def test_a_crash_between_the_files_of_a_checkpoint_leaves_the_one_before(opened, ended, path, monkeypatch):
-    memory = opened()
-    before = memory.resumed(never)
-    write = memory.save.__globals__["write_atomically"]
+    run_store = opened()
+    before = run_store.resume(never)
+    write = run_store.save_checkpoint.__globals__["write_atomically"]
 
     def crash(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(memory.save.__globals__, "write_atomically", crash)
+    monkeypatch.setitem(run_store.save_checkpoint.__globals__, "write_atomically", crash)
     with pytest.raises(KeyboardInterrupt):
-        memory.save(batch(2, memory.omega()), [])
-    monkeypatch.setitem(memory.save.__globals__, "write_atomically", write)
-    after = opened().resumed(never)
+        run_store.save_checkpoint(batch(2, run_store.dataset()), [])
+    monkeypatch.setitem(run_store.save_checkpoint.__globals__, "write_atomically", write)
+    after = opened().resume(never)
     assert (after.number, after.decided) == (before.number, before.decided) == (1, 2)
 
 
 def test_one_run_at_a_time(opened, path):
     opened()
     with pytest.raises(FileError, match="is being written to already"):
-        Memory(path, DATA, CLASSES, {})
+        RunStore(path, DATA, CLASSES, {})
 
 
 def test_a_store_of_other_tracks_is_refused(opened, path):
     opened().close()
     other = Dataset(np.zeros((2, 2, 5)), CLASSES, interval=0.4)
     with pytest.raises(DataError, match="its time points of a track: 12; the tracks to be stored have: 5"):
-        Memory(path, other, CLASSES, {})
-    Store(path, read_store(path).layout).close()  # the lock is free again
+        RunStore(path, other, CLASSES, {})
+    Store(path, read_store(path).schema).close()  # the lock is free again

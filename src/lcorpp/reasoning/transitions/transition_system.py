@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from lcorpp.reasoning.circuit.elimination_order import ordered
-from lcorpp.reasoning.circuit.recursive_components import Circle
-from lcorpp.reasoning.circuit.transition_builder import steps_of
-from lcorpp.reasoning.circuit.transitions import Step
-from lcorpp.reasoning.gc_pause import without_collection
-from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind
+from lcorpp.reasoning.gc_pause import gc_paused
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.grounding.simplification import simplified
+from lcorpp.reasoning.grounding.simplification import simplify
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal as SyntaxLiteral
-from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.transitions.elimination_order import order_components
+from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent
+from lcorpp.reasoning.transitions.transition import Transition
+from lcorpp.reasoning.transitions.transition_builder import build_transitions
 
 
 @dataclass(slots=True, eq=False)
-class Plan:
+class TransitionSystem:
     """A program made ready.
 
     ground: its terms, without the clauses; `index` finds one by its text.
@@ -27,20 +27,20 @@ class Plan:
     consistent: False where it is plain that there is no world.
     """
 
-    ground: Ground
+    ground: GroundProgram
     order: Sequence[tuple[int, ...]]
-    steps: list[Step]
+    steps: list[Transition]
     consistent: bool
     index: dict[str, int]
 
 
-def plan(
+def build_transition_system(
     program: Program,
     do: Mapping[str, str],
     observed: Iterable[SyntaxLiteral] = (),
     wanted: Iterable[str] = (),
     asked: Sequence[SyntaxLiteral] = (),
-) -> Plan:
+) -> TransitionSystem:
     """Ground a program and order its terms.
 
     Args:
@@ -52,7 +52,7 @@ def plan(
     Raises:
         ProgramError: arithmetic is undefined.
     """
-    with without_collection():
+    with gc_paused():
         return _plan(program, do, observed, wanted, asked)
 
 
@@ -62,24 +62,24 @@ def _plan(
     observed: Iterable[SyntaxLiteral],
     wanted: Iterable[str],
     asked: Sequence[SyntaxLiteral],
-) -> Plan:
+) -> TransitionSystem:
     ground = ground_program(program, do, observed, asked)
-    clauses, outcomes = simplified(ground)
-    order = ordered(clauses, outcomes)
+    clauses, outcomes = simplify(ground)
+    order = order_components(clauses, outcomes)
     joined = _joined(ground, clauses, order)
     index = {name: term for term, name in enumerate(ground.names)}
     consistent = not any(c.term < 0 and not c.body for c in clauses)
     needed = {index[name] for name in wanted if name in index}
-    steps = steps_of(ground, clauses, outcomes, joined, needed)
-    if len(joined) < len(order) and any(isinstance(step.decision, Circle) for step in steps):
+    steps = build_transitions(ground, clauses, outcomes, joined, needed)
+    if len(joined) < len(order) and any(isinstance(step.decision, RecursiveComponent) for step in steps):
         joined = order  # what was joined could not be stratified
-        steps = steps_of(ground, clauses, outcomes, joined, needed)
+        steps = build_transitions(ground, clauses, outcomes, joined, needed)
     ground.clauses = []  # the steps have what they need of them
-    return Plan(ground, joined, steps, consistent, index)
+    return TransitionSystem(ground, joined, steps, consistent, index)
 
 
 def _joined(
-    ground: Ground, clauses: Sequence[Clause], order: Sequence[tuple[int, ...]]
+    ground: GroundProgram, clauses: Sequence[Clause], order: Sequence[tuple[int, ...]]
 ) -> Sequence[tuple[int, ...]]:
     """The components, where circles without chance are made one with their neighbours without chance.
 
@@ -87,7 +87,7 @@ def _joined(
     """
     if all(len(terms) == 1 for terms in order):
         return order
-    chance = {clause.term for clause in clauses if clause.kind is Kind.SELECT} | ground.do.keys()
+    chance = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | ground.do.keys()
     joined: list[tuple[int, ...]] = []
     run: list[tuple[int, ...]] = []
 

@@ -9,36 +9,35 @@ from collections.abc import Collection, Iterable, Sequence
 from heapq import heappop, heappush
 from typing import Any
 
-from lcorpp.reasoning.circuit.recursive_components import circle
-from lcorpp.reasoning.circuit.rule_groups import Head, Stage, look
-from lcorpp.reasoning.circuit.selection import Decision
-from lcorpp.reasoning.circuit.singles import SingleTerm
-from lcorpp.reasoning.circuit.transitions import Step
-from lcorpp.reasoning.grounding.ground_program import Clause, Ground
+from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
+from lcorpp.reasoning.transitions.recursive_components import build_component
+from lcorpp.reasoning.transitions.rule_groups import Dependency, RuleGroup, describe_structure
+from lcorpp.reasoning.transitions.selection import AcyclicTerm, LocalDistribution
+from lcorpp.reasoning.transitions.transition import Transition
 
-_Touched = list[tuple[Head, Stage, list[int]]]
+_Touched = list[tuple[RuleGroup, Dependency, list[int]]]
 
 
-def steps_of(
-    ground: Ground,
+def build_transitions(
+    ground: GroundProgram,
     clauses: Sequence[Clause],
     outcomes: Sequence[int],
     order: Sequence[tuple[int, ...]],
     wanted: set[int],
-) -> list[Step]:
+) -> list[Transition]:
     """The steps that decide the components of a program in their order.
 
     Args:
         clauses, outcomes: as `simplified` gives them.
         wanted: the terms whose outcomes will be asked for.
     """
-    return _Making(ground, clauses, outcomes, order).steps(wanted)
+    return _TransitionBuilder(ground, clauses, outcomes, order).steps(wanted)
 
 
-class _Making:
+class _TransitionBuilder:
     def __init__(
         self,
-        ground: Ground,
+        ground: GroundProgram,
         clauses: Sequence[Clause],
         outcomes: Sequence[int],
         order: Sequence[tuple[int, ...]],
@@ -50,7 +49,7 @@ class _Making:
             for term in terms:
                 self._place[term] = position
         self._which = {term: i for terms in order if len(terms) > 1 for i, term in enumerate(terms)}
-        self._known: dict[object, Head] = {}
+        self._known: dict[object, RuleGroup] = {}
         self._touched: list[_Touched] = [[] for _ in order]
         constraints: dict[tuple[int, ...], list[Clause]] = {}
         for clause in clauses:
@@ -68,7 +67,7 @@ class _Making:
 
     def _head(
         self, terms: tuple[int, ...], clauses: Sequence[Clause], compared: bool
-    ) -> tuple[Head, list[int]]:
+    ) -> tuple[RuleGroup, list[int]]:
         """The head of a component or of constraints, and its slots.
 
         Args:
@@ -77,7 +76,7 @@ class _Making:
         seen: list[object] | None = None
         asked: Collection[int]
         if compared and len(terms) < 2:
-            seen, asked = look(self._ground, terms[0] if terms else -1, clauses, self._outcomes)
+            seen, asked = describe_structure(self._ground, terms[0] if terms else -1, clauses, self._outcomes)
         else:
             inner = set(terms)
             asked = dict.fromkeys([x[0] for clause in clauses for x in clause.body if x[0] not in inner])
@@ -95,7 +94,7 @@ class _Making:
             head = self._known.get(key)
         if head is None:
             stages = {need: (rank, which.get(need, 0)) for need, rank in zip(asked, ranks, strict=False)}
-            head = Head.of(terms, clauses, stages, self._outcomes)
+            head = RuleGroup.of(terms, clauses, stages, self._outcomes)
             if key is not None:
                 self._known[key] = head
         else:
@@ -105,13 +104,13 @@ class _Making:
             self._touched[places[stage.rank]].append((head, stage, bits))
         return head, bits
 
-    def steps(self, wanted: set[int]) -> list[Step]:
+    def steps(self, wanted: set[int]) -> list[Transition]:
         """The steps, in which those terms are asked for."""
-        bits = _Bits()
+        bits = _BitAllocator()
         shared: dict[object, Any] = {}
-        known: dict[object, Step] = {}
-        slots: dict[Stage, list[int]] = {}
-        found: list[Step] = []
+        known: dict[object, Transition] = {}
+        slots: dict[Dependency, list[int]] = {}
+        found: list[Transition] = []
         for (head, own), here, terms in zip(self._heads, self._touched, self._order, strict=True):
             again = head.again
             for other, stage, its in here:
@@ -135,16 +134,16 @@ class _Making:
                 step = known.get(key)
             if step is None:
                 touched = [(stage, its) for _, stage, its in here]
-                decision: Decision
+                decision: LocalDistribution
                 if head.circular:
                     asked = wanted.intersection(terms) if len(terms) > 1 else set(head.terms)
                     for _, stage, _ in here:
                         asked.update([head.terms[i] for touch in stage.touches for i, _ in touch[0]])
                     entries = [(own[group.true], group.clause) for group in head.groups]
-                    decision = circle(self._ground, head.terms, entries, shared, asked)
+                    decision = build_component(self._ground, head.terms, entries, shared, asked)
                 else:
-                    decision = SingleTerm(self._ground, head, own, shared)
-                step = Step(len(terms), decision, mask, touched, bits.live)
+                    decision = AcyclicTerm(self._ground, head, own, shared)
+                step = Transition(len(terms), decision, mask, touched, bits.live)
                 if key is not None:
                     known[key] = step
             else:
@@ -156,7 +155,7 @@ class _Making:
         return found
 
 
-class _Bits:
+class _BitAllocator:
     """Which bits of a state are in use; the lowest free one comes next, so that steps come out the same."""
 
     def __init__(self) -> None:

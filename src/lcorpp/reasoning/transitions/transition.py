@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 
-from lcorpp.reasoning.circuit.rule_groups import Conditions, Group, Stage
-from lcorpp.reasoning.circuit.selection import Decision
+from lcorpp.reasoning.transitions.rule_groups import ClauseGroup, Conditions, Dependency
+from lcorpp.reasoning.transitions.selection import LocalDistribution
 
 Effect = tuple[int, int, int, Mapping[int, int]]
 """What an outcome does to a state: bits that it sets, denied bits without which there is no world, the denied
 bits of the bodies that are finished by it, and the bit to set for each of them that is not denied."""
 
-MOST_ABSORBED = 64
+MAX_ABSORBED_GROUPS = 64
 """How many groups of clauses a step looks through for bits that no longer matter; beyond, states may be
 told apart needlessly, which costs time and changes no answer."""
 
@@ -28,7 +28,7 @@ _Touched = tuple[int, bool, int]
 and the bit for *true*, 0 for a constraint."""
 
 
-class Step:
+class Transition:
     """The decision of one component, or of several that look the same, and what it does to the state.
 
     Args:
@@ -47,9 +47,9 @@ class Step:
     def __init__(
         self,
         count: int,
-        decision: Decision,
+        decision: LocalDistribution,
         mask: int,
-        touched: Sequence[tuple[Stage, Sequence[int]]],
+        touched: Sequence[tuple[Dependency, Sequence[int]]],
         keep: int,
     ) -> None:
         self.decision, self.mask, self.keep, self.again = decision, mask, keep, False
@@ -112,16 +112,16 @@ class Step:
         return sets, must, finished, true_of
 
 
-def _absorbed(touched: Sequence[tuple[Stage, Sequence[int]]]) -> list[tuple[int, int]]:
+def _absorbed(touched: Sequence[tuple[Dependency, Sequence[int]]]) -> list[tuple[int, int]]:
     """For the groups that a step touches: the bits of bodies still open, which a true body makes idle."""
     begun = [(g, stage.rank, bits) for stage, bits in touched for g in stage.groups if bits[g.true]]
-    if len(begun) > MOST_ABSORBED:
+    if len(begun) > MAX_ABSORBED_GROUPS:
         return []
     pairs = [(bits[group.true], _idle(group, rank, bits)) for group, rank, bits in begun]
     return [pair for pair in pairs if pair[1]]
 
 
-def _idle(group: Group, rank: int, bits: Sequence[int]) -> int:
+def _idle(group: ClauseGroup, rank: int, bits: Sequence[int]) -> int:
     idle = 0
     for body in group.bodies:
         if body.first <= rank < body.last:

@@ -17,28 +17,32 @@ from fractions import Fraction
 from typing import Any
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.circuit.choice import Breach
-from lcorpp.reasoning.circuit.selection import ONE, Entry, Outcome, decide
-from lcorpp.reasoning.circuit.stable_models import stable_models
-from lcorpp.reasoning.circuit.stratified import Stratified
-from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind, Literal
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram, Literal
+from lcorpp.reasoning.transitions.selection import (
+    ONE,
+    ConditionViolation,
+    GuardedClause,
+    Outcome,
+    enumerate_outcomes,
+)
+from lcorpp.reasoning.transitions.stratified import Stratified
 
 LOG = logging.getLogger("lcorpp.reasoning")
 
-MOST_MODELS = 200_000
+MAX_MODELS = 200_000
 """How many stable models a circle may have in one state."""
 
 
 @dataclass(slots=True, eq=False)
-class Circle:
+class RecursiveComponent:
     """The decision of terms that depend on each other.
 
     entries: their clauses with their bits; the bodies hold only literals of these terms.
     """
 
-    ground: Ground
+    ground: GroundProgram
     terms: tuple[int, ...]
-    entries: Sequence[Entry]
+    entries: Sequence[GuardedClause]
     shared: dict[object, Any]
     said: bool = False
 
@@ -64,13 +68,13 @@ class Circle:
                 before = set(given)
                 for clause in kept:
                     if all(n or any(allowed >> v & 1 for v in given) for _, allowed, n in clause.body):
-                        if clause.kind is Kind.DERIVE:
+                        if clause.kind is ClauseKind.DERIVE:
                             given.add(clause.value)
-                        elif clause.kind is Kind.SELECT and do is not None:
+                        elif clause.kind is ClauseKind.SELECT and do is not None:
                             given.add(do)
-                        elif clause.kind is Kind.SELECT and guess < none:
+                        elif clause.kind is ClauseKind.SELECT and guess < none:
                             given.add(guess)  # a value is chosen; were it another, it would be another guess
-                        elif clause.kind is Kind.SELECT:
+                        elif clause.kind is ClauseKind.SELECT:
                             given |= {0, 1}  # a selection leaves no term without a value
                 grown = given != before
             if given == ({guess} if guess < none else set()):
@@ -81,13 +85,13 @@ class Circle:
             self.said = True
             LOG.info(
                 "%s: %s depend on each other: their values are found by enumeration",
-                self.ground.program.file,
+                self.ground.source.file,
                 self._shown(),
             )
         for count, atoms in enumerate(stable_models("\n".join(self._text(clauses)))):
-            if count == MOST_MODELS:
+            if count == MAX_MODELS:
                 raise ProgramError(
-                    f"{self.ground.program.file}: more than {MOST_MODELS} ways to decide {self._shown()}"
+                    f"{self.ground.source.file}: more than {MAX_MODELS} ways to decide {self._shown()}"
                 )
             has = {term: len(self.ground.values[term]) for term in self.terms}
             has.update(atoms)
@@ -107,20 +111,20 @@ class Circle:
             if term in do and self.ground.do_is_fact:
                 yield f"h({term},{do[term]})."
         for clause in clauses:
-            if clause.kind is Kind.ASSIGN:
+            if clause.kind is ClauseKind.ASSIGN:
                 continue
             condition, term = self._condition(clause.body, sets), clause.term
-            if clause.kind is Kind.DERIVE:
+            if clause.kind is ClauseKind.DERIVE:
                 yield f"h({term},{clause.value}) :- {condition}."
                 continue
             key = keys.setdefault((clause.statement, clause.instance), len(keys))
-            if clause.kind is Kind.RANGE:
+            if clause.kind is ClauseKind.RANGE:
                 yield f"pos({key},{term},{clause.value}) :- {condition}."
             elif not (term in do and self.ground.do_is_fact):
                 last = len(self.ground.values[term]) - 1
                 chosen = f"h({term},{do[term]})" if term in do else f"1 {{ h({term},0..{last}) }} 1"
                 yield f"sel({key}) :- {condition}. {chosen} :- sel({key})."
-                if self.ground.has_range(clause.statement):
+                if self.ground.has_dynamic_range(clause.statement):
                     yield f":- sel({key}), h({term},V), not pos({key},{term},V)."
         for (term, allowed), name in sets.items():
             for value in range(len(self.ground.values[term])):
@@ -139,44 +143,60 @@ class Circle:
 
     def _measured(self, model: dict[int, int], clauses: Sequence[Clause]) -> Outcome | None:
         """The outcome that a stable model is, with the product of the probabilities of its random terms."""
-        about: dict[int, dict[Kind, list[Clause]]] = {
-            term: {kind: [] for kind in Kind} for term in self.terms
+        about: dict[int, dict[ClauseKind, list[Clause]]] = {
+            term: {kind: [] for kind in ClauseKind} for term in self.terms
         }
         for clause in clauses:
             if all(allowed >> model[term] & 1 for term, allowed, _ in clause.body):
                 about[clause.term][clause.kind].append(clause)
         weight: Fraction = ONE
-        breach: Breach | None = None
+        violation: ConditionViolation | None = None
         for which, term in enumerate(self.terms):
             kinds = about[term]
-            derived = {clause.value for clause in kinds[Kind.DERIVE]}
-            select, ranged, assign = kinds[Kind.SELECT], kinds[Kind.RANGE], kinds[Kind.ASSIGN]
-            found = decide(self.ground, term, derived, select, ranged, assign, self.shared)
+            derived = {clause.value for clause in kinds[ClauseKind.DERIVE]}
+            select, ranged, assign = (
+                kinds[ClauseKind.SELECT],
+                kinds[ClauseKind.RANGE],
+                kinds[ClauseKind.ASSIGN],
+            )
+            found = enumerate_outcomes(self.ground, term, derived, select, ranged, assign, self.shared)
             here = next((o for o in found if o[0] == model[term]), None)
             if here is None:
                 return None
             weight *= here[1]
-            if here[2] and not breach:
-                breach = here[2]
-                breach.which = which
-        return Outcome(tuple([model[term] for term in self.terms]), weight, breach)
+            if here[2] and not violation:
+                violation = here[2]
+                violation.which = which
+        return Outcome(tuple([model[term] for term in self.terms]), weight, violation)
 
 
-def circle(
-    ground: Ground,
+def build_component(
+    ground: GroundProgram,
     terms: tuple[int, ...],
-    entries: Sequence[Entry],
+    entries: Sequence[GuardedClause],
     shared: dict[object, Any],
     wanted: Iterable[int],
-) -> Circle | Stratified:
+) -> RecursiveComponent | Stratified:
     """The cheapest way to decide a circle.
 
     Args:
         wanted: the terms whose outcomes will be asked for at once; the others may be worked out later.
     """
-    selected = any(clause.kind is Kind.SELECT for _, clause in entries)
+    selected = any(clause.kind is ClauseKind.SELECT for _, clause in entries)
     if not selected and not any(term in ground.do for term in terms):
         found = Stratified.of(ground, terms, entries, wanted)
         if found:
             return found
-    return Circle(ground, terms, entries, shared)
+    return RecursiveComponent(ground, terms, entries, shared)
+
+
+def stable_models(text: str) -> Iterator[dict[int, int]]:
+    """The stable models of a program whose shown atoms are h(term, value), both numbers: term -> value."""
+    import clingo  # here, as few programs need it
+
+    control: Any = clingo.Control(["--models=0", "--warn=none"])
+    control.add("base", [], text)
+    control.ground([("base", [])])
+    with control.solve(yield_=True) as found:
+        for model in found:
+            yield {a.arguments[0].number: a.arguments[1].number for a in model.symbols(shown=True)}

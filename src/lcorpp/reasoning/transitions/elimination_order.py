@@ -12,11 +12,10 @@ from collections.abc import Iterable, Sequence
 from heapq import heapify, heappop, heappush
 from math import log2
 
-from lcorpp.reasoning.circuit.components import components
 from lcorpp.reasoning.grounding.ground_program import Clause
 
 
-def ordered(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list[tuple[int, ...]]:
+def order_components(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list[tuple[int, ...]]:
     """The components in the order in which they are decided.
 
     Args:
@@ -42,7 +41,7 @@ def ordered(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list[tuple[in
     inner = needs
     groups: Iterable[frozenset[int]] = joint
     if any(needed and max(needed) > term for term, needed in enumerate(needs)):  # there may be circles
-        parts = components(needs)
+        parts = strongly_connected_components(needs)
         if len(parts) < count:
             found = sorted(parts)
             of = {term: i for i, terms in enumerate(found) for term in terms}
@@ -116,3 +115,50 @@ def _greedy(needs: Sequence[set[int]], groups: Sequence[Sequence[int]], sizes: S
             if not waits[other] and not done[other]:
                 heappush(heap, (score(other), other))
     return order
+
+
+def strongly_connected_components(needs: Sequence[Iterable[int]]) -> list[tuple[int, ...]]:
+    """The strongly connected components, each after those it needs.
+
+    Source: Tarjan, SIAM J. Comput. 1(2), 1972, without recursion.
+    """
+    index = [0] * len(needs)
+    low = [0] * len(needs)
+    on_stack = [False] * len(needs)
+    stack: list[int] = []
+    found: list[tuple[int, ...]] = []
+    counter = 0
+    for root in range(len(needs)):
+        if index[root]:
+            continue
+        counter += 1
+        index[root] = low[root] = counter
+        stack.append(root)
+        on_stack[root] = True
+        work = [(root, iter(needs[root]))]
+        while work:
+            node, rest = work[-1]
+            for need in rest:
+                if not index[need]:
+                    counter += 1
+                    index[need] = low[need] = counter
+                    stack.append(need)
+                    on_stack[need] = True
+                    work.append((need, iter(needs[need])))
+                    break
+                if on_stack[need] and index[need] < low[node]:
+                    low[node] = index[need]
+            else:
+                work.pop()
+                if work and low[node] < low[work[-1][0]]:
+                    low[work[-1][0]] = low[node]
+                if low[node] == index[node]:
+                    members = []
+                    while True:
+                        member = stack.pop()
+                        on_stack[member] = False
+                        members.append(member)
+                        if member == node:
+                            break
+                    found.append(tuple(sorted(members)))
+    return found
