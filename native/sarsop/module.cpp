@@ -284,7 +284,7 @@ void bind_tree(nb::module_& m) {
 }  // namespace
 
 NB_MODULE(_native, m) {
-    m.doc() = "C++ kernels of the planner, generated stub; lcorpp.planning.sarsop.kernel_protocols documents them.";
+    m.doc() = "C++ kernels of the planner, documented by lcorpp.planning.sarsop.kernel_protocols. `make stubs` generates the stub.";
     bind_model(m);
     bind_bounds(m);
     bind_predictor(m);

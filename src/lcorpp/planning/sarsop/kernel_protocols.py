@@ -17,8 +17,8 @@ Indices = npt.NDArray[Any]
 """32-bit indices of states, actions and so on."""
 
 PointArrays = tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], Array, Array]
-"""K points: begins (K + 1,), states and weights (entries,), values (K,). Point k is a belief with the states and
-weights from begins[k] to before begins[k + 1], and an upper bound on the value at that belief."""
+"""K points: begins (K + 1,), states and weights (entries,), values (K,). Point k is a belief with the states
+and weights from begins[k] to before begins[k + 1], and an upper bound on the value at that belief."""
 
 
 class Model(Protocol):
@@ -138,7 +138,8 @@ class Tree(Protocol):
         """The upper bound: corners (S,), and begins, states, weights and values of the points."""
 
     def add_vectors(self, group: int, vectors: Array, actions: Indices) -> None:
-        """Import alpha vectors (K, n) over the states of a group, and the first actions (K,) of their plans."""
+        """Import alpha vectors (K, n) over the states of a group, and the first actions (K,) of their
+        plans."""
 
     def add_points(
         self, begins: npt.NDArray[np.int64], states: Indices, weights: Array, values: Array

@@ -26,8 +26,8 @@ def load_kernels(*, numpy: bool = False) -> Kernels:
 def build_model(kernels: Kernels, pomdp: Pomdp) -> Model:
     """Convert a problem for the kernels.
 
-    SparseTables whose sum differs from 1 by rounding are scaled: over an infinite horizon even 1e-9 would make the
-    bounds cross.
+    SparseTables whose sum differs from 1 by rounding are scaled: over an infinite horizon even 1e-9 would
+        make the bounds cross.
     """
     T, Z = _normalise(pomdp.transition), _normalise(pomdp.observation)
     return kernels.Model(

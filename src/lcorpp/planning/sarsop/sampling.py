@@ -20,8 +20,8 @@ NEGLIGIBLE_SHARE = 0.1
 """Share of the allowed gap below which selective deep sampling has nothing left to find."""
 
 LEVEL_MARGIN = 1e-6
-"""A value counts as above a level only if it exceeds the level by this share of the allowed gap: a value often
-equals its level exactly, and this margin keeps rounding from deciding."""
+"""A value counts as above a level only if it exceeds the level by this share of the allowed gap: a value
+often equals its level exactly, and this margin keeps rounding from deciding."""
 
 
 def sample(

@@ -52,7 +52,8 @@ def blind_policies(model: Model, tolerance: float, seconds: float) -> Array:
 
 
 def mdp_bound(model: Model, tolerance: float, seconds: float) -> Array:
-    """(A, S) upper bounds on the Q values of the fully observable problem; arguments as in `blind_policies`."""
+    """(A, S) upper bounds on the Q values of the fully observable problem; arguments as in
+    `blind_policies`."""
     _check_limits(tolerance, seconds)
     deadline = monotonic() + seconds
     gamma, matrices = model.discount, _matrices(model.transition)
@@ -121,7 +122,7 @@ def _matrices(table: SparseTables) -> list[Any]:
 
 
 def _joint(model: Model, action: int) -> tuple[Any, Indices]:
-    """P(s', o | s, a) of one action, with a row for each possible (s, o) and a column for each s'; the s of each row."""
+    """P(s', o | s, a) of one action: rows are the possible (s, o), columns the s'; the s of each row."""
     T, Z = model.transition, model.observation
     part = T.action_slice(action)
     reached = T.columns[part].astype(np.intp)

@@ -153,7 +153,8 @@ class Model:
 
 
 def row_entries(table: SparseTables, rows: Indices) -> tuple[Indices, Indices]:
-    """Indices of the entries of the given rows (n,) of a table, concatenated, and the row 0 to n - 1 of each."""
+    """Indices of the entries of the given rows (n,) of a table, concatenated, and the row 0 to n - 1 of
+    each."""
     return concatenate_ranges(table.begins[rows], table.begins[rows + 1])
 
 

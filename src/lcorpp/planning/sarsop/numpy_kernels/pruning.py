@@ -21,9 +21,7 @@ MIN_GROWTH = 100
 """A set is never pruned before it has this many vectors more than after its last pruning."""
 
 
-def prune(
-    state: SearchState, roots: Sequence[int], radius: float, max_ratio: float, growth: float
-) -> None:
+def prune(state: SearchState, roots: Sequence[int], radius: float, max_ratio: float, growth: float) -> None:
     """Keep the vectors that are best, or nearly best, at a belief that matters.
 
     Args:

@@ -115,8 +115,14 @@ class Points:
     def _grow(self, entries: int) -> None:
         """Enlarge the arrays for one more point and for `entries` entries."""
         self._positions, self._weights = _enlarge(self._positions, entries), _enlarge(self._weights, entries)
-        self._values, self._excess = _enlarge(self._values, self.count + 1), _enlarge(self._excess, self.count + 1)
-        self._stamps, self._rarest = _enlarge(self._stamps, self.count + 1), _enlarge(self._rarest, self.count + 1)
+        self._values, self._excess = (
+            _enlarge(self._values, self.count + 1),
+            _enlarge(self._excess, self.count + 1),
+        )
+        self._stamps, self._rarest = (
+            _enlarge(self._stamps, self.count + 1),
+            _enlarge(self._rarest, self.count + 1),
+        )
         self._begins = _enlarge(self._begins, self.count + 2)
 
 

@@ -185,7 +185,9 @@ class Tree:
         state, own = self._state, self._state.sets[self._check_group(group)]
         table, first = np.asarray(vectors, dtype=np.float64), np.asarray(actions)
         if table.shape != (len(first), len(state.model.group_states(group))) or not np.isfinite(table).all():
-            raise ValueError("the vectors do not fit the states of the group or the actions, or are not finite")
+            raise ValueError(
+                "the vectors do not fit the states of the group or the actions, or are not finite"
+            )
         for vector, action in zip(table, [self._check_action(a) for a in first.tolist()], strict=True):
             state.dependencies.record_imported(state.next_vector)
             own.add(vector, action, state.next_vector)
