@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ObservationError
-from lcorpp.planning.belief import MIN_PROBABILITY, describe
+from lcorpp.planning.belief import MIN_PROBABILITY, format_belief
 from lcorpp.planning.evaluation.absorbing import self_loop_observation_class
 from lcorpp.planning.evaluation.batch_policy import BatchPolicy
 from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
@@ -162,7 +162,7 @@ class BeliefGraph:
         belief = self.beliefs.belief(node, len(pomdp.states))
         return ObservationError(
             f"observation {pomdp.observations[observation]!r} is impossible after action"
-            f" {pomdp.actions[self._actions[node]]!r} in belief {describe(pomdp, belief)}"
+            f" {pomdp.actions[self._actions[node]]!r} in belief {format_belief(pomdp, belief)}"
         )
 
     def expand(self, nodes: Indices) -> Children:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.belief import check_belief, describe
+from lcorpp.planning.belief import check_belief, format_belief
 from lcorpp.planning.evaluation.policy_evaluation import Evaluation, Shortfall, evaluate
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Solution
@@ -136,6 +136,6 @@ def _judged(lower: float, upper: float, found: Evaluation) -> tuple[Verdict, boo
 def _loss(pomdp: Pomdp, loss: Shortfall) -> str:
     """Where the promise of the vectors is broken."""
     return (
-        f"most is lost in belief {describe(pomdp, loss.belief)}, where {pomdp.actions[loss.action]!r}"
+        f"most is lost in belief {format_belief(pomdp, loss.belief)}, where {pomdp.actions[loss.action]!r}"
         f" promises {loss.promise:.6g} but what it leads to is worth {loss.given:.6g}"
     )
