@@ -18,7 +18,7 @@ class Classifier:
 
 
 domain = load_domain("intention")
-planner = Planner(solve(domain.pomdp, domain.starts()))
+planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
 robot = Robot(Classifier(), Reasoner(domain.program), planner, domain)
 
 person = Instance(trajectory=np.zeros((2, 304)), context={"time": "afternoon", "location": "classroom"})

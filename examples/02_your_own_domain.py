@@ -18,7 +18,8 @@ for value, probability in reasoner.posterior("wish", {"daytime": "morning", "gaz
 
 # The six strategies, scored exactly: every guest and every answer enumerated.
 channel = Channel.of(domain)
-planner = Planner(solve(domain.pomdp, domain.starts()))
+planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
 robot = Robot(channel, reasoner, planner, domain)
 for scores in exact(domain, robot, channel, STRATEGIES):
-    print(f"  {scores.strategy:<7} accuracy {scores.accuracy.value:.3f}  return {scores.earned.value:6.2f}")
+    accuracy, earned = scores.accuracy.estimate, scores.earned.estimate
+    print(f"  {scores.strategy:<7} accuracy {accuracy:.3f}  return {earned:6.2f}")

@@ -34,13 +34,13 @@ def main() -> None:
     print(f"call interested from {told.thresholds[0].probability:.2f} on where 40% are")
 
     # The label goes to the reasoner as it is, or as a likelihood that weighs what the reasoner knows.
-    planner = Planner(solve(domain.pomdp, domain.starts()))
+    planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
     hard = Robot(classifier, Reasoner(domain.program_for(validation.confusion)), planner, domain)
     soft = Robot(classifier.soft(), Reasoner(domain.soft_program), planner, domain)
     for name, robot in (("hard", hard), ("soft", soft)):
         trials = Experiment(domain, robot, robot.classifier, training.appearance, strategies(["L+R"]), 1)
         scores = run_trials(trials, 1000)[0][0]
-        print(f"{name} evidence: accuracy {scores.accuracy.value:.3f}, F1 {scores.f1.value:.3f}")
+        print(f"{name} evidence: accuracy {scores.accuracy.estimate:.3f}, F1 {scores.f1.estimate:.3f}")
 
 
 if __name__ == "__main__":

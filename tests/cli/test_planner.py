@@ -148,7 +148,7 @@ def test_show_refuses(lcorpp, solved, tmp_path):
     )
     refused(
         lcorpp("show", AUTHORS, solved, "--states", TURNED, "-o", tmp_path / "a.jpg"),
-        "not the name of a picture",
+        "not a figure file",
     )
     assert os.listdir(tmp_path) == []
 

@@ -69,12 +69,12 @@ def test_a_made_up_domain():
     rooms = load_domain(ROOMS)
     assert (rooms.values, rooms.terminal, rooms.preset) == (("lab", "office", "store"), 3, "calm")
     assert rooms.evidence({"badge": "staff"}, "store") == {"badge": "staff", "heading": "right"}
-    assert rooms.claim({"heading": "right"}) == "store"
-    assert rooms.claim({"badge": "staff"}) is None
+    assert rooms.target_of_label({"heading": "right"}) == "store"
+    assert rooms.target_of_label({"badge": "staff"}) is None
     likelihood = Likelihood(("store", "lab", "office"), [4, 2, 1])
     evidence = rooms.evidence({"badge": "staff"}, likelihood)
     assert dict(evidence["heading"]) == {"right": 1, "left": 0.5, "ahead": 0.25}
-    assert list(rooms.claim(evidence)) == [("lab", 0.5), ("office", 0.25), ("store", 1)]
+    assert list(rooms.target_of_label(evidence)) == [("lab", 0.5), ("office", 0.25), ("store", 1)]
     with pytest.raises(DomainError, match="a likelihood of a, b; expected one of lab, office, store"):
         rooms.evidence({}, Likelihood(("a", "b"), [1, 1]))
     sure = Reasoner(rooms.soft_program).posterior("goal", {"badge": "staff", "heading": "right"})
@@ -100,7 +100,7 @@ def test_a_new_confusion_matrix_gives_new_rules_and_leaves_the_old():
 
 
 def test_starts_cover_the_simplex_of_priors():
-    starts = load_domain(ROOMS).starts()
+    starts = load_domain(ROOMS).start_beliefs()
     np.testing.assert_allclose(starts.sum(axis=1), 1)
     assert len(starts) == 1 + 36  # the model's own start, and a lattice in sevenths
     for corner in np.eye(3, 4):

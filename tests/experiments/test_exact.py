@@ -40,7 +40,7 @@ TABLE = {
 @cache
 def parts(preset: str):
     domain = load_domain("intention", preset=preset)
-    policy = planning.solve(domain.pomdp, domain.starts()).policy
+    policy = planning.solve(domain.pomdp, domain.start_beliefs()).policy
     channel = Channel.of(domain)
     robot = Robot(channel, Enumeration(domain.program), planning.Planner(policy, domain.pomdp), domain)
     return domain, robot, channel
@@ -57,11 +57,11 @@ def exactly(preset: str) -> dict[str, Scores]:
 def test_the_table_to_its_last_digit(preset, strategy):
     f1, accuracy, cost, cost_sd, earned = TABLE[preset][strategy]
     found = exactly(preset)[strategy]
-    assert round(found.f1.value, 3) == f1
-    assert round(found.accuracy.value, 3) == accuracy
-    assert round(found.cost.value, 2) == cost
+    assert round(found.f1.estimate, 3) == f1
+    assert round(found.accuracy.estimate, 3) == accuracy
+    assert round(found.cost.estimate, 2) == cost
     assert round(found.cost_sd, 2) == cost_sd
-    assert round(found.earned.value, 2) == earned
+    assert round(found.earned.estimate, 2) == earned
 
 
 @pytest.mark.parametrize("preset", TABLE)
@@ -73,9 +73,9 @@ def test_simulation_agrees_with_enumeration(preset):
     for result in results:
         truth = exactly(preset)[result.strategy]
         for name in ("f1", "cost", "earned"):
-            estimate, value = getattr(result, name), getattr(truth, name).value
-            standard_error = (estimate.high - estimate.low) / 2 / 1.96
-            assert abs(estimate.value - value) <= 4 * standard_error + 1e-12, (result.strategy, name)
+            interval, value = getattr(result, name), getattr(truth, name).estimate
+            standard_error = (interval.high - interval.low) / 2 / 1.96
+            assert abs(interval.estimate - value) <= 4 * standard_error + 1e-12, (result.strategy, name)
 
 
 def test_probabilities_of_an_enumeration_sum_to_one():
@@ -86,8 +86,8 @@ def test_probabilities_of_an_enumeration_sum_to_one():
 def test_return_is_report_reward_minus_cost():
     """80 for right and -80 for wrong, so that return = 80 (2 accuracy - 1) - cost."""
     for scores in exactly("paper").values():
-        expected = 80 * (2 * scores.accuracy.value - 1) - scores.cost.value
-        assert scores.earned.value == pytest.approx(expected, abs=1e-6)
+        expected = 80 * (2 * scores.accuracy.estimate - 1) - scores.cost.estimate
+        assert scores.earned.estimate == pytest.approx(expected, abs=1e-6)
 
 
 def test_reactions_drawn_by_python_cannot_be_enumerated():

@@ -28,7 +28,7 @@ ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 def rooms() -> Experiment:
     domain = load_domain(ROOMS)
     channel = Channel.of(domain)
-    planner = planning.Planner(planning.solve(domain.pomdp, domain.starts()))
+    planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
     robot = Robot(channel, Enumeration(domain.program), planner, domain)
     return Experiment(domain, robot, channel, channel, STRATEGIES, 3)
 
@@ -38,7 +38,7 @@ def test_a_made_up_domain_runs_all_strategies(rooms):
     assert done == 300
     by_name = {result.strategy: result for result in results}
     assert list(by_name) == [row.name for row in STRATEGIES]
-    assert by_name["LCORPP"].earned.value > by_name["L+R"].earned.value
+    assert by_name["LCORPP"].earned.estimate > by_name["L+R"].earned.estimate
     assert all(np.sum(result.counts) == 300 for result in results)
 
 
@@ -73,13 +73,13 @@ def test_a_likelihood_that_is_the_label_s_column_decides_as_the_label(place):
     """Both go through the same program; the rules of the hard one hold the same rates."""
     domain = load_domain(place)
     channel = Channel.of(domain)
-    planner = planning.Planner(planning.solve(domain.pomdp, domain.starts()))
+    planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
     rows = tuple(row for row in STRATEGIES if row.reasons)
     counts = []
     for reader, program in ((channel, domain.program), (Column(channel), domain.soft_program)):
         robot = Robot(reader, Reasoner(program), planner, domain)
         results, _ = run_trials(Experiment(domain, robot, reader, channel, rows, 3), 200)
-        counts.append([(result.counts.tolist(), result.cost.value) for result in results])
+        counts.append([(result.counts.tolist(), result.cost.estimate) for result in results])
     assert counts[0] == counts[1]
 
 
@@ -228,7 +228,7 @@ def test_soft_evidence_decides_better_than_the_label():
     counts = confusion_matrix(labels, Sigmoid.classes_[probabilities.argmax(axis=1)])
     calibration = calibrate(tuple(Sigmoid.classes_), probabilities, labels.tolist())
     trained = TrainedClassifier(Sigmoid(), ConfusionMatrix(tuple(Sigmoid.classes_), counts), calibration)
-    planner = planning.Planner(planning.solve(domain.pomdp, domain.starts()))
+    planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
     found = []
     for reader, program in (
         (trained, domain.program_for(trained.confusion)),
@@ -238,6 +238,6 @@ def test_soft_evidence_decides_better_than_the_label():
         experiment = Experiment(domain, robot, reader, Scores(), strategies(["L+R", "LCORPP"]), 3)
         found.append(run_trials(experiment, 8000)[0])
     for hard, soft in zip(*found, strict=True):
-        assert soft.accuracy.value > hard.accuracy.value
-        assert soft.f1.value > hard.f1.value
-        assert soft.earned.value > hard.earned.value
+        assert soft.accuracy.estimate > hard.accuracy.estimate
+        assert soft.f1.estimate > hard.f1.estimate
+        assert soft.earned.estimate > hard.earned.estimate

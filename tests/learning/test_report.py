@@ -80,5 +80,5 @@ def test_what_cannot_be_reported(two, tmp_path):
         report_on(two, positive="fast", prevalence={"slow": 0.5})
     with pytest.raises(DataError, match="prevalence is 0"):
         report_on(two, positive="fast", prevalence={"fast": 0.0})
-    with pytest.raises(FileError, match="not the name of a picture"):
+    with pytest.raises(FileError, match="not a figure file"):
         plot_report(report_on(two), tmp_path / "report.txt")

@@ -128,5 +128,5 @@ def test_weights_that_are_none(weights):
 def test_a_likelihood_says_what_it_is():
     likelihood = Likelihood(("a", "b"), [1, 4])
     assert (str(likelihood), likelihood.most_likely()) == ("a:b as 0.25:1", "b")
-    assert dict(likelihood.renamed({"a": "x", "b": "y"})) == {"x": 0.25, "y": 1.0}
+    assert dict(likelihood.rename({"a": "x", "b": "y"})) == {"x": 0.25, "y": 1.0}
     assert dict(pickle.loads(pickle.dumps(likelihood))) == {"a": 0.25, "b": 1.0}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import console as show, model_files as models
-from lcorpp.errors import DataError, FileError, expected
+from lcorpp.errors import DataError, FileError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.learning.data.tracks import Recording
@@ -77,7 +77,7 @@ def make(
 ) -> None:
     """Simulate people of a domain and write their tracks: by default 2286, 63 of them positive."""
     if out.suffix.lower() not in SUFFIXES:
-        raise FileError(f"{out}: not the name of a recording; {expected(SUFFIXES)} at its end")
+        raise FileError(f"{out}: not the name of a recording; {expected_one_of(SUFFIXES)} at its end")
     models.check_writable(out)
     if positives is not None and positives > tracks:
         raise DataError(f"--positives {positives} is more than --tracks {tracks}")
@@ -181,9 +181,9 @@ def plot(
     recording = _read(path, label, label_file, repair, robot, gap)
 
     from lcorpp.learning.data.plots import plot_tracks
-    from lcorpp.plot_style import save
+    from lcorpp.plot_style import save_figure
 
-    save(plot_tracks(recording, title=path.name), out)
+    save_figure(plot_tracks(recording, title=path.name), out)
     show.console.print(f"wrote {out}")
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import console as show
-from lcorpp.errors import DecisionError, DomainError, expected
+from lcorpp.errors import DecisionError, DomainError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.decision import Robot
@@ -137,7 +137,7 @@ def _claimed(domain: Domain, label: str, option: str = "--label") -> str:
     for value, word in domain.label_of.items():
         if label in (word, value):
             return value
-    raise DomainError(f"{option} {label!r}: {expected(tuple(domain.label_of.values()))}")
+    raise DomainError(f"{option} {label!r}: {expected_one_of(tuple(domain.label_of.values()))}")
 
 
 def _likelihood(domain: Domain, pairs: list[str]) -> Likelihood:

@@ -126,7 +126,7 @@ def learn(
             batch_size=batch_size,
             epsilon=epsilon,
             listener=decided,
-            resumed=resumed,
+            resume_point=resumed,
         )
         try:
             for position, batch in enumerate(batches):

@@ -28,7 +28,7 @@ def planner(domain: Domain, policy: Path | None = None) -> planning.Planner:
     pomdp = domain.pomdp
     if policy is not None:
         return planning.Planner(models.read_policy(policy, pomdp), pomdp)
-    starts = domain.starts()
+    starts = domain.start_beliefs()
     with show.progress("solving the POMDP"):
         solution = planning.solve(pomdp, starts)
     lower, gap = solution.policy.value(pomdp.start), solution.gap(pomdp.start)

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from lcorpp.domains import Domain
-    from lcorpp.experiments.metrics import Estimate, Scores
+    from lcorpp.experiments.metrics import Scores
+    from lcorpp.values import Interval
 
 
 def run(
@@ -200,9 +201,9 @@ def _table(results: list[Scores], positive: str | None, trials: int | str) -> Ta
     return table
 
 
-def _cell(estimate: Estimate, digits: int) -> str:
-    half = (estimate.high - estimate.low) / 2
-    return f"{estimate.value:.{digits}f}" + (f"\n[dim]±{half:.{digits}f}[/dim]" if half else "")
+def _cell(interval: Interval, digits: int) -> str:
+    half = (interval.high - interval.low) / 2
+    return f"{interval.estimate:.{digits}f}" + (f"\n[dim]±{half:.{digits}f}[/dim]" if half else "")
 
 
 def _write(out: Path, results: list[Scores], configuration: dict[str, Any], eyes: Any) -> None:

@@ -140,10 +140,10 @@ def _chosen(pomdp: Pomdp, states: str | None) -> tuple[str, ...]:
 
 def _draw(pomdp: Pomdp, policy: Policy, states: tuple[str, ...], title: str, out: Path) -> None:
     from lcorpp.planning.plots import draw_line, draw_triangle
-    from lcorpp.plot_style import save
+    from lcorpp.plot_style import save_figure
 
     draw = draw_line if len(states) == 2 else draw_triangle
-    save(draw(pomdp, policy, states, title=title), out)
+    save_figure(draw(pomdp, policy, states, title=title), out)
 
 
 def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:
@@ -156,8 +156,8 @@ def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:
         write_atomically(out, graph.dot())
     else:
         from lcorpp.planning.plots import draw_graph
-        from lcorpp.plot_style import save
+        from lcorpp.plot_style import save_figure
 
-        save(draw_graph(graph, title=title), out)
+        save_figure(draw_graph(graph, title=title), out)
     more = "" if graph.whole.all() else ", and more beyond them"
     typer.echo(f"wrote the policy's graph to {out}: {len(graph)} nodes{more}")

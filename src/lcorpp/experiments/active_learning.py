@@ -130,9 +130,8 @@ class Log:
             result = self._scores(self._outcomes)
             self._outcomes = []
             cells |= {name: value for name, value in row(result).items() if name in FIGURES}
-            line += (
-                f"; F1 {result.f1.value:.3f}, cost {result.cost.value:.2f}, return {result.earned.value:.2f}"
-            )
+            f1, cost, earned = result.f1.estimate, result.cost.estimate, result.earned.estimate
+            line += f"; F1 {f1:.3f}, cost {cost:.2f}, return {earned:.2f}"
         self.rows.append(cells)
         self.write(batch)
         return line

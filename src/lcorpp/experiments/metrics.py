@@ -8,18 +8,9 @@ from statistics import NormalDist
 
 import numpy as np
 
-from lcorpp.values import Array
+from lcorpp.values import Array, Interval
 
 Z95 = NormalDist().inv_cdf(0.975)
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A figure with the ends of its 95% interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +25,12 @@ class Scores:
 
     strategy: str
     counts: Array
-    f1: Estimate
-    precision: Estimate
-    recall: Estimate
-    accuracy: Estimate
-    cost: Estimate
-    earned: Estimate
+    f1: Interval
+    precision: Interval
+    recall: Interval
+    accuracy: Interval
+    cost: Interval
+    earned: Interval
     cost_sd: float
 
 
@@ -79,47 +70,45 @@ def exact_scores(
         joint: (V, V + 1) probability of true value i and report j.
     """
     confusion = _classification(joint, values, positive, _ratio)
-    return Scores(
-        strategy, joint, *confusion, Estimate(cost, cost, cost), Estimate(earned, earned, earned), cost_sd
-    )
+    return Scores(strategy, joint, *confusion, Interval.exact(cost), Interval.exact(earned), cost_sd)
 
 
-def wilson(hits: float, total: float) -> Estimate:
+def wilson(hits: float, total: float) -> Interval:
     """A share with Wilson's interval; nothing seen is 0 with the interval [0, 1]."""
     if total == 0:
-        return Estimate(0.0, 0.0, 1.0)
+        return Interval(0.0, 0.0, 1.0)
     p, z2 = hits / total, Z95**2 / total
     middle = (p + z2 / 2) / (1 + z2)
     half = float(np.sqrt(z2 * (p * (1 - p) + z2 / 4))) / (1 + z2)
-    return Estimate(p, min(p, max(0.0, middle - half)), max(p, min(1.0, middle + half)))
+    return Interval(p, min(p, max(0.0, middle - half)), max(p, min(1.0, middle + half)))
 
 
-def mean(figures: Array) -> Estimate:
+def mean(figures: Array) -> Interval:
     """The mean of figures (n,) with the normal interval."""
     middle = float(np.mean(figures))
     half = Z95 * _sd(figures) / float(np.sqrt(len(figures)))
-    return Estimate(middle, middle - half, middle + half)
+    return Interval(middle, middle - half, middle + half)
 
 
 def _sd(figures: Array) -> float:
     return float(np.std(figures, ddof=1)) if len(figures) > 1 else 0.0
 
 
-def _ratio(hits: float, total: float) -> Estimate:
+def _ratio(hits: float, total: float) -> Interval:
     share = hits / total if total else 0.0
-    return Estimate(share, share, share)
+    return Interval.exact(share)
 
 
 def _classification(
-    counts: Array, values: Sequence[str], positive: str | None, share: Callable[[float, float], Estimate]
-) -> tuple[Estimate, Estimate, Estimate, Estimate]:
+    counts: Array, values: Sequence[str], positive: str | None, share: Callable[[float, float], Interval]
+) -> tuple[Interval, Interval, Interval, Interval]:
     """F1, precision, recall and accuracy."""
     rows = range(len(values)) if positive is None else [list(values).index(positive)]
     f1, precision, recall = [], [], []
     for i in rows:
         hit, called, meant = counts[i, i], counts[:, i].sum(), counts[i].sum()
         either = share(hit, called + meant - hit)
-        f1.append(Estimate(*(2 * p / (1 + p) for p in (either.value, either.low, either.high))))
+        f1.append(Interval(*(2 * p / (1 + p) for p in (either.estimate, either.low, either.high))))
         precision.append(share(hit, called))
         recall.append(share(hit, meant))
     square = counts[:, : len(values)]
@@ -127,9 +116,9 @@ def _classification(
     return _average(f1), _average(precision), _average(recall), accuracy
 
 
-def _average(estimates: Sequence[Estimate]) -> Estimate:
-    return Estimate(
-        float(np.mean([e.value for e in estimates])),
+def _average(estimates: Sequence[Interval]) -> Interval:
+    return Interval(
+        float(np.mean([e.estimate for e in estimates])),
         float(np.mean([e.low for e in estimates])),
         float(np.mean([e.high for e in estimates])),
     )

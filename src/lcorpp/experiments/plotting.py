@@ -8,17 +8,18 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lcorpp.experiments.metrics import Estimate, Scores
-from lcorpp.plot_style import BLUE, INK, ORANGE, drawn, save, tidy
+from lcorpp.experiments.metrics import Scores
+from lcorpp.plot_style import BLUE, INK, ORANGE, despine, save_figure, with_style
+from lcorpp.values import Interval
 
 
-@drawn
+@with_style
 def plot_comparison(results: Sequence[Scores], title: str, path: Path) -> None:
     """Figure "comparison with five baselines": F1 of every strategy, and what asking costs.
 
     Strategies that do not plan have no cost and are left out on the right, as in the paper.
     """
-    asking = [result for result in results if result.cost.value > 0]
+    asking = [result for result in results if result.cost.estimate > 0]
     widths = [len(results), len(results)] + ([max(len(asking), 2)] if asking else [])
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     axes = figure.subplots(1, len(widths), width_ratios=widths)
@@ -29,10 +30,10 @@ def plot_comparison(results: Sequence[Scores], title: str, path: Path) -> None:
     if asking:
         _bars(axes[2], [r.strategy for r in asking], [r.cost for r in asking], "cost of asking", "{:.1f}")
     figure.suptitle(title, fontsize=11)
-    save(figure, path)
+    save_figure(figure, path)
 
 
-@drawn
+@with_style
 def plot_batches(numbers: Sequence[int], f1: Sequence[float], change: Sequence[float], path: Path) -> None:
     """Figure "active data augmentation": the quality of the classifier and its change, batch by batch."""
     figure = Figure(figsize=(8, 3.6), layout="constrained")
@@ -45,19 +46,19 @@ def plot_batches(numbers: Sequence[int], f1: Sequence[float], change: Sequence[f
         axes.set(xlabel="batch", ylabel=label)
         axes.set_ylim(0, top)
         axes.xaxis.get_major_locator().set_params(integer=True)
-        tidy(axes)
-    save(figure, path)
+        despine(axes)
+    save_figure(figure, path)
 
 
-def _bars(axes: Axes, names: Sequence[str], estimates: Sequence[Estimate], label: str, form: str) -> None:
-    for position, (name, estimate) in enumerate(zip(names, estimates, strict=True)):
+def _bars(axes: Axes, names: Sequence[str], intervals: Sequence[Interval], label: str, form: str) -> None:
+    for position, (name, interval) in enumerate(zip(names, intervals, strict=True)):
         colour = ORANGE if name == "LCORPP" else BLUE
-        axes.bar(position, estimate.value, color=colour, width=0.66)
-        whiskers = [[estimate.value - estimate.low], [estimate.high - estimate.value]]
-        axes.errorbar(position, estimate.value, yerr=whiskers, color=INK, capsize=3, linewidth=1)
+        axes.bar(position, interval.estimate, color=colour, width=0.66)
+        whiskers = [[interval.estimate - interval.low], [interval.high - interval.estimate]]
+        axes.errorbar(position, interval.estimate, yerr=whiskers, color=INK, capsize=3, linewidth=1)
         axes.annotate(
-            form.format(estimate.value),
-            (position, estimate.high),
+            form.format(interval.estimate),
+            (position, interval.high),
             xytext=(0, 3),
             textcoords="offset points",
             ha="center",
@@ -66,4 +67,4 @@ def _bars(axes: Axes, names: Sequence[str], estimates: Sequence[Estimate], label
     axes.set_xticks(range(len(names)), names)
     axes.set_ylabel(label)
     axes.margins(y=0.12)
-    tidy(axes)
+    despine(axes)

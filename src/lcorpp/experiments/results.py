@@ -23,8 +23,8 @@ def row(result: Scores) -> dict[str, str | float]:
     """One strategy as a row with the columns `COLUMNS`."""
     cells: dict[str, str | float] = {"strategy": result.strategy}
     for name in FIGURES:
-        estimate = getattr(result, "earned" if name == "return" else name)
-        cells |= {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
+        interval = getattr(result, "earned" if name == "return" else name)
+        cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
     return cells
 
 

@@ -18,14 +18,14 @@ from uuid import uuid4
 
 import numpy as np
 
-from lcorpp.decision import Batch, Resumed
+from lcorpp.decision import Batch, ResumePoint
 from lcorpp.decision.lcorpp import ssub
 from lcorpp.errors import DataError, FileError
 from lcorpp.files import make_folder, read_bytes, read_text, sync_folder, write_atomically
 from lcorpp.learning import SoftClassifier, TrainedClassifier, load_classifier, save_classifier
 from lcorpp.learning.store import NewTrack, Snapshot, Store, StoredTrack, TrackSchema
 from lcorpp.protocols import Classifier
-from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance, fingerprint
+from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance, track_hash
 
 FORMAT, VERSION = "lcorpp checkpoint", 1
 
@@ -101,7 +101,7 @@ class RunStore:
         """The data to begin with and all that is stored with a label: Omega."""
         return self._extended(())
 
-    def resume(self, learn: Learn) -> Resumed | None:
+    def resume(self, learn: Learn) -> ResumePoint | None:
         """Where the earlier run ended; None where there is none to go on with.
 
         Args:
@@ -120,11 +120,13 @@ class RunStore:
             )
             classifier, confusion = learn(self.dataset())
             change = ssub(checkpoint.confusion.probabilities, confusion.probabilities)
-            return Resumed(checkpoint.number, classifier, confusion, change, len(self.pending))
+            return ResumePoint(checkpoint.number, classifier, confusion, change, len(self.pending))
         trained = checkpoint.classifier
         if trained is None:
             trained, _ = learn(self._extended(self.pending))
-        return Resumed(checkpoint.number, trained, checkpoint.confusion, checkpoint.change, len(self.pending))
+        return ResumePoint(
+            checkpoint.number, trained, checkpoint.confusion, checkpoint.change, len(self.pending)
+        )
 
     def append_decision(
         self, instance: Instance, episode: Episode, belief: Distribution, extra: Mapping[str, Any]
@@ -208,9 +210,7 @@ class RunStore:
         reading = self.store.snapshot()
         chosen = [stored for stored in reading.select() if stored.id not in left]
         stored = reading.dataset(chosen)
-        return self._initial.extended(
-            list(zip(stored.trajectories, stored.labels, strict=True)), stored.groups
-        )
+        return self._initial.append(list(zip(stored.trajectories, stored.labels, strict=True)), stored.groups)
 
     def _is_pending(self, stored: StoredTrack) -> bool:
         return stored.extra.get("run") == self._run and stored.extra.get("batch") == self._number + 1
@@ -279,7 +279,7 @@ class RunStore:
 def _digest(dataset: Dataset) -> str:
     """A name that equal data sets share: the initial data are not stored, but made or read again."""
     labels = zlib.crc32("\n".join(dataset.labels).encode())
-    return f"{len(dataset)} tracks, {fingerprint(dataset.trajectories).removeprefix('track ')}-{labels:08x}"
+    return f"{len(dataset)} tracks, {track_hash(dataset.trajectories).removeprefix('track ')}-{labels:08x}"
 
 
 def _number(value: Any) -> int:

@@ -16,7 +16,7 @@ from lcorpp.experiments.metrics import Scores, scores
 from lcorpp.simulation.population import Appearance, Population, Reader
 from lcorpp.simulation.world import Stage
 from lcorpp.values import Array, Instance, Label
-from lcorpp.workers import sheltered
+from lcorpp.workers import ignore_sigint
 
 CHUNK = 100
 """Decisions per chunk. A chunk is what one seed makes, so this number is part of every result."""
@@ -81,7 +81,7 @@ def run_trials(
                 progress(sum(len(chunk.truth) for chunk in done))
         else:
             work = (delayed(run_chunk)(experiment, number, size) for number, size in enumerate(sizes))
-            with sheltered():
+            with ignore_sigint():
                 started = Parallel(n_jobs=jobs, return_as="generator")(work)
             with closing(started) as chunks:
                 for chunk in chunks:

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError, ObservationError
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
-from lcorpp.values import Array, Belief, frozen
+from lcorpp.values import Array, Belief, freeze
 
 MIN_PROBABILITY = float(np.finfo(np.float64).tiny)
 """The smallest normal double. Smaller probabilities have lost their digits and count as impossible."""
@@ -62,7 +62,7 @@ def check_belief(pomdp: Pomdp, belief: npt.ArrayLike) -> Belief:
         ModelError: `belief` is not a distribution over the states.
     """
     try:
-        copy = frozen(belief)
+        copy = freeze(belief)
     except (TypeError, ValueError):
         raise ModelError(f"a belief is {len(pomdp.states)} numbers, not {belief!r}") from None
     if copy.shape != (len(pomdp.states),):

@@ -14,12 +14,12 @@ from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import MAX_BYTES
 from lcorpp.notebook import join_some
-from lcorpp.values import Array, Belief, frozen
+from lcorpp.values import Array, Belief, freeze
 
 Indices = npt.NDArray[np.intp]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(freeze=True, eq=False)
 class AlphaVectors:
     """A set of alpha vectors over some of the states, for beliefs with their support among these states.
 
@@ -36,7 +36,7 @@ class AlphaVectors:
     actions: Indices
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vectors", frozen(self.vectors))
+        object.__setattr__(self, "vectors", freeze(self.vectors))
         for field in ("states", "actions"):
             array = np.array(getattr(self, field), dtype=np.intp)
             array.setflags(write=False)
@@ -62,7 +62,7 @@ class UpperBound(Protocol):
         """The bound at a belief (S,)."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(freeze=True, eq=False)
 class Policy:
     """Alpha vectors over S states. At a belief, the policy takes the action of the best vector.
 

@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import ModelError, expected
+from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.planning.sparse import SparseTables
-from lcorpp.values import Array, Belief, frozen
+from lcorpp.values import Array, Belief, freeze
 
 SUM_TOLERANCE = 1e-9
 """Tolerance of a row's sum: far above the rounding error of a sum of thousands of doubles."""
@@ -111,7 +111,7 @@ class Pomdp:
     def _index(self, kind: str, name: str) -> int:
         known = self._indices[kind]
         if name not in known:
-            raise ModelError(f"unknown {kind} {name!r}; {expected(tuple(known))}")
+            raise ModelError(f"unknown {kind} {name!r}; {expected_one_of(tuple(known))}")
         return known[name]
 
     def state_index(self, name: str) -> int:
@@ -169,4 +169,4 @@ def _freeze(array: npt.ArrayLike) -> Array:
         and not array.flags.writeable
     ):
         return array
-    return frozen(array)
+    return freeze(array)

@@ -106,7 +106,7 @@ def _fired(program: GroundProgram, values: Mapping[str, str]) -> tuple[Fired, ..
     for clause in true:
         says = _says(program, clause, has, selected)
         if says:
-            statement = program.program.statements[clause.statement]
+            statement = program.source.statements[clause.statement]
             found.setdefault((clause.statement, says), Fired(statement.at, str(statement), says))
     return tuple([found[key] for key in sorted(found)])
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from itertools import product
 from math import prod
 
-from lcorpp.errors import ParseError, ProgramError, TooLargeError, expected
+from lcorpp.errors import ParseError, ProgramError, TooLargeError, expected_one_of
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.parser import parse_term
@@ -28,7 +28,7 @@ def resolve_term(program: Program, name: str) -> Term:
     try:
         term = parse_term(name, "<term>")
         if not isinstance(term, Term):
-            raise ProgramError(f"{name!r} is not an attribute; {expected(list(program.attributes))}")
+            raise ProgramError(f"{name!r} is not an attribute; {expected_one_of(list(program.attributes))}")
         term = program.signature.named(term)
         program.check_query(Query(subject=term))
     except (ParseError, SourceIssue) as error:
@@ -64,7 +64,7 @@ def check_value(program: Program, term: Term, value: str) -> None:
     """
     values = program.attributes[term.name].values
     if value not in values:
-        raise ProgramError(f"{value!r} is not a value of {term}; {expected(values)}")
+        raise ProgramError(f"{value!r} is not a value of {term}; {expected_one_of(values)}")
 
 
 def resolve_evidence(program: Program, evidence: Mapping[str, str]) -> dict[str, str]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, expected
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, expected_one_of
 from lcorpp.reasoning.circuit.refusals import shown
 from lcorpp.reasoning.distributions import EstimatedDistribution
 from lcorpp.reasoning.language.arithmetic import canonical_text
@@ -60,7 +60,7 @@ class SoftEvidence:
                 soft[term] = value
             else:
                 raise ProgramError(
-                    f"a likelihood of {', '.join(value.values)} for {term}; {expected(values)}"
+                    f"a likelihood of {', '.join(value.values)} for {term}; {expected_one_of(values)}"
                 )
         term, values = self._range(attribute)
         total, marginal = self._weights(term, facts, soft, tuple(soft))

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lcorpp.domains import Domain
-from lcorpp.errors import DomainError, expected
+from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.values import Array
 
 
@@ -59,7 +59,7 @@ class SimulatedWorld:
         if answer not in domain.pomdp.observations:
             raise DomainError(
                 f"{domain.folder}: people.py: reaction() answered {answer!r};"
-                f" {expected(domain.pomdp.observations)}"
+                f" {expected_one_of(domain.pomdp.observations)}"
             )
         return answer
 

@@ -10,7 +10,7 @@ import pytest
 from lcorpp.errors import DataError
 from lcorpp.learning import Recording
 from lcorpp.learning.data.plots import plot_tracks
-from lcorpp.plot_style import save
+from lcorpp.plot_style import save_figure
 
 from .texts import crowd, walk
 
@@ -24,8 +24,8 @@ def test_a_panel_for_each_class_and_one_for_speeds(tmp_path):
     assert titles == ["in: 10 of 12 tracks", "out: 10 of 13 tracks", "without a label: 5 tracks"]
     assert [text.get_text() for text in speeds.get_legend().get_texts()] == ["in", "out", "without a label"]
     assert [len(panel.collections[0].get_segments()) for panel in panels] == [10, 10, 5]
-    save(figure, tmp_path / "a.svg")
-    save(figure, tmp_path / "a.png")
+    save_figure(figure, tmp_path / "a.svg")
+    save_figure(figure, tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 10_000
 
 

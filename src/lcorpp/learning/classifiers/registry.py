@@ -15,7 +15,7 @@ from typing import Any
 
 from sklearn.pipeline import Pipeline
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.classifiers.contract import Scored, with_probabilities
 from lcorpp.learning.classifiers.plugin import own_learner
 from lcorpp.learning.classifiers.trained import paper_pipeline
@@ -158,8 +158,8 @@ def learner(
         return _seeded(with_probabilities(own_learner(name, vars(setting), wanted)), seed)
     if name not in LEARNERS:
         raise DataError(
-            f"unknown learner {name!r}; {expected([*LEARNERS])}, or one of your own as MODULE:FUNCTION or"
-            " FILE.py:FUNCTION"
+            f"unknown learner {name!r}; {expected_one_of([*LEARNERS])}, or one of your own as MODULE:FUNCTION"
+            " or FILE.py:FUNCTION"
         )
     row = LEARNERS[name]
     if not row.trained:

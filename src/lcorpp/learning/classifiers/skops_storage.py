@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 
 FOREIGN = "skops"
 """The kind of such a step, and the name of its array."""
@@ -44,7 +44,7 @@ def pack(name: str, step: Any, own: Sequence[str]) -> npt.NDArray[np.uint8]:
     except ModuleNotFoundError:
         raise DataError(
             f"step {name!r} of kind {kind} can be stored only with skops: pip install 'lcorpp[skops]';"
-            f" without it {expected(own)}"
+            f" without it {expected_one_of(own)}"
         ) from None
     try:
         content = io.dumps(step)

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.pipeline import Pipeline
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.files import read_bytes, write_atomically
 from lcorpp.learning.classifiers.skops_storage import FOREIGN, pack, unpack
 from lcorpp.learning.classifiers.trained import TrainedClassifier
@@ -133,7 +133,7 @@ def _step(step: dict[str, Any], arrays: dict[str, npt.NDArray[Any]]) -> Any:
     if step["kind"] == FOREIGN:
         return unpack(step["name"], own[FOREIGN])
     if step["kind"] not in kinds:
-        raise DataError(f"step of unknown kind {step['kind']!r}; {expected(list(kinds))}")
+        raise DataError(f"step of unknown kind {step['kind']!r}; {expected_one_of(list(kinds))}")
     parameters = {  # JSON has no tuples
         key: tuple(value) if isinstance(value, list) else value for key, value in step["parameters"].items()
     }

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from lcorpp.errors import FileError, ParseError, expected
+from lcorpp.errors import FileError, ParseError, expected_one_of
 from lcorpp.files import open_text
 from lcorpp.learning.data.assembly import TrackAssembler
 from lcorpp.learning.data.csv_reader import CsvFile, column_of
@@ -72,6 +72,6 @@ def read_header(path: Path) -> list[str]:
             raise ParseError(str(path), 1, 1, message, text)
     for cell, name in enumerate(names):
         if name in names[:cell]:
-            message = f"column {name!r} for the second time; {expected(list(NAMES))}, each once"
+            message = f"column {name!r} for the second time; {expected_one_of(list(NAMES))}, each once"
             raise ParseError(str(path), 1, column_of(text, cell), message, text)
     return names

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from lcorpp.errors import DataError, ParseError, expected
+from lcorpp.errors import DataError, ParseError, expected_one_of
 from lcorpp.files import read_text
 from lcorpp.learning.data.assembly import RawTrack
 from lcorpp.learning.data.cleaning import ClassOf
@@ -48,7 +48,7 @@ def make_label_reader(labels: Mapping[str, str] | None, source: RowSource, repai
 def unknown(word: str, labels: Mapping[str, str] | None) -> str:
     """What is wrong with a label that has no meaning."""
     known = dict.fromkeys((*(labels or {}), *(labels or {}).values()))
-    wanted = expected(list(known)) if labels else "expected the name of a class"
+    wanted = expected_one_of(list(known)) if labels else "expected the name of a class"
     return f"unknown label {word!r}; {wanted}" if word else f"no label; {wanted}"
 
 

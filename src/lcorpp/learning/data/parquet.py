@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.errors import DataError, FileError, expected
+from lcorpp.errors import DataError, FileError, expected_one_of
 from lcorpp.learning.data.assembly import TrackAssembler
 from lcorpp.learning.data.csv_formats import NAMES, NEEDED, WORDS, note_unused_columns
 from lcorpp.learning.data.csv_reader import LINES, Progress, RowBatch
@@ -53,7 +53,7 @@ class ParquetFile:
         for name in NEEDED:
             if name not in self.names:
                 raise DataError(
-                    f"{path}: no column {name!r}; {expected(list(NAMES))}, and found {self.names}"
+                    f"{path}: no column {name!r}; {expected_one_of(list(NAMES))}, and found {self.names}"
                 )
         if len(set(self.names)) < len(self.names):
             raise DataError(f"{path}: a column is there twice: {', '.join(self.names)}")

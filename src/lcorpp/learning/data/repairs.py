@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Protocol
 
-from lcorpp.errors import DataError, LcorppError, expected
+from lcorpp.errors import DataError, LcorppError, expected_one_of
 from lcorpp.learning.data.tracks import Repair
 
 REPAIRS = {
@@ -58,7 +58,7 @@ class RepairLog:
         names = [asked] if isinstance(asked, str) else list(asked)
         for name in names:
             if name not in REPAIRS and name != ALL:
-                raise DataError(f"unknown repair {name!r}; {expected((*REPAIRS, ALL))}")
+                raise DataError(f"unknown repair {name!r}; {expected_one_of((*REPAIRS, ALL))}")
         self.asked = frozenset(REPAIRS if ALL in names else names)
         self.repairs: list[Repair] = []
 

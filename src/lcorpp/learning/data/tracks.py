@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import DataError, expected
-from lcorpp.values import CHANNELS, Array, frozen
+from lcorpp.errors import DataError, expected_one_of
+from lcorpp.values import CHANNELS, Array, freeze
 
 COLUMNS = ("x", "y", "z", "velocity", "heading", "facing")
 """What a track may tell at each time: the channels of a `Dataset`, and z, the height of the head (m)."""
@@ -58,14 +58,14 @@ class Track:
     group: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "times", frozen(self.times))
-        columns = {name: frozen(values) for name, values in self.columns.items()}
+        object.__setattr__(self, "times", freeze(self.times))
+        columns = {name: freeze(values) for name, values in self.columns.items()}
         object.__setattr__(self, "columns", MappingProxyType(columns))
         object.__setattr__(self, "group", self.group or self.id)
         where, samples = f"track {self.id!r}", self.times.shape
         for name in columns:
             if name not in COLUMNS:
-                raise DataError(f"{where}: unknown column {name!r}; {expected(COLUMNS)}")
+                raise DataError(f"{where}: unknown column {name!r}; {expected_one_of(COLUMNS)}")
             if columns[name].shape != samples or len(samples) != 1:
                 raise DataError(f"{where}: {name} of shape {columns[name].shape}, times of shape {samples}")
             if not (np.abs(columns[name]) <= LARGEST).all():

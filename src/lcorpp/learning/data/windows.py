@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.data.tracks import ANGLES, Recording, Track, wrap_angle
 from lcorpp.values import CHANNELS, Array, Dataset
 
@@ -48,7 +48,7 @@ def to_dataset(
     if not 0 < interval < float("inf"):
         raise DataError(f"the interval is {interval} s; expected a finite number above 0")
     if end not in ("last", "first"):
-        raise DataError(f"unknown end {end!r}; {expected(('last', 'first'))}")
+        raise DataError(f"unknown end {end!r}; {expected_one_of(('last', 'first'))}")
     if not recording.tracks:
         raise DataError(f"{recording.source or 'the recording'}: there are no tracks")
     names = recording.channels if channels is None else tuple(channels)
@@ -97,9 +97,9 @@ def _check(track: Track, channels: Sequence[str]) -> None:
         )
     for name in channels:
         if name not in CHANNELS:
-            raise DataError(f"unknown channel {name!r}; {expected(CHANNELS)}")
+            raise DataError(f"unknown channel {name!r}; {expected_one_of(CHANNELS)}")
         if name not in track.columns:
-            raise DataError(f"track {track.id!r} has no {name}; {expected(list(track.columns))}")
+            raise DataError(f"track {track.id!r} has no {name}; {expected_one_of(list(track.columns))}")
 
 
 def _left_out(recording: Recording, kept: list[Track], needed: float) -> str:

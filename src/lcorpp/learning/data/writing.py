@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lcorpp.errors import DataError, FileError, expected
-from lcorpp.files import written_atomically
+from lcorpp.errors import DataError, FileError, expected_one_of
+from lcorpp.files import open_atomically
 from lcorpp.learning.data.csv_formats import NAMES
 from lcorpp.learning.data.parquet import SUFFIXES, pyarrow
 from lcorpp.learning.data.tracks import COLUMNS, Recording, Repair, Track
@@ -38,7 +38,9 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     elif suffix in SUFFIXES:
         _write_parquet(recording, path)
     else:
-        raise FileError(f"{path}: not the name of a recording; {expected(('.csv', *SUFFIXES))} at its end")
+        raise FileError(
+            f"{path}: not the name of a recording; {expected_one_of(('.csv', *SUFFIXES))} at its end"
+        )
 
 
 def select_columns(recording: Recording) -> tuple[str, ...]:
@@ -52,7 +54,7 @@ def select_columns(recording: Recording) -> tuple[str, ...]:
 
 def _write_csv(recording: Recording, path: str | Path) -> None:
     names = select_columns(recording)
-    with written_atomically(path) as file:
+    with open_atomically(path) as file:
         file.write(_csv_line(names))
         for track in recording.tracks:
             file.write(_rows(track, names, path))
@@ -88,7 +90,7 @@ def _write_parquet(recording: Recording, path: str | Path) -> None:
     words = [name for name in names if name in ("track", "label", "group")]
     fields = [(name, arrow.string() if name in words else arrow.float64()) for name in names]
     schema = arrow.schema(fields)
-    with written_atomically(path) as file, arrow.parquet.ParquetWriter(file, schema) as writer:
+    with open_atomically(path) as file, arrow.parquet.ParquetWriter(file, schema) as writer:
         for start in range(0, len(recording), 1000):
             some = recording.tracks[start : start + 1000]
             columns = []

@@ -16,9 +16,9 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import softmax
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.validation import Validation
-from lcorpp.values import Array, Likelihood, frozen
+from lcorpp.values import Array, Likelihood, freeze
 
 FLOOR = 1e-3
 """What is said to be less likely than this counts as this: no data set of thousands can vouch for more, and
@@ -57,7 +57,7 @@ class Calibration:
 
     def __post_init__(self) -> None:
         for name in ("offsets", "lapses", "shares"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            object.__setattr__(self, name, freeze(getattr(self, name)))
         k = len(self.classes)
         if k < 2 or any(part.shape != (k,) for part in (self.offsets, self.lapses, self.shares)):
             raise DataError(f"a calibration of {k} classes needs as many offsets, lapses and shares")
@@ -173,5 +173,5 @@ def _index(classes: Sequence[str], labels: Sequence[str]) -> np.ndarray:
         raise DataError("no cases to calibrate on")
     for name in labels:
         if name not in place:
-            raise DataError(f"a case is of class {name!r}; {expected(list(classes))}")
+            raise DataError(f"a case is of class {name!r}; {expected_one_of(list(classes))}")
     return np.array([place[name] for name in labels], dtype=np.intp)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.metrics import roc_curve
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.calibration import Calibration, calibration_of, cross_calibrated
 from lcorpp.learning.evaluation.intervals import Interval, percentile_interval, resampled
 from lcorpp.learning.evaluation.metrics import (
@@ -107,7 +107,7 @@ def report_on(
     """
     classes, labels = validation.classes, np.array(validation.labels)
     if positive is not None and positive not in classes:
-        raise DataError(f"no case is of class {positive!r}; {expected(classes)}")
+        raise DataError(f"no case is of class {positive!r}; {expected_one_of(classes)}")
     told = classes if len(classes) > 2 else (positive or classes[-1],)
     common = prevalence or {name: float(np.mean(labels == name)) for name in classes}
     missing = [name for name in told if name not in common]

@@ -12,13 +12,24 @@ from matplotlib.figure import Figure
 from lcorpp.learning.evaluation.metrics import Bin
 from lcorpp.learning.evaluation.report import Report
 from lcorpp.learning.evaluation.thresholds import Threshold
-from lcorpp.plot_style import BLUE, COLOURS, INK, MUTED, ORANGE, PALE, drawn, save, tidy, wrapped
+from lcorpp.plot_style import (
+    BLUE,
+    COLOURS,
+    INK,
+    MUTED,
+    ORANGE,
+    PALE,
+    despine,
+    save_figure,
+    with_style,
+    wrap_text,
+)
 from lcorpp.values import Array
 
 PAIR = (BLUE, ORANGE)
 
 
-@drawn
+@with_style
 def plot_report(report: Report, path: str | Path) -> None:
     """Draw a report to a .png, .svg or .pdf file.
 
@@ -33,7 +44,7 @@ def plot_report(report: Report, path: str | Path) -> None:
     _scores(low_right, report)
     about = f"{report.cases} cases of {report.people} people, {report.folds} folds"
     figure.suptitle(f"{report.learner or 'classifier'}: {about}", fontsize=12)
-    save(figure, path)
+    save_figure(figure, path)
 
 
 def _confusion(axes: Axes, report: Report) -> None:
@@ -45,8 +56,8 @@ def _confusion(axes: Axes, report: Report) -> None:
             dark = rate.value > 0.8
             axes.text(j, i, words, ha="center", va="center", color="white" if dark else INK)
     names = [row[0].given for row in report.rates]
-    axes.set_xticks(range(len(names)), [wrapped(name, 16) for name in names])
-    axes.set_yticks(range(len(names)), [wrapped(name, 16) for name in names])
+    axes.set_xticks(range(len(names)), [wrap_text(name, 16) for name in names])
+    axes.set_yticks(range(len(names)), [wrap_text(name, 16) for name in names])
     axes.set(xlabel="called", ylabel="is", title=f"accuracy {report.accuracy}")
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
@@ -63,7 +74,7 @@ def _roc(axes: Axes, report: Report) -> None:
     axes.set(xlabel="share of others called so", ylabel="share called so", xlim=(-0.01, 1.01))
     axes.set(ylim=(-0.01, 1.01), title="ROC")
     axes.legend(loc="lower right", frameon=False)
-    tidy(axes)
+    despine(axes)
 
 
 def _marks(thresholds: Sequence[Threshold]) -> dict[tuple[float, float], str]:
@@ -91,7 +102,7 @@ def _reliability(axes: Axes, report: Report) -> None:
     axes.set(xlabel="probability said", ylabel="share that is so", title=title)
     axes.set(xlim=(-0.01, 1.01), ylim=(-0.01, 1.01))
     axes.legend(loc="upper left", frameon=False)
-    tidy(axes)
+    despine(axes)
 
 
 def _curve(axes: Axes, label: str, colour: str, curve: tuple[Bin, ...]) -> None:
@@ -117,7 +128,7 @@ def _scores(axes: Axes, report: Report) -> None:
         axes.set(xlabel="probability of the true class, as said")
     axes.set(ylabel="share of the class", title="scores")
     axes.legend(frameon=False)
-    tidy(axes)
+    despine(axes)
     axes.grid(axis="y", color=PALE)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.metrics import Flags
 from lcorpp.values import Array
 
@@ -119,7 +119,7 @@ def named_goal(goal: str | tuple[float, float]) -> tuple[str, Goal]:
     if not isinstance(goal, str):
         return "cost", costs(*goal)
     if goal not in GOALS:
-        raise DataError(f"unknown goal {goal!r}; {expected([*GOALS])} or two costs")
+        raise DataError(f"unknown goal {goal!r}; {expected_one_of([*GOALS])} or two costs")
     return goal, GOALS[goal]
 
 

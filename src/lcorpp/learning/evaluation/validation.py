@@ -18,8 +18,8 @@ from sklearn.model_selection import StratifiedGroupKFold
 from lcorpp.errors import DataError
 from lcorpp.learning.classifiers.contract import fitted, predicted, with_probabilities
 from lcorpp.learning.data.dataset import check_trainable
-from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset, frozen
-from lcorpp.workers import sheltered
+from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset, freeze
+from lcorpp.workers import ignore_sigint
 
 Progress = Callable[[int, int], None]
 """Told (parts done, parts in all)."""
@@ -65,7 +65,7 @@ class Validation:
     groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "probabilities", frozen(self.probabilities))
+        object.__setattr__(self, "probabilities", freeze(self.probabilities))
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -179,7 +179,7 @@ def fit_and_validate(
     final = None
     probabilities = np.empty((len(dataset), len(classes)))
     with joblib.parallel_config(backend="loky", n_jobs=min(jobs, len(parts)), inner_max_num_threads=1):
-        with sheltered():
+        with ignore_sigint():
             results = joblib.Parallel(return_as="generator_unordered")(work)
         for done, (fold, trained, told) in enumerate(results, start=1):
             if fold < 0:

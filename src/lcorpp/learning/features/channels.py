@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.values import CHANNELS as INPUTS, Array
 
 Pose = tuple[float, float, float]
@@ -147,10 +147,12 @@ def check_channels(channels: Sequence[str], inputs: Sequence[str]) -> None:
     """
     for what, names, known in (("channel", channels, tuple(CHANNELS)), ("input", inputs, INPUTS)):
         if isinstance(names, str) or not isinstance(names, Sequence) or not names:
-            raise DataError(f"{what}s are given as a sequence of names, not {names!r}; {expected(known)}")
+            raise DataError(
+                f"{what}s are given as a sequence of names, not {names!r}; {expected_one_of(known)}"
+            )
         for name in names:
             if name not in known:
-                raise DataError(f"unknown {what} {name!r}; {expected(known)}")
+                raise DataError(f"unknown {what} {name!r}; {expected_one_of(known)}")
         if len(set(names)) < len(names):
             raise DataError(f"the {what}s are {', '.join(names)}; expected every name once")
     for name in channels:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.exceptions import NotFittedError
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.lstm.class_weights import class_weights
 from lcorpp.learning.lstm.state import LstmState
@@ -219,7 +219,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         if not isinstance(self.learning_rate, Real) or not 0 < self.learning_rate <= 1:
             raise DataError(f"learning_rate must lie in (0, 1], not {self.learning_rate}")
         if self.schedule not in SCHEDULES:
-            raise DataError(f"unknown schedule {self.schedule!r}; {expected(SCHEDULES)}")
+            raise DataError(f"unknown schedule {self.schedule!r}; {expected_one_of(SCHEDULES)}")
         if self.device not in ("cpu", "cuda"):
             raise DataError(f"unknown device {self.device!r}; expected cpu or cuda")
 

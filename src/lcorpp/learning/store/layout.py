@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.store.frames import MARKER
 from lcorpp.values import CHANNELS, Dataset
 
@@ -39,7 +39,7 @@ class TrackSchema:
             object.__setattr__(self, what, _names(what, names))
         for name in self.channels:
             if name not in CHANNELS:
-                raise DataError(f"unknown channel {name!r}; {expected(CHANNELS)}")
+                raise DataError(f"unknown channel {name!r}; {expected_one_of(CHANNELS)}")
         if not isinstance(self.interval, int | float) or not 0 < self.interval < math.inf:
             raise DataError(f"the interval is {self.interval!r} s; expected a finite number above 0")
         object.__setattr__(self, "interval", float(self.interval))

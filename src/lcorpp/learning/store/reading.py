@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcorpp.errors import DataError, FileError, expected
+from lcorpp.errors import DataError, FileError, expected_one_of
 from lcorpp.learning.store.contents import Contents, Damage, opened, read_head
 from lcorpp.learning.store.frames import frame_at
 from lcorpp.learning.store.layout import MAGIC, TrackSchema
@@ -68,7 +68,7 @@ class Snapshot:
         ):
             for name in given:
                 if name not in known:
-                    raise DataError(f"unknown {what} {name!r}; {expected(known)}")
+                    raise DataError(f"unknown {what} {name!r}; {expected_one_of(known)}")
         if not 0 <= min_confidence <= 1:
             raise DataError(f"the trust asked for is {min_confidence}; expected 0 to 1")
         return tuple(

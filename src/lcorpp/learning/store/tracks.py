@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.store.frames import MOST_FACTS, MOST_NUMBERS, Frame
 from lcorpp.learning.store.layout import TrackSchema
-from lcorpp.values import Array, Distribution, fingerprint, frozen
+from lcorpp.values import Array, Distribution, freeze, track_hash
 
 SOURCES = ("person", "robot")
 """Who can say what class a track is of: a person who knows, or the robot that reported it."""
@@ -115,7 +115,7 @@ def encoded(track: NewTrack, number: int, id: str, schema: TrackSchema) -> tuple
         DataError: it does not fit the schema, or holds what cannot be stored.
     """
     numbers = _trajectory(track.trajectory, schema)
-    group = fingerprint(numbers) if track.group is None else track.group
+    group = track_hash(numbers) if track.group is None else track.group
     if not isinstance(group, str) or not group:
         raise DataError(f"the group of a track is text, not {group!r}")
     for name, value in track.context.items():
@@ -147,9 +147,9 @@ def said(
         DataError: an unknown class or source, a belief over other values, a time without a zone.
     """
     if label is not None and label not in schema.classes:
-        raise DataError(f"unknown class {label!r}; {expected(schema.classes)}")
+        raise DataError(f"unknown class {label!r}; {expected_one_of(schema.classes)}")
     if source not in SOURCES:
-        raise DataError(f"unknown source {source!r}; {expected(SOURCES)}")
+        raise DataError(f"unknown source {source!r}; {expected_one_of(SOURCES)}")
     if belief is not None and belief.values != schema.classes:
         raise DataError(
             f"a belief over {', '.join(belief.values)}; the classes here are {', '.join(schema.classes)}"
@@ -208,7 +208,7 @@ def trajectory(frame: Frame, schema: TrackSchema) -> Array:
 def _trajectory(given: npt.ArrayLike, schema: TrackSchema) -> Array:
     """A frozen float64 copy, (channels, time points)."""
     try:
-        numbers = frozen(given)
+        numbers = freeze(given)
     except (ValueError, TypeError) as error:
         raise DataError(f"a trajectory is an array of numbers: {error}") from None
     channels = ", ".join(schema.channels)
@@ -258,7 +258,7 @@ def _belief(shares: Any, schema: TrackSchema) -> Distribution:
         raise DataError(f"a belief of {shares!r} over {len(schema.classes)} classes")
     if not all(0 <= share < 1 + ROUNDING for share in shares) or abs(sum(shares) - 1) > ROUNDING:
         raise DataError(f"a belief of {shares}, which is no distribution")
-    return Distribution.trusted(schema.classes, frozen(shares))
+    return Distribution.unchecked(schema.classes, freeze(shares))
 
 
 def _text(value: object) -> str:

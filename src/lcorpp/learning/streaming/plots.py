@@ -9,14 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lcorpp.learning.streaming.prefix_predictions import OverTime
-from lcorpp.plot_style import BLUE, COLOURS, INK, MUTED, ORANGE, drawn, save, tidy
+from lcorpp.plot_style import BLUE, COLOURS, INK, MUTED, ORANGE, despine, save_figure, with_style
 from lcorpp.values import Array
 
 SHOWN = 6
 """People of each class whose answers are drawn one by one."""
 
 
-@drawn
+@with_style
 def over_time_figure(said: OverTime, *, of: str | None = None, shown: int = SHOWN) -> Figure:
     """The probability of a class while people are seen, and below it the AUC by then where there are two.
 
@@ -42,7 +42,7 @@ def over_time_figure(said: OverTime, *, of: str | None = None, shown: int = SHOW
         _class(axes[0, 0], seconds, probabilities[labels == each], each, colour, shown)
     axes[0, 0].set(ylim=(0, 1), ylabel=f"probability of {_words(name)}")
     axes[0, 0].legend(frameon=False, loc="upper left")
-    tidy(axes[0, 0])
+    despine(axes[0, 0])
     if two:
         _auc(axes[1, 0], seconds, said)
     axes[-1, 0].set(xlabel="seconds since the person was first seen", xlim=(0, seconds[-1]))
@@ -56,7 +56,7 @@ def save_over_time(said: OverTime, path: str | Path, *, of: str | None = None, s
         FileError: the file cannot be written, or its name is not that of a picture.
         DataError: there is no such class.
     """
-    save(over_time_figure(said, of=of, shown=shown), path)
+    save_figure(over_time_figure(said, of=of, shown=shown), path)
 
 
 def _class(axes: Axes, seconds: Array, said: Array, name: str, colour: str, shown: int) -> None:
@@ -85,7 +85,7 @@ def _auc(axes: Axes, seconds: Array, said: OverTime) -> None:
             )
     known = auc[np.isfinite(auc)]
     axes.set(ylim=(min(0.45, *known.tolist()), 1), ylabel="AUC by then")
-    tidy(axes)
+    despine(axes)
 
 
 def _words(name: str) -> str:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.metrics import roc_auc_score
 
-from lcorpp.errors import DataError, expected
-from lcorpp.values import Array, frozen
+from lcorpp.errors import DataError, expected_one_of
+from lcorpp.values import Array, freeze
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class OverTime:
     interval: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "probabilities", frozen(self.probabilities))
+        object.__setattr__(self, "probabilities", freeze(self.probabilities))
 
     @property
     def seconds(self) -> Array:
@@ -41,7 +41,7 @@ class OverTime:
             DataError: there is no such class.
         """
         if name not in self.classes:
-            raise DataError(f"unknown class {name!r}; {expected(self.classes)}")
+            raise DataError(f"unknown class {name!r}; {expected_one_of(self.classes)}")
         return self.probabilities[:, :, self.classes.index(name)]
 
     @property

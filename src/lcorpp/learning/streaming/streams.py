@@ -17,7 +17,7 @@ from lcorpp.learning.streaming.predictions import Answer, Report, Said
 from lcorpp.learning.streaming.prefix_calibration import Early
 from lcorpp.learning.streaming.state import memory_of
 from lcorpp.learning.streaming.track import Repairs, Rules, Sample, Track
-from lcorpp.values import Array, frozen
+from lcorpp.values import Array, freeze
 
 
 class _Person:
@@ -239,7 +239,7 @@ class Streams:
         for name, person in people.items():
             track = person.track
             if (track.number, track.count) != (person.answer.track, person.answer.points):
-                known = frozen(person.probabilities) if track.count >= self._least else None
+                known = freeze(person.probabilities) if track.count >= self._least else None
                 person.answer = Answer(name, track.number, track.count, track.time, known)
 
     def _ask(self, due: Sequence[tuple[_Person, Sequence[Sample]]]) -> None:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from lcorpp.errors import ModelError, expected
+from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.planning.factored.cpt import Spec, Words, distribution, words
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.validation import check_reward, topological_order
@@ -136,7 +136,9 @@ class Factored:
         parts = tuple(Variable(name, words(values), observed=name in seen) for name, values in states.items())
         for name in seen:
             if name not in states:
-                raise ModelError(f"unknown state variable {name!r} is 'observed'; {expected(tuple(states))}")
+                raise ModelError(
+                    f"unknown state variable {name!r} is 'observed'; {expected_one_of(tuple(states))}"
+                )
         acts, looks = _variables("action", actions), _variables("observation", observations)
         scope = scope_of(parts, acts, looks)
 
@@ -144,7 +146,7 @@ class Factored:
             known = [v.name for v in (looks if kind == "observation" else parts)]
             for name in (name for names in specs for name in words(names)):
                 if name not in known:
-                    raise ModelError(f"{kind} has a table for unknown {name!r}; {expected(known)}")
+                    raise ModelError(f"{kind} has a table for unknown {name!r}; {expected_one_of(known)}")
             return tuple(
                 distribution(scope, spec, tuple(name + sign for name in words(names)), f"{kind} of {names!r}")
                 for names, spec in specs.items()

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.plots.graph_drawing import Arrow, Node, draw
-from lcorpp.plot_style import COLOURS, INK, MUTED, Fill, drawn
+from lcorpp.plot_style import COLOURS, INK, MUTED, Fill, with_style
 
 if TYPE_CHECKING:
     from lcorpp.planning.evaluation.policy_graph import PolicyGraph
@@ -31,7 +31,7 @@ LINES = tuple(INK if colour == COLOURS[4] else colour for colour in COLOURS)  # 
 STYLES = ("-", "--", ":", "-.")
 
 
-@drawn
+@with_style
 def draw_graph(
     graph: PolicyGraph, *, nodes: int = MOST_NODES, arrows: int = MOST_ARROWS, title: str = ""
 ) -> Figure:

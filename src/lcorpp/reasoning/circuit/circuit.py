@@ -145,7 +145,9 @@ class Circuit:
         table = self._table
         index = table.index(codes)
         if table.sound:
-            return {q: Distribution.trusted(self.values[q], rows[index]) for q, rows in table.answers.items()}
+            return {
+                q: Distribution.unchecked(self.values[q], rows[index]) for q, rows in table.answers.items()
+            }
         return {query: self._read(query, rows[index], evidence) for query, rows in table.answers.items()}
 
     def _passed(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:

@@ -59,7 +59,7 @@ def labelled_layers(built: Trellis, names: Sequence[str]) -> tuple[list[Layer], 
     layers, ending = multiply_out(built, labels)
     missing = [i for i, name in enumerate(names) if name not in index]
     never = [
-        Layer.never(i, len(built.plan.ground.program.attributes[names[i].partition("(")[0]].values))
+        Layer.never(i, len(built.plan.ground.source.attributes[names[i].partition("(")[0]].values))
         for i in missing
     ]
     return [*never, *layers], ending

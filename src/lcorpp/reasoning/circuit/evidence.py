@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, expected
+from lcorpp.errors import ProgramError, expected_one_of
 from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
@@ -58,7 +58,7 @@ class EvidenceEncoder:
         """
         for name in evidence:
             if name not in self._numbers:
-                raise ProgramError(f"{name!r} is not an input of the circuit; {expected(self.names)}")
+                raise ProgramError(f"{name!r} is not an input of the circuit; {expected_one_of(self.names)}")
 
     def check(self, evidence: Mapping[str, object]) -> None:
         """Check that evidence has inputs and values of them.
@@ -78,7 +78,9 @@ class EvidenceEncoder:
         """
         found = self._numbers[name].get(value) if isinstance(value, str) else None
         if found is None:
-            raise ProgramError(f"{where}{value!r} is not a value of {name}; {expected(self.values[name])}")
+            raise ProgramError(
+                f"{where}{value!r} is not a value of {name}; {expected_one_of(self.values[name])}"
+            )
         return found
 
     def codes(self, evidence: Mapping[str, str | Sequence[str]]) -> Codes:

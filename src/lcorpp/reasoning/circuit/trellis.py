@@ -90,7 +90,7 @@ def _forward(prepared: TransitionSystem, limit: int) -> tuple[Trellis, dict[int,
                 known[step, states] = found
         if len(found[0][0]) > most:
             raise TooLargeError(
-                f"{prepared.ground.program.file}: more than {total + most} edges in the circuit"
+                f"{prepared.ground.source.file}: more than {total + most} edges in the circuit"
             )
         edges.append(found[0])
         states = found[1]
@@ -197,7 +197,7 @@ def _broken(built: Trellis, step: int, edge: int, violation: ConditionViolation)
     world = decode_world(built.plan, [built.moves[chosen[i]][0] for i in range(len(built.edges))])
     shown = ", ".join(f"{term}={value}" for term, value in world.items())
     names = [built.plan.ground.names[term] for term in built.plan.order[step]]
-    told = violation.told(built.plan.ground.program.statements, names)
+    told = violation.told(built.plan.ground.source.statements, names)
     return ProgramError(f"{told}, in the world {{{shown}}}")
 
 

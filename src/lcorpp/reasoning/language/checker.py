@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from lcorpp.errors import expected
+from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
 from lcorpp.reasoning.language.declared import build_signature
 from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
@@ -121,7 +121,7 @@ def check_attribute(term: Term, signature: Signature) -> None:
     attribute = signature.attributes.get(term.name)
     if attribute is None:
         what = "is a sort, not an attribute" if term.name in signature.sorts else "is not declared"
-        raise SourceIssue(term.at, f"{term.name!r} {what}; {expected(list(signature.attributes))}")
+        raise SourceIssue(term.at, f"{term.name!r} {what}; {expected_one_of(list(signature.attributes))}")
     if len(term.arguments) != len(attribute.arguments):
         shape = f"{term.name}({', '.join(attribute.arguments)})" if attribute.arguments else term.name
         raise SortMismatch(
@@ -202,7 +202,7 @@ def _check_probability(statement: Probability, signature: Signature) -> None:
             raise SourceIssue(
                 label.at,
                 f"no random selection of {statement.term.name} has the label [{label}];"
-                f" {expected(list(map(str, named)))}",
+                f" {expected_one_of(list(map(str, named)))}",
             )
         sizes = {len(other.arguments) for other in named if other.name == label.name}
         if label.arguments and len(label.arguments) not in sizes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from types import MappingProxyType
 
-from lcorpp.errors import expected
+from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import BOOLEAN, Attribute, Signature, as_selection
 from lcorpp.reasoning.language.sorts import BOOLEANS, Sorts, records_of
@@ -83,7 +83,7 @@ def _claim(name: str, at: Place, places: dict[str, Place]) -> None:
 
 def _known_sort(name: str, at: Place, sorts: Iterable[str]) -> None:
     if name not in sorts:
-        raise SourceIssue(at, f"unknown sort {name!r}; {expected(list(sorts))}")
+        raise SourceIssue(at, f"unknown sort {name!r}; {expected_one_of(list(sorts))}")
 
 
 def check_record_names(statements: Sequence[Statement]) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from lcorpp.errors import expected
+from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, canonical_text, is_integer, iter_variables
 from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
 from lcorpp.reasoning.language.signature import Signature, Slot
@@ -87,7 +87,7 @@ def check_slots(slots: Iterable[Slot], signature: Signature) -> None:
         if not any(iter_variables(expression)):
             value = canonical_text(expression)
             if value not in signature.sorts[sort]:
-                known = expected(list(signature.sorts[sort]))
+                known = expected_one_of(list(signature.sorts[sort]))
                 raise SortMismatch(expression.at, f"{value!r} is not a member of the sort {sort}; {known}")
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import product
 from math import prod
 
-from lcorpp.errors import expected
+from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import canonical_text, compare, is_integer
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.syntax import (
@@ -92,7 +92,7 @@ class Sorts:
     def _made(self, expression: SortExpression) -> Sort:
         if isinstance(expression, SortName):
             if expression.name not in self.known:
-                names = expected([f"#{name}" for name in self.known])
+                names = expected_one_of([f"#{name}" for name in self.known])
                 raise SourceIssue(expression.at, f"unknown sort {str(expression)!r}; {names}")
             return self.known[expression.name]
         if isinstance(expression, Interval):

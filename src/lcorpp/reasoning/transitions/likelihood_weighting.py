@@ -63,7 +63,7 @@ def estimate(
             weight, value = found
             weights.setdefault(names[value] if 0 <= value < len(names) else "", []).append(weight)
     total = sum(map(sum, weights.values()))
-    file = ground.program.file
+    file = ground.source.file
     if total == 0:
         raise UndefinedError(f"{file}: none of {samples} worlds drawn at random has the evidence")
     squares = {value: sum(w * w for w in found) for value, found in weights.items()}
@@ -129,7 +129,7 @@ class _Draws:
         for outcome in step.decision.outcomes((bits,))[bits]:
             if outcome.violation:
                 names = [self._plan.ground.names[term] for term in self._plan.order[position]]
-                told = outcome.violation.told(self._plan.ground.program.statements, names)
+                told = outcome.violation.told(self._plan.ground.source.statements, names)
                 raise ProgramError(f"{told}, in a world drawn at random")
             if all(outcome.values[i] == value for i, value in self._given[position]):
                 effect = step.effect(outcome.values)

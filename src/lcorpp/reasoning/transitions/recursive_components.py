@@ -85,13 +85,13 @@ class RecursiveComponent:
             self.said = True
             LOG.info(
                 "%s: %s depend on each other: their values are found by enumeration",
-                self.ground.program.file,
+                self.ground.source.file,
                 self._shown(),
             )
         for count, atoms in enumerate(stable_models("\n".join(self._text(clauses)))):
             if count == MAX_MODELS:
                 raise ProgramError(
-                    f"{self.ground.program.file}: more than {MAX_MODELS} ways to decide {self._shown()}"
+                    f"{self.ground.source.file}: more than {MAX_MODELS} ways to decide {self._shown()}"
                 )
             has = {term: len(self.ground.values[term]) for term in self.terms}
             has.update(atoms)
@@ -124,7 +124,7 @@ class RecursiveComponent:
                 last = len(self.ground.values[term]) - 1
                 chosen = f"h({term},{do[term]})" if term in do else f"1 {{ h({term},0..{last}) }} 1"
                 yield f"sel({key}) :- {condition}. {chosen} :- sel({key})."
-                if self.ground.has_range(clause.statement):
+                if self.ground.has_dynamic_range(clause.statement):
                     yield f":- sel({key}), h({term},V), not pos({key},{term},V)."
         for (term, allowed), name in sets.items():
             for value in range(len(self.ground.values[term])):

@@ -170,7 +170,7 @@ def _possible(
     """The dynamic range, in the order of the declaration; that of all selections, should there be several."""
     possible = list(range(len(ground.values[term])))
     for clause in selected:
-        statement = ground.program.statements[clause.statement]
+        statement = ground.source.statements[clause.statement]
         assert isinstance(statement, Selection)
         if statement.range:
             own = {
@@ -184,7 +184,7 @@ def _condition_1(
     ground: GroundProgram, derived: set[int], selected: Sequence[Clause]
 ) -> ConditionViolation | None:
     """Whether more than one selection applies to a term, or (2018) a rule gives a value to a random term."""
-    statements = ground.program.statements
+    statements = ground.source.statements
     modern = not ground.do_is_fact
     first = selected[0]
     for clause in selected[1:]:
@@ -213,7 +213,7 @@ def _condition_1(
 
 def applies_to(ground: GroundProgram, atom: Clause, selected: Clause) -> bool:
     """Whether a pr-atom speaks of this selection: it has no label, or the label of the selection."""
-    statements = ground.program.statements
+    statements = ground.source.statements
     said, made = statements[atom.statement], statements[selected.statement]
     if isinstance(said, Probability) and said.label is None:
         return True

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from lcorpp.errors import ModelError, expected
+from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.files import read_bytes
 from lcorpp.planning.factored.cpt import distribution
 from lcorpp.planning.factored.flatten import flatten
@@ -159,7 +159,7 @@ class _Reader:
             name = document.word(variable)
             if name not in self.declared.rewards:
                 raise document.error(
-                    variable, f"unknown reward {name!r}; {expected(tuple(self.declared.rewards))}", 0
+                    variable, f"unknown reward {name!r}; {expected_one_of(tuple(self.declared.rewards))}", 0
                 )
             if name in tables:
                 raise document.error(variable, f"a second <Func> for {name!r}", 0)
@@ -196,7 +196,7 @@ class _Reader:
             if name is None or name not in allowed:
                 theirs = [theirs for theirs, ours in self.declared.names.items() if ours in allowed]
                 what = f"{word!r} cannot stand here" if name else f"unknown variable {word!r}"
-                raise self.document.error(element, f"{what}; {expected(theirs)}", i)
+                raise self.document.error(element, f"{what}; {expected_one_of(theirs)}", i)
             if name in found or name in taken:
                 raise self.document.error(element, f"{word!r} is named twice", i)
             found.append(name)

@@ -9,7 +9,7 @@ from math import prod
 
 import numpy as np
 
-from lcorpp.errors import ParseError, expected
+from lcorpp.errors import ParseError, expected_one_of
 from lcorpp.planning.factored.table import Table, row_name
 from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import ALL, EACH, Scope
@@ -115,7 +115,7 @@ def _place(function: Function, instance: Element) -> list[Selector]:
     place: list[Selector] = []
     for i, (word, known) in enumerate(zip(words, function.numbers, strict=True)):
         if word not in known and word not in (ALL, EACH):
-            message = f"unknown value {word!r} of {function.names[i]!r}; {expected(tuple(known))}"
+            message = f"unknown value {word!r} of {function.names[i]!r}; {expected_one_of(tuple(known))}"
             raise document.error(instance, message, i)
         place.append(known.get(word, word))
     return place

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from lcorpp.errors import ModelError, expected
+from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.planning.evaluation.absorbing import zero_reward_states
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import engine, model_of
@@ -56,7 +56,9 @@ class TableSimulator:
 
     def __init__(self, pomdp: Pomdp, *, leaves: str = "mdp", seed: int = 0) -> None:
         if leaves not in LEAVES:
-            raise ModelError(f"unknown guess {leaves!r} at the value of a state; {expected(tuple(LEAVES))}")
+            raise ModelError(
+                f"unknown guess {leaves!r} at the value of a state; {expected_one_of(tuple(LEAVES))}"
+            )
         self.actions, self.discount = len(pomdp.actions), pomdp.discount
         self._states = len(pomdp.states)
         self._reward: list[float] = pomdp.reward.reshape(-1).tolist()

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from lcorpp.errors import FileError
-from lcorpp.plot_style import COLOURS, Fill, drawn, save, tidy, wrapped
+from lcorpp.plot_style import COLOURS, Fill, despine, save_figure, with_style, wrap_text
 
 # What colour-blind eyes make of linear RGB; Machado, Oliveira and Fernandes, IEEE TVCG 2009, severity 1.
 EYES = {
@@ -21,7 +21,7 @@ EYES = {
 }
 
 
-@drawn
+@with_style
 def picture() -> Figure:
     """A line with a legend and hatched bands."""
     figure = Figure(figsize=(3, 2), layout="constrained")
@@ -31,7 +31,7 @@ def picture() -> Figure:
         fill = Fill.of(number)
         axes.axvspan(number / 5, (number + 1) / 5, facecolor=fill.colour, hatch=fill.hatch)
     axes.legend()
-    tidy(axes)
+    despine(axes)
     return figure
 
 
@@ -60,34 +60,32 @@ def test_the_same_picture_is_the_same_file(tmp_path, suffix, magic):
     contents = []
     for name in ("a", "b"):
         path = tmp_path / f"{name}.{suffix}"
-        save(picture(), path)
+        save_figure(picture(), path)
         contents.append(path.read_bytes())
     assert contents[0].startswith(magic)
     assert contents[0] == contents[1]
 
 
 def test_pictures_that_cannot_be_written(tmp_path):
-    with pytest.raises(
-        FileError, match=r"a.gif: not the name of a picture; expected one of .png, .svg, .pdf"
-    ):
-        save(picture(), tmp_path / "a.gif")
+    with pytest.raises(FileError, match=r"a.gif: not a figure file; expected one of .png, .svg, .pdf"):
+        save_figure(picture(), tmp_path / "a.gif")
     with pytest.raises(FileError, match="cannot be written"):
-        save(picture(), tmp_path / "no" / "a.png")
+        save_figure(picture(), tmp_path / "no" / "a.png")
     assert not list(tmp_path.iterdir())
 
 
 def test_pictures_leave_matplotlib_as_it_is(tmp_path):
     before = dict(mpl.rcParams)
-    save(picture(), tmp_path / "a.png")
+    save_figure(picture(), tmp_path / "a.png")
     assert dict(mpl.rcParams) == before
 
 
 def test_56_fills_are_all_different():
     fills = [Fill.of(number) for number in range(56)]
     assert len(set(fills)) == 56
-    assert {fill.on_top for fill in fills} == {"white", "#1f2933"}
+    assert {fill.text_colour for fill in fills} == {"white", "#1f2933"}
 
 
 def test_long_names_are_broken_after_commas():
-    assert wrapped("robot=s00,rock0=bad,rock1=good", 22) == "robot=s00,rock0=bad,\nrock1=good"
-    assert wrapped("a name, in one line", 20) == "a name, in one line"
+    assert wrap_text("robot=s00,rock0=bad,rock1=good", 22) == "robot=s00,rock0=bad,\nrock1=good"
+    assert wrap_text("a name, in one line", 20) == "a name, in one line"

@@ -7,18 +7,18 @@ import threading
 
 from joblib import Parallel, delayed
 
-from lcorpp.workers import sheltered
+from lcorpp.workers import ignore_sigint
 
 
 def test_a_process_started_inside_does_not_see_it():
     code = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
-    with sheltered():
+    with ignore_sigint():
         worker = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert worker.communicate(timeout=60)[0] == "alive\n"
 
 
 def test_workers_of_joblib_do_not_see_it():
-    with sheltered():
+    with ignore_sigint():
         started = Parallel(n_jobs=2, return_as="generator")(
             delayed(signal.getsignal)(signal.SIGINT) for _ in range(4)
         )
@@ -27,7 +27,7 @@ def test_workers_of_joblib_do_not_see_it():
 
 def test_the_handler_is_what_it_was():
     before = signal.getsignal(signal.SIGINT)
-    with sheltered():
+    with ignore_sigint():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     assert signal.getsignal(signal.SIGINT) is before
 
@@ -36,7 +36,7 @@ def test_in_another_thread_nothing_is_touched():
     seen = []
 
     def inside() -> None:
-        with sheltered():
+        with ignore_sigint():
             seen.append(signal.getsignal(signal.SIGINT))
 
     thread = threading.Thread(target=inside)
