@@ -105,7 +105,10 @@ def _start(pomdp: Pomdp) -> str:
 def _policy_facts(policy: Path, pomdp: Pomdp, drawn: Policy) -> None:
     used = sorted(set(drawn.actions.tolist()))
     typer.echo(f"{policy}")
-    _say("vectors", f"{len(drawn)}" + ("" if drawn.covers_all_states else f" in {len(drawn.vector_sets)} pieces"))
+    _say(
+        "vectors",
+        f"{len(drawn)}" + ("" if drawn.covers_all_states else f" in {len(drawn.vector_sets)} sets"),
+    )
     names = [pomdp.actions[action] for action in used]
     more = f", ... ({len(names)} in all)" if len(names) > NAMED else ""
     _say("actions", ", ".join(names[:NAMED]) + more)
@@ -153,11 +156,11 @@ def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:
 
     graph = policy_graph(pomdp, policy)
     if out.suffix.lower() == ".dot":
-        write_atomically(out, graph.dot())
+        write_atomically(out, graph.to_dot())
     else:
         from lcorpp.planning.plots import draw_graph
         from lcorpp.plot_style import save_figure
 
         save_figure(draw_graph(graph, title=title), out)
-    more = "" if graph.whole.all() else ", and more beyond them"
+    more = "" if graph.complete.all() else ", and more beyond them"
     typer.echo(f"wrote the policy's graph to {out}: {len(graph)} nodes{more}")

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.belief import check_belief, update
-from lcorpp.planning.evaluation.absorbing import zero_reward_states
+from lcorpp.planning.evaluation.mdp import zero_reward_states
 from lcorpp.planning.evaluation.sampling import InverseCdfSampler
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.pomdp import Pomdp
@@ -92,7 +92,7 @@ class PomdpEnvironment(gymnasium.Env):  # type: ignore[misc]
         return np.int64(len(self.pomdp.observations)), self._info()
 
     def step(self, action: np.int64) -> tuple[np.int64, float, bool, bool, dict[str, Any]]:
-        """Take an action; return observation, reward, whether the episode has terminated, False, and the info.
+        """Take an action; return observation, reward, whether the episode terminated, False, and the info.
 
         Raises:
             ModelError: the action is unknown, or `reset` was never called.
@@ -103,7 +103,7 @@ class PomdpEnvironment(gymnasium.Env):  # type: ignore[misc]
             raise ModelError("call reset before the first step")
         if not self.action_space.contains(action):
             raise ModelError(
-                f"an action is an integer from 0 to {len(pomdp.actions) - 1}, not {action!r}"
+                f"an action is a whole number from 0 to {len(pomdp.actions) - 1}, not {action!r}"
             )
         a, S = int(action), len(pomdp.states)
         reward = float(pomdp.reward[a, self._state])

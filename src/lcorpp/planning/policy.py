@@ -11,15 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, PolicyError
+from lcorpp.notebook import join_some
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import MAX_BYTES
-from lcorpp.notebook import join_some
 from lcorpp.values import Array, Belief, freeze
 
 Indices = npt.NDArray[np.intp]
 
 
-@dataclass(freeze=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class AlphaVectors:
     """A set of alpha vectors over some of the states, for beliefs with their support among these states.
 
@@ -62,7 +62,7 @@ class UpperBound(Protocol):
         """The bound at a belief (S,)."""
 
 
-@dataclass(freeze=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Policy:
     """Alpha vectors over S states. At a belief, the policy takes the action of the best vector.
 

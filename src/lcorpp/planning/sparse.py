@@ -49,7 +49,9 @@ class SparseTables:
                 array = np.ascontiguousarray(original, dtype=kind)
             if field != "values" and not np.array_equal(array, original):
                 limit = 2**31 - 1 if field == "columns" else 2**63 - 1
-                raise ModelError(f"{field} are integers up to {limit}, not {_changed_number(array, original)}")
+                raise ModelError(
+                    f"{field} are whole numbers up to {limit}, not {_changed_number(array, original)}"
+                )
             if array is getattr(self, field) and array.flags.writeable:
                 array = array.copy()
             array.setflags(write=False)
@@ -119,7 +121,7 @@ class SparseTables:
     def of_entries(
         cls, shape: tuple[int, int, int], row: npt.ArrayLike, column: npt.ArrayLike, value: npt.ArrayLike
     ) -> SparseTables:
-        """Return the table of entries (n,) in any order; `row` is a R + r, and the last of duplicates wins."""
+        """Return the table of entries (n,); `row` is a R + r, and the last of duplicate entries counts."""
         rows = np.asarray(row, dtype=np.int64)
         columns = np.asarray(column, dtype=np.int64)
         values = np.asarray(value, dtype=np.float64)

@@ -216,7 +216,7 @@ def test_a_flat_policy_is_flat_whatever_the_blocks(tmp_path):
         (MOMDP.replace("3 4", "3 4 5"), [[0, 1], [2, 3]], "a vector of 3 numbers"),
         (MOMDP.replace("1 5", "2 5"), [[0, 1], [2, 3]], "state 2 is not among the 2 states"),
         (MOMDP, [[0, 1], [7, 2]], "a state index is outside 0 to 3"),
-        (MOMDP, [[0, 1], [2, 2]], "the states of a piece must rise"),
+        (MOMDP, [[0, 1], [2, 2]], "the states of a vector set must be increasing"),
     ],
 )
 def test_factored_policies_that_do_not_fit(tmp_path, text, blocks, message):

@@ -49,8 +49,8 @@ class SparseBeliefs:
         begins = [part.begins[1:] + end for part, end in zip(blocks, ends[:-1], strict=True)]
         return cls(
             np.concatenate([np.zeros(1, dtype=np.int64), *begins]),
-            np.concatenate([part.states for part in kept]),
-            np.concatenate([part.weights for part in kept]),
+            np.concatenate([part.states for part in blocks]),
+            np.concatenate([part.weights for part in blocks]),
         )
 
     def __len__(self) -> int:
@@ -144,7 +144,7 @@ class SparseBeliefs:
         return words.view("V16")[:, 0].tolist()  # type: ignore[no-any-return]
 
     def chunks(self, factor: int = 1) -> Iterator[slice]:
-        """Yield slices of beliefs with at most `MAX_CHUNK_ENTRIES / factor` entries, but at least one belief."""
+        """Yield slices of at most `MAX_CHUNK_ENTRIES / factor` entries, but at least one belief."""
         begin, limit = 0, max(MAX_CHUNK_ENTRIES // max(factor, 1), 1)
         while begin < len(self):
             end = int(np.searchsorted(self.begins, self.begins[begin] + limit, side="right")) - 1
