@@ -13,8 +13,8 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.learning import cross_validate, leak_check, paper_pipeline
-from lcorpp.simulation.population import Motion, simulated_dataset
-from lcorpp.simulation.recordings import simulated_recording
+from lcorpp.simulation.recordings import simulate_recording
+from lcorpp.simulation.trajectories import SimulatedTrajectories, simulate_dataset
 
 ROOT = Path(__file__).parents[2]
 REAL = ROOT / ".." / "shared" / "data" / "pedestrians"
@@ -34,7 +34,7 @@ def benchmark() -> Iterator[ModuleType]:
 
 
 def test_what_is_not_motion_does_not_tell():
-    recording = simulated_recording(
+    recording = simulate_recording(
         load_domain("intention"), np.random.default_rng(0), tracks=1200, positives=600
     )
     leaks = leak_check(recording, divisions=2)
@@ -66,8 +66,8 @@ def test_quantities_of_a_known_walk(benchmark):
 @pytest.mark.parametrize("seed", range(3))
 def test_rates_of_the_papers_lstm(benchmark, seed):
     domain = load_domain("intention")
-    motion = Motion(domain.simulation.trajectories)
-    balanced = simulated_dataset(domain, motion, domain.tracks, np.random.default_rng([seed, 0]))
+    motion = SimulatedTrajectories(domain.simulation.trajectories)
+    balanced = simulate_dataset(domain, motion, domain.learning.tracks, np.random.default_rng([seed, 0]))
     found = {
         name: benchmark.rates(
             cross_validate(paper_pipeline(random_state=seed), benchmark.part(balanced, points), seed=seed)
@@ -85,7 +85,8 @@ def test_rates_of_the_papers_lstm(benchmark, seed):
 def test_the_papers_63_of_2286_with_class_weights(benchmark):
     domain = load_domain("intention")
     validation = cross_validate(
-        paper_pipeline(epochs=domain.epochs, class_weight="balanced"), benchmark.imbalanced(domain, 0)
+        paper_pipeline(epochs=domain.learning.epochs, class_weight="balanced"),
+        benchmark.imbalanced(domain, 0),
     )
     found = benchmark.rates(validation)
     assert found["least said"] > 0.1  # no fold collapses to one class

@@ -10,11 +10,11 @@ from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
-from lcorpp.experiments.exact_evaluation import exact
+from lcorpp.experiments.exact_evaluation import evaluate_exactly
 from lcorpp.experiments.metrics import Scores
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.reasoning import Enumeration
-from lcorpp.simulation.population import Channel
+from lcorpp.simulation.channel import NoisyChannel
 
 # strategy: F1, accuracy, cost, its standard deviation, return
 TABLE = {
@@ -41,7 +41,7 @@ TABLE = {
 def parts(preset: str):
     domain = load_domain("intention", preset=preset)
     policy = planning.solve(domain.pomdp, domain.start_beliefs()).policy
-    channel = Channel.of(domain)
+    channel = NoisyChannel.of(domain)
     robot = Robot(channel, Enumeration(domain.program), planning.Planner(policy, domain.pomdp), domain)
     return domain, robot, channel
 
@@ -49,19 +49,19 @@ def parts(preset: str):
 @cache
 def exactly(preset: str) -> dict[str, Scores]:
     domain, robot, channel = parts(preset)
-    return {scores.strategy: scores for scores in exact(domain, robot, channel, STRATEGIES)}
+    return {scores.strategy: scores for scores in evaluate_exactly(domain, robot, channel, STRATEGIES)}
 
 
 @pytest.mark.parametrize("preset", TABLE)
 @pytest.mark.parametrize("strategy", TABLE["paper"])
 def test_the_table_to_its_last_digit(preset, strategy):
-    f1, accuracy, cost, cost_sd, earned = TABLE[preset][strategy]
+    f1, accuracy, cost, cost_sd, return_ = TABLE[preset][strategy]
     found = exactly(preset)[strategy]
     assert round(found.f1.estimate, 3) == f1
     assert round(found.accuracy.estimate, 3) == accuracy
     assert round(found.cost.estimate, 2) == cost
     assert round(found.cost_sd, 2) == cost_sd
-    assert round(found.earned.estimate, 2) == earned
+    assert round(found.return_.estimate, 2) == return_
 
 
 @pytest.mark.parametrize("preset", TABLE)
@@ -72,7 +72,7 @@ def test_simulation_agrees_with_enumeration(preset):
     assert done == 3000
     for result in results:
         truth = exactly(preset)[result.strategy]
-        for name in ("f1", "cost", "earned"):
+        for name in ("f1", "cost", "return_"):
             interval, value = getattr(result, name), getattr(truth, name).estimate
             standard_error = (interval.high - interval.low) / 2 / 1.96
             assert abs(interval.estimate - value) <= 4 * standard_error + 1e-12, (result.strategy, name)
@@ -87,11 +87,11 @@ def test_return_is_report_reward_minus_cost():
     """80 for right and -80 for wrong, so that return = 80 (2 accuracy - 1) - cost."""
     for scores in exactly("paper").values():
         expected = 80 * (2 * scores.accuracy.estimate - 1) - scores.cost.estimate
-        assert scores.earned.estimate == pytest.approx(expected, abs=1e-6)
+        assert scores.return_.estimate == pytest.approx(expected, abs=1e-6)
 
 
 def test_reactions_drawn_by_python_cannot_be_enumerated():
     domain, robot, channel = parts("paper")
     drawn = replace(domain.simulation, reaction=lambda person, action, rng: "pos")
     with pytest.raises(DomainError, match=r"people\.py draws its reactions, so only simulation can score it"):
-        exact(replace(domain, simulation=drawn), robot, channel, STRATEGIES)
+        evaluate_exactly(replace(domain, simulation=drawn), robot, channel, STRATEGIES)

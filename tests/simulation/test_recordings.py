@@ -10,7 +10,7 @@ import pytest
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
 from lcorpp.learning import leak_check
-from lcorpp.simulation.recordings import simulated_recording
+from lcorpp.simulation.recordings import simulate_recording
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +19,9 @@ def intention():
 
 
 def test_the_paper_s_shares_and_another(intention):
-    recording = simulated_recording(intention, np.random.default_rng(0), tracks=80)
+    recording = simulate_recording(intention, np.random.default_rng(0), tracks=80)
     assert (len(recording), recording.labels.count("interested")) == (80, 2)
-    recording = simulated_recording(
+    recording = simulate_recording(
         intention, np.random.default_rng(0), tracks=20, positives=20, seconds=(3, 4)
     )
     assert recording.labels.count("interested") == 20
@@ -31,7 +31,7 @@ def test_the_paper_s_shares_and_another(intention):
 
 def test_a_seed_makes_the_same_people(intention):
     one, same, other = (
-        simulated_recording(intention, np.random.default_rng(seed), tracks=6, positives=3)
+        simulate_recording(intention, np.random.default_rng(seed), tracks=6, positives=3)
         for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(one.tracks[2].place, same.tracks[2].place)
@@ -42,12 +42,12 @@ def test_a_seed_makes_the_same_people(intention):
 def test_what_cannot_be_made(intention):
     rng = np.random.default_rng(0)
     with pytest.raises(DomainError, match="7 of 6 tracks cannot be positive"):
-        simulated_recording(intention, rng, tracks=6, positives=7)
+        simulate_recording(intention, rng, tracks=6, positives=7)
     with pytest.raises(DomainError, match="positive is missing"):
-        simulated_recording(replace(intention, positive=None), rng, tracks=6)
+        simulate_recording(replace(intention, positive=None), rng, tracks=6)
     still = replace(intention, simulation=replace(intention.simulation, recordings=None))
     with pytest.raises(DomainError, match=r"no people\.py with recordings"):
-        simulated_recording(still, rng, tracks=6)
+        simulate_recording(still, rng, tracks=6)
 
 
 @pytest.mark.slow
@@ -55,6 +55,6 @@ def test_nothing_but_motion_tells_who_is_interested(intention):
     """End position, duration and sampling alone, mean of 5 seeds; .49 to .51 measured over 10."""
     areas = []
     for seed in range(5):
-        recording = simulated_recording(intention, np.random.default_rng(seed), tracks=800, positives=400)
+        recording = simulate_recording(intention, np.random.default_rng(seed), tracks=800, positives=400)
         areas.append([leak.auc for leak in leak_check(recording, divisions=3, seed=seed)])
     assert np.all(np.mean(areas, axis=0) <= 0.58)
