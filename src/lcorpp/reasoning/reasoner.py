@@ -24,7 +24,7 @@ from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query, Term
 from lcorpp.reasoning.resolve import resolve_evidence, resolve_interventions, resolve_term
-from lcorpp.reasoning.transitions.likelihood_weighting import SAMPLES, SampleEstimates, estimate
+from lcorpp.reasoning.transitions.likelihood_weighting import DEFAULT_SAMPLES, SampleEstimates, estimate
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Reasoner:
         samples: how many worlds are drawn where likelihood weighting must serve.
     """
 
-    def __init__(self, program: Program, *, samples: int = SAMPLES) -> None:
+    def __init__(self, program: Program, *, samples: int = DEFAULT_SAMPLES) -> None:
         self.program, self.samples = program, samples
         self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}
@@ -245,7 +245,7 @@ class Reasoner:
             _keep(
                 self._paths,
                 key,
-                WorldQueries(build_trellis(build_transition_system(self.program, do, wanted=wanted))),
+                WorldQueries(build_trellis(build_transition_system(self.program, do, queried=wanted))),
             )
         return self._paths[key]
 

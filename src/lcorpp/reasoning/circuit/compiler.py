@@ -45,7 +45,7 @@ def compile_program(
     ]  # fmt: skip
     do = resolve_interventions(program, do)
     observed = dict.fromkeys((*names, *((queries,) if isinstance(queries, str) else queries)))
-    built: Trellis = build_trellis(build_transition_system(program, do, wanted=observed))
+    built: Trellis = build_trellis(build_transition_system(program, do, queried=observed))
     layers, ending = labelled_layers(built, list(observed))
     circuit = Circuit(program, names, queries, do, layers, ending, WorldQueries(built))
     circuit.prepare()
@@ -54,12 +54,12 @@ def compile_program(
 
 def labelled_layers(built: Trellis, names: Sequence[str]) -> tuple[list[Layer], Array]:
     """The layers for some terms; a term that no rule speaks of never has a value, which is a layer too."""
-    index = built.plan.index
+    index = built.plan.term_numbers
     labels = {index[name]: i for i, name in enumerate(names) if name in index}
     layers, ending = multiply_out(built, labels)
     missing = [i for i, name in enumerate(names) if name not in index]
     never = [
-        Layer.never(i, len(built.plan.ground.source.attributes[names[i].partition("(")[0]].values))
+        Layer.never(i, len(built.plan.program.source.attributes[names[i].partition("(")[0]].values))
         for i in missing
     ]
     return [*never, *layers], ending
