@@ -176,12 +176,12 @@ class _Evaluation:
                 for start in self.starts
             ]
             self.lower = np.maximum(self.lower, [each.lower for each in evaluations])
-            self.nodes = sum(each.nodes for each in evaluations)
+            self.nodes = sum(each.beliefs for each in evaluations)
             rounds, max_nodes = rounds + 1, NODE_GROWTH * max_nodes
             _, low, high = self._measure()
             if high - low <= self.precision:
                 return "precision reached"
-            if all(each.exact or each.closed for each in evaluations):
+            if all(each.exact or each.complete for each in evaluations):
                 return "policy evaluated"
             # the next evaluation takes about NODE_GROWTH times as long
             if monotonic() + NODE_GROWTH * (monotonic() - began) > self.deadline:
