@@ -68,7 +68,7 @@ def explain(
     from lcorpp.simulation.channel import NoisyChannel
     from lcorpp.simulation.population import Population
     from lcorpp.simulation.world import SimulationModel
-    from lcorpp.worlds.console import ConsoleWorld
+    from lcorpp.worlds import ConsoleWorld
 
     if interactive and sys.stdin is None:
         raise DecisionError("--interactive needs an input to read your answers from; it is closed")
@@ -96,7 +96,7 @@ def explain(
     actual: str | None = None
     if interactive:
         facts, evidence_label = _ask_facts(loaded, facts, evidence_label)
-        world = ConsoleWorld(loaded.pomdp.observations, tell=console.out.print)
+        world = ConsoleWorld(loaded.pomdp.observations, show=console.out.print)
     else:
         rng = np.random.default_rng([seed, 0])
         given = facts if truth is None else {**facts, loaded.target: truth}
@@ -207,17 +207,17 @@ def _parse_likelihood(domain: Domain, pairs: list[str]) -> Likelihood:
 
 def _ask_facts(domain: Domain, facts: Mapping[str, str], label: Label | None) -> tuple[dict[str, str], Label]:
     """Ask the user for the facts and the label that no option gives."""
-    from lcorpp.worlds.console import choose
+    from lcorpp.worlds import choose
 
     complete = dict(facts)
     for name in domain.observed:
         if name not in complete:
             values = domain.program.attributes[name].values
-            complete[name] = choose(values, f"What is the {name}?", tell=console.out.print)
+            complete[name] = choose(values, f"What is the {name}?", show=console.out.print)
     if label is None:
         words = tuple(domain.learning.label_of.values())
         question = f"What is the classifier's label ({domain.learning.attribute})?"
-        label = _class_of_label(domain, choose(words, question, tell=console.out.print))
+        label = _class_of_label(domain, choose(words, question, show=console.out.print))
     return complete, label
 
 

@@ -78,7 +78,7 @@ def _print_model(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
     """Print sizes, sparsity of the tables, observable blocks, rewards, discount and start belief."""
     import numpy as np
 
-    from lcorpp.planning.sarsop.kernels import engine, model_of
+    from lcorpp.planning.sarsop.kernels import build_model, load_kernels
 
     typer.echo(f"{model}")
     if problem is not None:
@@ -90,7 +90,7 @@ def _print_model(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
     for kind, table in (("T(s' | s, a)", pomdp.transition), ("O(o | a, s')", pomdp.observation)):
         full = len(table.values) / float(np.prod(table.shape, dtype=np.float64))
         _print_fact(kind, f"{len(table.values)} entries above zero, {full:.2%} of the table")
-    sizes = np.bincount(model_of(engine(), pomdp).blocks())
+    sizes = np.bincount(build_model(load_kernels(), pomdp).blocks())
     if len(sizes) > 1:
         size = f"of at most {sizes.max()} states" if sizes.max() > 1 else "of one state: fully observable"
         _print_fact("observable", f"after each step the belief lies within one of {len(sizes)} blocks {size}")
@@ -107,21 +107,22 @@ def _describe_start(pomdp: Pomdp) -> str:
         return f"certainly {pomdp.states[support[0]]}"
     if np.ptp(pomdp.start[support]) < 1e-5:  # files round
         return f"uniform over {'all' if len(support) == len(pomdp.states) else len(support)} states"
-    from lcorpp.planning.belief import describe
+    from lcorpp.planning.belief import format_belief
 
-    return describe(pomdp, pomdp.start)
+    return format_belief(pomdp, pomdp.start)
 
 
 def _print_policy(policy: Path, pomdp: Pomdp, loaded: Policy) -> None:
     used = sorted(set(loaded.actions.tolist()))
     typer.echo(f"{policy}")
     _print_fact(
-        "vectors", f"{len(loaded)}" + ("" if loaded.is_flat else f" in {len(loaded.vector_sets)} pieces")
+        "vectors",
+        f"{len(loaded)}" + ("" if loaded.covers_all_states else f" in {len(loaded.vector_sets)} sets"),
     )
     names = [pomdp.actions[action] for action in used]
     more = f", ... ({len(names)} in all)" if len(names) > MAX_NAMES else ""
     _print_fact("actions", ", ".join(names[:MAX_NAMES]) + more)
-    value, action = loaded.best(pomdp.start)
+    value, action = loaded.value_and_action(pomdp.start)
     _print_fact("at the start", f"{pomdp.actions[action]}; lower bound of the value {value:.6g}")
 
 
@@ -165,11 +166,11 @@ def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:
 
     graph = policy_graph(pomdp, policy)
     if out.suffix.lower() == ".dot":
-        write_atomically(out, graph.dot())
+        write_atomically(out, graph.to_dot())
     else:
         from lcorpp.planning.plots import draw_graph
         from lcorpp.plot_style import save_figure
 
         save_figure(draw_graph(graph, title=title), out)
-    more = "" if graph.whole.all() else ", incomplete"
+    more = "" if graph.complete.all() else ", incomplete"
     typer.echo(f"wrote the policy's graph to {out}: {len(graph)} nodes{more}")

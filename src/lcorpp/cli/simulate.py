@@ -49,18 +49,18 @@ def simulate(
     value = evaluate(pomdp, tested, max_nodes=MAX_NODES, trials=0)
     for number, episode in enumerate(result.traces, start=1):
         _print_episode(pomdp, number, episode)
-    low, high = result.interval
+    low, high = result.interval.low, result.interval.high
     typer.echo(f"{model.name}: {trials} episodes of at most {max_steps} steps, seed {seed}")
     interval = f"   95% interval [{low:.6g}, {high:.6g}]" if trials > 1 else "   (one episode: no interval)"
     typer.echo(f"  mean discounted reward   {result.mean:.6g}{interval}")
     typer.echo(f"  policy's lower bound     {tested.value(pomdp.start):.6g}")
     bounds = f"[{value.lower:.6g}, {value.upper:.6g}]"
-    typer.echo(f"  policy's value           {bounds}, evaluated on {value.nodes} beliefs")
+    typer.echo(f"  policy's value           {bounds}, evaluated on {value.beliefs} beliefs")
     comparison = _compare(result, value) if trials > 1 else None
     if comparison is not None:
         typer.echo(f"  {comparison}")
     if result.unfinished:
-        least, most = result.rest
+        least, most = result.truncation
         change = f"truncation changes the mean by {least:.4g} to {most:.4g}"
         typer.echo(f"  {result.unfinished} episodes were cut off; {change}")
     speed = result.steps / max(result.seconds, 1e-9)
@@ -69,10 +69,13 @@ def simulate(
 
 def _compare(result: SimulationResult, value: Evaluation) -> str | None:
     """Explain a mean outside of the bounds on the policy's value; None if it lies between them."""
-    if value.lower <= result.mean + result.rest[1] and result.mean + result.rest[0] <= value.upper:
+    if (
+        value.lower <= result.mean + result.truncation[1]
+        and result.mean + result.truncation[0] <= value.upper
+    ):
         return None
-    low, high = result.interval
-    if value.lower <= high + result.rest[1] and low + result.rest[0] <= value.upper:
+    low, high = result.interval.low, result.interval.high
+    if value.lower <= high + result.truncation[1] and low + result.truncation[0] <= value.upper:
         return "the mean differs from the policy's value by sampling error: the interval contains the value"
     return "the interval misses the policy's value, as one interval in 20 does by chance"
 
