@@ -134,7 +134,7 @@ def test_what_makes_no_sense(lcorpp, tmp_path):
     refused(lcorpp("data", "fetch", "nothing"), "'nothing' is not the address of a file")
     refused(lcorpp("data", "fetch", "authors", "--sha256", "0" * 64), "--sha256 is for a URL")
     (tmp_path / "few.csv").write_text("track,time,x,y\nc,0,1,1\n")
-    refused(lcorpp("data", "describe", tmp_path / "few.csv", "--repair", "all"), "no track is left")
+    refused(lcorpp("data", "describe", tmp_path / "few.csv", "--repair", "all"), "no track remains")
     assert good.read_text() == GOOD
 
 

@@ -136,11 +136,11 @@ def test_show_refuses(lcorpp, solved, tmp_path):
     picture = ("-o", tmp_path / "a.png")
     refused(lcorpp("show", AUTHORS, *picture), "-o draws a policy; give one after")
     refused(lcorpp("show", AUTHORS, "--graph", tmp_path / "a.dot"), "--graph draws a policy")
-    refused(lcorpp("show", AUTHORS, solved, "--states", TURNED), "give a picture with -o")
+    refused(lcorpp("show", AUTHORS, solved, "--states", TURNED), "of a picture; give one with -o")
     refused(lcorpp("show", AUTHORS, solved, *picture), "choose among the 5 with --states A,B")
-    refused(lcorpp("show", AUTHORS, solved, "--states", "term", *picture), "two states or three")
+    refused(lcorpp("show", AUTHORS, solved, "--states", "term", *picture), "two or three different states")
     refused(
-        lcorpp("show", AUTHORS, solved, "--states", "term,term", *picture), "two states or three that differ"
+        lcorpp("show", AUTHORS, solved, "--states", "term,term", *picture), "two or three different states"
     )
     refused(
         lcorpp("show", AUTHORS, solved, "--states", "term,up", *picture),
