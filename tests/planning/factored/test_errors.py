@@ -25,7 +25,7 @@ BAD = [
     ({"states": {"rover": "a a", "rock": "good"}}, "variable 'rover' has the value 'a' twice"),
     ({"states": {"rover": [], "rock": "good"}}, "variable 'rover' has no values"),
     ({"states": {"rover": ["a b"], "rock": "good"}}, "must be one word of printable characters, not 'a b'"),
-    ({"states": {"rover'": "a", "rock": "good"}}, 'ends in "\'", the suffix of the value after the action
+    ({"states": {"rover'": "a", "rock": "good"}}, 'ends in "\'", the suffix of the value after the action'),
     ({"states": {"*": "a"}}, "the name of a variable cannot be '*'"),
     ({"states": {}, "observed": ()}, "a POMDP needs states"),
     ({"actions": ""}, "variable 'action' has no values"),
