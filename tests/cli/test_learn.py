@@ -95,7 +95,7 @@ def test_what_a_store_cannot_be(lcorpp, tmp_path):
 
 @pytest.fixture
 def damaged(tmp_path):
-    from tests.learning.stores import filled
+    from tests.learning.store.stores import filled
 
     path = tmp_path / "s.tracks"
     content = bytearray(filled(path, 8))
@@ -111,7 +111,7 @@ def test_check_tells_what_a_store_holds_and_lacks(lcorpp, damaged, tmp_path):
     assert "bytes are no whole record" in ended.out
     assert "damaged in 1 place; the other records are right" in ended.err
     assert "1 record lost" in ended.err
-    from tests.learning.stores import filled
+    from tests.learning.store.stores import filled
 
     filled(tmp_path / "right", 8)
     ended = lcorpp("check", tmp_path / "right")
