@@ -28,8 +28,8 @@ from scipy.stats import ks_2samp, t
 from lcorpp.domains import Domain, load_domain
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning import Validation, cross_validate, leak_check, paper_pipeline
-from lcorpp.simulation.population import Motion, simulated_dataset
-from lcorpp.simulation.recordings import simulated_recording
+from lcorpp.simulation.recordings import simulate_recording
+from lcorpp.simulation.trajectories import SimulatedTrajectories, simulate_dataset
 from lcorpp.values import Array, Dataset
 
 PAPER_EPOCHS = 300
@@ -98,7 +98,9 @@ def everybody(scenes: dict[str, list[Array]]) -> list[Array]:
 def passers_by(domain: Domain, count: int, seed: int) -> list[Array]:
     """People who are not interested, (samples, 2), sampled as the pedestrians are."""
     people = [{"intention": "not_interested"}] * count
-    tracks = Motion(domain.simulation.trajectories).trajectories(people, np.random.default_rng(seed))
+    tracks = SimulatedTrajectories(domain.simulation.trajectories).trajectories(
+        people, np.random.default_rng(seed)
+    )
     return [track.T for track in tracks[:, :, ::EVERY]]
 
 
@@ -143,7 +145,7 @@ def main(
     """Measure, then write a table and a picture."""
     console = Console(stderr=True)
     domain = load_domain("intention")
-    tracks = tracks or domain.tracks
+    tracks = tracks or domain.learning.tracks
     make_folder(out.parent)
     scenes = pedestrians(pedestrians_folder) if pedestrians_folder else {}
     likeness = _likeness(domain, scenes) if scenes else []
@@ -166,9 +168,9 @@ def _work(
 ) -> list[tuple[str, Callable[[], Any], Callable[[], Dataset]]]:
     """(name, classifier, data set) of one seed."""
     rng = np.random.default_rng([seed, 0])
-    balanced = simulated_dataset(domain, Motion(domain.simulation.trajectories), tracks, rng)
+    balanced = simulate_dataset(domain, SimulatedTrajectories(domain.simulation.trajectories), tracks, rng)
     work = []
-    for epochs in (domain.epochs, PAPER_EPOCHS):
+    for epochs in (domain.learning.epochs, PAPER_EPOCHS):
 
         def lstm(epochs: int = epochs) -> Any:
             return paper_pipeline(epochs=epochs, random_state=seed, class_weight="balanced")
@@ -181,7 +183,7 @@ def _work(
 
 
 def _leaks(domain: Domain) -> list[str]:
-    recording = simulated_recording(domain, np.random.default_rng(0), tracks=2000, positives=1000)
+    recording = simulate_recording(domain, np.random.default_rng(0), tracks=2000, positives=1000)
     return [f"{leak.name} {leak.auc:.3f} [{leak.low:.3f}, {leak.high:.3f}]" for leak in leak_check(recording)]
 
 
@@ -273,7 +275,7 @@ def _plot(domain: Domain, scenes: dict[str, list[Array]], path: Path) -> None:
         axis.set(xlabel=f"{name} ({unit})", ylabel="share below", ylim=(0, 1), xlim=(0, end))
         axis.grid(alpha=0.3)
     axes[0, 0].legend(fontsize=8)
-    tracks_of = Motion(domain.simulation.trajectories).trajectories
+    tracks_of = SimulatedTrajectories(domain.simulation.trajectories).trajectories
     speeds = axes[1, 2]
     for axis, intention, colour in zip(
         axes[1], ("interested", "not_interested"), ("#1b6ca8", "#d68910"), strict=False

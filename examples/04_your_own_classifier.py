@@ -10,7 +10,7 @@ from sklearn.preprocessing import StandardScaler
 
 from lcorpp import Planner, Reasoner, Robot, load_domain, solve
 from lcorpp.decision import strategies
-from lcorpp.experiments.training import simulated_training
+from lcorpp.experiments.training_data import simulate_training_data
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.learning import Motion, Summaries, report_on, train_and_validate
 
@@ -23,7 +23,7 @@ def nearest(interval: float):
 
 def main() -> None:
     domain = load_domain("intention")
-    training = simulated_training(domain, seed=0, tracks=600)
+    training = simulate_training_data(domain, seed=0, tracks=600)
     classifier, validation = train_and_validate(nearest(training.dataset.interval), training.dataset)
 
     found = report_on(validation, positive="interested", prevalence={"interested": 0.4})
@@ -38,7 +38,7 @@ def main() -> None:
     hard = Robot(classifier, Reasoner(domain.program_for(validation.confusion)), planner, domain)
     soft = Robot(classifier.soft(), Reasoner(domain.soft_program), planner, domain)
     for name, robot in (("hard", hard), ("soft", soft)):
-        trials = Experiment(domain, robot, robot.classifier, training.appearance, strategies(["L+R"]), 1)
+        trials = Experiment(domain, robot, robot.classifier, training.trajectories, strategies(["L+R"]), 1)
         scores = run_trials(trials, 1000)[0][0]
         print(f"{name} evidence: accuracy {scores.accuracy.estimate:.3f}, F1 {scores.f1.estimate:.3f}")
 

@@ -5,14 +5,16 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.stats import binomtest
 
-from lcorpp.experiments.metrics import exact_scores, mean, scores, wilson
+from lcorpp.experiments.metrics import mean_interval, score_decisions, score_probabilities, wilson_interval
 
 VALUES = ("yes", "no")
 
 
 def of(counts: list[list[float]], positive: str | None = "yes"):
     n = int(np.sum(counts))
-    return scores("X", np.array(counts, float), np.zeros(n), np.zeros(n), values=VALUES, positive=positive)
+    return score_decisions(
+        "X", np.array(counts, float), np.zeros(n), np.zeros(n), values=VALUES, positive=positive
+    )
 
 
 def test_known_confusion():
@@ -50,10 +52,10 @@ def test_average_over_all_values():
 def test_wilson_is_scipys(hits, misses):
     total = hits + misses
     if total == 0:
-        assert wilson(0, 0).high == 1
+        assert wilson_interval(0, 0).high == 1
         return
     expected = binomtest(hits, total).proportion_ci(method="wilson")
-    found = wilson(hits, total)
+    found = wilson_interval(hits, total)
     assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=1e-12)
 
 
@@ -73,7 +75,7 @@ def test_intervals_hold_the_truth_about_95_times_in_100():
     """1000 experiments of 200 decisions: the number of hits is binomial(1000, .95), so 920 is 4 SD below."""
     rng = np.random.default_rng(7)
     joint = np.array([[0.3, 0.1, 0], [0.15, 0.45, 0]])
-    truth = exact_scores("X", joint, 0, 0, 0, values=VALUES, positive="yes")
+    truth = score_probabilities("X", joint, 0, 0, 0, values=VALUES, positive="yes")
     held = {"f1": 0, "precision": 0, "accuracy": 0}
     for _ in range(1000):
         counts = rng.multinomial(200, joint.ravel()).reshape(2, 3)
@@ -86,15 +88,15 @@ def test_intervals_hold_the_truth_about_95_times_in_100():
 
 def test_mean_has_the_normal_interval():
     figures = np.array([1.0, 2.0, 3.0, 4.0])
-    interval = mean(figures)
+    interval = mean_interval(figures)
     half = 1.959964 * figures.std(ddof=1) / 2
     assert (interval.estimate, interval.low, interval.high) == pytest.approx((2.5, 2.5 - half, 2.5 + half))
-    assert mean(np.array([3.0])).low == 3.0
+    assert mean_interval(np.array([3.0])).low == 3.0
 
 
 def test_exact_scores_have_no_width():
-    result = exact_scores(
+    result = score_probabilities(
         "X", np.array([[0.3, 0.1, 0], [0.2, 0.4, 0]]), 9.0, 50.0, 7.0, values=VALUES, positive="yes"
     )
     assert result.f1.low == result.f1.estimate == result.f1.high == pytest.approx(0.6 / 0.9)
-    assert (result.cost.estimate, result.earned.estimate, result.cost_sd) == (9.0, 50.0, 7.0)
+    assert (result.cost.estimate, result.return_.estimate, result.cost_sd) == (9.0, 50.0, 7.0)

@@ -27,7 +27,7 @@ def check(
     ] = None,
 ) -> None:
     """Check a file or a folder and say what it holds; the first thing that is wrong ends in exit code 2."""
-    from lcorpp.domains.loading import SHIPPED, shipped_domains
+    from lcorpp.domains.loading import SHIPPED_FOLDER, shipped_domains
     from lcorpp.learning.store import is_store
 
     suffix = path.suffix.lower()
@@ -36,7 +36,7 @@ def check(
     elif path.is_dir() or path.name == "domain.toml":
         _domain(path if path.is_dir() else path.parent)
     elif not path.exists() and str(path) in shipped_domains():
-        _domain(SHIPPED / path)
+        _domain(SHIPPED_FOLDER / path)
     elif is_store(path):
         _store(path)
     elif suffix == ".plog":

@@ -86,10 +86,10 @@ def make(
 
     from lcorpp.domains import load_domain
     from lcorpp.learning import save_dataset, to_dataset, write_recording
-    from lcorpp.simulation.recordings import simulated_recording
+    from lcorpp.simulation.recordings import simulate_recording
 
     rng = np.random.default_rng(seed)
-    recording = simulated_recording(
+    recording = simulate_recording(
         load_domain(domain), rng, tracks=tracks, positives=positives, seconds=seconds
     )
     if out.suffix.lower() == ".npz":

@@ -13,7 +13,8 @@ from lcorpp.cli import console as show, report_table
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
 from lcorpp.reasoning import Program, Reasoner
-from lcorpp.simulation.population import Appearance, Channel, Reader
+from lcorpp.simulation.channel import BatchClassifier, NoisyChannel
+from lcorpp.simulation.trajectories import SimulatedTrajectories, TrajectorySource
 from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset
 
 if TYPE_CHECKING:
@@ -33,8 +34,8 @@ class Eyes:
     notes: what the user has to know about the data.
     """
 
-    reader: Reader
-    appearance: Appearance
+    reader: BatchClassifier
+    appearance: TrajectorySource
     program: Program
     rates: dict[str, dict[str, float]]
     tracks: int | None
@@ -75,7 +76,7 @@ class Trust:
 
 def channel_eyes(domain: Domain) -> Eyes:
     """The classifier as the domain's channel; the rules stay as they are written."""
-    channel = Channel.of(domain)
+    channel = NoisyChannel.of(domain)
     rates = _table(domain.values, channel.rates)
     show.console.print("the classifier is a channel")
     for actual, row in rates.items():
@@ -100,29 +101,34 @@ def trained_eyes(
         data: recorded tracks for training and trials, in place of simulated ones.
         tracks: simulated tracks to train on; None takes the domain's number.
     """
-    from lcorpp.experiments.training import estimator_for, learn, recorded_training, simulated_training
-    from lcorpp.learning import learner, report_on
+    from lcorpp.experiments.training_data import (
+        FOLDS,
+        make_estimator,
+        read_training_data,
+        simulate_training_data,
+    )
+    from lcorpp.learning import learner, report_on, train_and_validate
     from lcorpp.learning.evaluation.thresholds import called
 
-    positive = domain.positive or max(domain.values)
+    positive = domain.learning.positive or max(domain.values)
     goal = None if wanted.threshold is None else _goal(domain, positive, wanted.threshold)
     learner(wanted.learner, epochs=wanted.epochs, device=wanted.device)  # mistakes are told before the work
     training = (
-        recorded_training(domain, data, seed, channels=wanted.channels)
+        read_training_data(domain, data, seed, features=wanted.channels)
         if data
-        else simulated_training(domain, seed, tracks=tracks)
+        else simulate_training_data(domain, seed, tracks=tracks)
     )
-    estimator = estimator_for(
+    estimator = make_estimator(
         training,
         wanted.learner,
         epochs=wanted.epochs,
         seed=seed,
         device=wanted.device,
-        channels=wanted.channels,
+        features=wanted.channels,
     )
     with show.progress(f"cross-validating and training: {wanted.learner}") as advance:
-        trained, validation = learn(
-            training.dataset, estimator=estimator, seed=seed, jobs=jobs, progress=advance
+        trained, validation = train_and_validate(
+            estimator, training.dataset, folds=FOLDS, seed=seed, jobs=jobs, progress=advance
         )
     common = _prevalence(domain, positive, wanted.prevalence)
     if goal is not None:
@@ -147,7 +153,7 @@ def trained_eyes(
     show.console.print(report_table.table(report))
     if trained.cut is not None:
         show.console.print(f"{positive} people are called so from {trained.cut.probability:.3f} on")
-    appearance, notes = training.appearance, training.dataset.notes
+    appearance, notes = training.trajectories, training.dataset.notes
     reader, program = _evidence(domain, trained, validation.confusion, trust)
     return Eyes(reader, appearance, program, rates, len(training.dataset), report, notes)
 
@@ -158,22 +164,22 @@ def stored_eyes(domain: Domain, file: Path, trust: Trust, *, data: Path | None, 
     Args:
         data: recorded tracks for the trials, in place of simulated ones.
     """
-    from lcorpp.experiments.training import motion_of, recorded_training
+    from lcorpp.experiments.training_data import read_training_data
 
     trained, confusion = _loaded(domain, file)
     inputs = getattr(trained.estimator.steps[0][1], "inputs", ("x", "y"))
-    recorded = recorded_training(domain, data, seed, channels=inputs) if data else None
+    recorded = read_training_data(domain, data, seed, features=inputs) if data else None
     if recorded is not None:
         _check_motion(file, trained, recorded.dataset)
     rates = _told(confusion, trust)
     reader, program = _evidence(domain, trained, confusion, trust)
-    appearance = recorded.appearance if recorded else motion_of(domain)
+    appearance = recorded.trajectories if recorded else SimulatedTrajectories.of(domain)
     return Eyes(reader, appearance, program, rates, None, None, recorded.dataset.notes if recorded else ())
 
 
 def _evidence(
     domain: Domain, trained: TrainedClassifier, confusion: ConfusionMatrix, trust: Trust
-) -> tuple[Reader, Program]:
+) -> tuple[BatchClassifier, Program]:
     """Who reads the tracks, and the rules that say how far to trust that."""
     if trust.soft:
         show.console.print("the reasoner is told likelihoods in place of labels")

@@ -57,13 +57,14 @@ def learn(
     from lcorpp.domains import load_domain
     from lcorpp.experiments import active_learning as augmentation
     from lcorpp.experiments.run_store import RunStore
-    from lcorpp.experiments.training import (
-        estimator_for,
-        learn as train,
-        recorded_training,
-        simulated_training,
+    from lcorpp.experiments.training_data import (
+        FOLDS,
+        make_estimator,
+        read_training_data,
+        simulate_training_data,
     )
     from lcorpp.files import make_folder
+    from lcorpp.learning import train_and_validate
     from lcorpp.reasoning import Reasoner
 
     loaded = load_domain(domain, preset=preset)
@@ -71,18 +72,20 @@ def learn(
     if out is not None:
         make_folder(out)
     training = (
-        recorded_training(loaded, data, seed) if data else simulated_training(loaded, seed, tracks=tracks)
+        read_training_data(loaded, data, seed)
+        if data
+        else simulate_training_data(loaded, seed, tracks=tracks)
     )
     for note in training.dataset.notes:
         show.console.print(f"note: {note}", style="yellow", markup=False)
-    name = learner or (loaded.classifier if loaded.classifier != "channel" else "lstm")
-    estimator = estimator_for(training, name, epochs=epochs, seed=seed, device=device)
+    name = learner or (loaded.learning.classifier if loaded.learning.classifier != "channel" else "lstm")
+    estimator = make_estimator(training, name, epochs=epochs, seed=seed, device=device)
     soft = evidence is show.Evidence.soft
 
     def learned(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
         with show.progress(f"training on {len(dataset)} tracks") as advance:
-            trained, validation = train(
-                dataset, estimator=estimator, seed=seed, jobs=show.cores(jobs), progress=advance
+            trained, validation = train_and_validate(
+                estimator, dataset, folds=FOLDS, seed=seed, jobs=show.cores(jobs), progress=advance
             )
         return (trained.soft() if soft else trained), validation.confusion
 
@@ -103,10 +106,14 @@ def learn(
             run_store = opened.enter_context(RunStore(store, training.dataset, loaded.values, settings))
             resumed = run_store.resume(learned)
             _introduce(run_store)
-        crowd = augmentation.Crowd(
-            loaded, training.appearance, seed, met=run_store.n_people if run_store else 0
+        crowd = augmentation.PeopleStream(
+            loaded, training.trajectories, seed, met=run_store.n_people if run_store else 0
         )
-        before = [augmentation.Outcome.of(decision) for decision in run_store.pending] if run_store else []
+        before = (
+            [augmentation.DecisionResult.from_stored(decision) for decision in run_store.pending]
+            if run_store
+            else []
+        )
         log = augmentation.Log(loaded, out, run_store.rows if run_store else [], [o for o in before if o])
 
         def decided(instance: Instance, episode: Episode) -> None:
@@ -114,7 +121,7 @@ def learn(
             log.decided(outcome)
             if run_store is not None:
                 belief = loaded.marginal(episode.steps[-1].belief if episode.steps else episode.prior)
-                run_store.append_decision(instance, episode, belief, outcome.as_extra())
+                run_store.append_decision(instance, episode, belief, outcome.to_extra())
 
         batches = lcorpp(
             run_store.dataset() if run_store else training.dataset,

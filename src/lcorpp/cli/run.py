@@ -75,9 +75,9 @@ def run(
     from lcorpp.cli import eyes as looking, preparation
     from lcorpp.decision import strategies
     from lcorpp.domains import load_domain
-    from lcorpp.experiments.exact_evaluation import exact as exact_scores
+    from lcorpp.experiments.exact_evaluation import evaluate_exactly
     from lcorpp.experiments.trials import Experiment, run_trials
-    from lcorpp.simulation.population import Channel
+    from lcorpp.simulation.channel import NoisyChannel
     from lcorpp.values import JEFFREYS, LAPLACE
 
     rows = strategies(strategy or [])
@@ -143,15 +143,15 @@ def run(
         "seed": seed,
     }
     if exact:
-        assert isinstance(eyes.reader, Channel)
-        results = exact_scores(loaded, robot, eyes.reader, rows)
+        assert isinstance(eyes.reader, NoisyChannel)
+        results = evaluate_exactly(loaded, robot, eyes.reader, rows)
     else:
         experiment = Experiment(loaded, robot, eyes.reader, eyes.appearance, rows, seed)
         with show.progress("deciding", trials) as advance:
             results, done = run_trials(experiment, trials, jobs=show.cores(jobs), progress=advance)
         if done < trials:
             configuration["trials"] = done
-    show.console.print(_table(results, loaded.positive, configuration["trials"]))
+    show.console.print(_table(results, loaded.learning.positive, configuration["trials"]))
     for note in eyes.notes:
         show.console.print(f"note: {note}", style="yellow", markup=False)
     if out is not None:
@@ -162,7 +162,7 @@ def run(
 
 def _chosen(domain: Domain, classifier: str | None, learner: str | None, data: Path | None) -> str:
     """Who classifies: "channel", "file", or the name of a learner."""
-    from lcorpp.domains.sections.reasoning import CLASSIFIERS
+    from lcorpp.domains.sections.learning import CLASSIFIERS
 
     if classifier is not None:
         if learner is not None:
@@ -172,7 +172,9 @@ def _chosen(domain: Domain, classifier: str | None, learner: str | None, data: P
         return classifier if classifier in CLASSIFIERS else "file"
     if learner is not None:
         return learner
-    return "lstm" if data is not None and domain.classifier == "channel" else domain.classifier
+    return (
+        "lstm" if data is not None and domain.learning.classifier == "channel" else domain.learning.classifier
+    )
 
 
 def _refuse(why: str, **options: object) -> None:
@@ -196,7 +198,7 @@ def _table(results: list[Scores], positive: str | None, trials: int | str) -> Ta
         table.add_row(
             result.strategy,
             *(_cell(e, 3) for e in (result.f1, result.precision, result.recall, result.accuracy)),
-            *(_cell(e, 2) for e in (result.cost, result.earned)),
+            *(_cell(e, 2) for e in (result.cost, result.return_)),
         )
     return table
 
@@ -207,14 +209,14 @@ def _cell(interval: Interval, digits: int) -> str:
 
 
 def _write(out: Path, results: list[Scores], configuration: dict[str, Any], eyes: Any) -> None:
-    from lcorpp.experiments.plotting import plot_comparison
+    from lcorpp.experiments.figures.files import write_figure
+    from lcorpp.experiments.figures.strategies import plot_strategies
     from lcorpp.experiments.results import write_comparison
     from lcorpp.learning import SoftClassifier, TrainedClassifier, plot_report, save_classifier, write_report
 
     written = list(write_comparison(out, results, configuration))
     title = f"{configuration['domain']}, {configuration['classifier']}, {configuration['trials']} decisions"
-    plot_comparison(results, title, out / "results.png")
-    written.append(out / "results.png")
+    written += write_figure(plot_strategies(results, title), out, "results", ("png",))
     if eyes.report is not None:
         written += write_report(eyes.report, out)
         plot_report(eyes.report, out / "report.png")

@@ -29,7 +29,7 @@ def resolve_term(program: Program, name: str) -> Term:
         term = parse_term(name, "<term>")
         if not isinstance(term, Term):
             raise ProgramError(f"{name!r} is not an attribute; {expected_one_of(list(program.attributes))}")
-        term = program.signature.named(term)
+        term = program.signature.resolve_overload(term)
         program.check_query(Query(subject=term))
     except (ParseError, SourceIssue) as error:
         raise ProgramError(f"{name!r}: {error.message}") from None

@@ -28,13 +28,7 @@ from lcorpp.reasoning.enumeration.answer_set import AnswerSet
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.safety import variable_sorts
-from lcorpp.reasoning.language.signature import (
-    Signature,
-    Slot,
-    iter_expressions,
-    list_expressions,
-    list_pr_variables,
-)
+from lcorpp.reasoning.language.signature import Signature, Slot
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Comparison,
@@ -51,6 +45,7 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     Variable,
 )
+from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions, list_pr_variables
 
 
 def answer_sets(

@@ -16,8 +16,8 @@ from lcorpp.reasoning.enumeration.answer_set import AnswerSet, Assigned, Selecte
 from lcorpp.reasoning.language.arithmetic import canonical_text, compare, evaluate_number
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.signature import as_selection, list_pr_variables
 from lcorpp.reasoning.language.syntax import Literal, Probability, Selection
+from lcorpp.reasoning.language.traversal import as_selection, list_pr_variables
 
 
 def measure_worlds(

@@ -27,7 +27,6 @@ from lcorpp.reasoning.grounding.values import Value, parse_value, split_record
 from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.signature import iter_expressions, list_expressions
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
@@ -39,6 +38,7 @@ from lcorpp.reasoning.language.syntax import (
     Rule,
     Selection,
 )
+from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions
 
 Body = Sequence[Literal | Comparison]
 

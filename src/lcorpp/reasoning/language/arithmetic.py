@@ -1,4 +1,4 @@
-"""Values of expressions: exact for probabilities, as ASP computes for everything else."""
+"""Evaluation of expressions: exact fractions for probabilities, 32-bit integers as in ASP elsewhere."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Number, Term, Variable
 
 MAX_INTEGER = 2**31 - 1
-"""ASP computes with 32 bits; nothing here may leave them, so that nothing wraps around."""
+"""The largest integer of ASP systems, which compute with 32 bits."""
 
 
 def iter_variables(expression: Expression) -> Iterator[Variable]:
-    """The variables of an expression from left to right, each as often as it occurs."""
+    """Iterate over the variables of an expression from left to right, with repetitions."""
     if isinstance(expression, Variable):
         yield expression
     elif isinstance(expression, Arithmetic):
@@ -25,13 +25,13 @@ def iter_variables(expression: Expression) -> Iterator[Variable]:
 
 
 def evaluate_number(expression: Expression, bindings: Mapping[str, str]) -> Fraction:
-    """The value of the number of a pr-atom; division is exact.
+    """Evaluate the number of a pr-atom with exact division.
 
     Args:
-        bindings: the value of each variable in it, as text.
+        bindings: variable -> value, as text.
 
     Raises:
-        SourceIssue: a division by zero, or something that is not a number.
+        SourceIssue: a division by zero, or an operand that is not a number.
     """
     if isinstance(expression, Number):
         return expression.value
@@ -56,7 +56,7 @@ def evaluate_number(expression: Expression, bindings: Mapping[str, str]) -> Frac
 
 
 def canonical_text(expression: Expression) -> str:
-    """The value of an expression in an atom, as canonical text: ``3``, ``a`` or ``cell(1,2)``.
+    """Evaluate an expression without variables; return its canonical text: ``3``, ``a`` or ``cell(1,2)``.
 
     Raises:
         SourceIssue: a variable, a fraction, a division by zero or a number beyond 32 bits.
@@ -94,12 +94,12 @@ def _integer(expression: Expression) -> int:
 
 
 def is_integer(text: str) -> bool:
-    """Whether the text of a value is that of an integer."""
+    """Whether a value, as text, is an integer."""
     return text.removeprefix("-").isdigit()
 
 
 def compare(left: str, relation: str, right: str) -> bool:
-    """Whether the relation holds between two values; order is that of integers, false elsewhere."""
+    """Whether the relation holds between two values. Order relations are false unless both are integers."""
     if relation == "=":
         return left == right
     if relation == "!=":

@@ -1,6 +1,6 @@
-"""What can be known to be wrong with a program before a world is made: names, arities, sorts, safety, sizes.
+"""Static checks of a program: names, arities, sorts, labels, safety and sizes.
 
-Variables and arithmetic are left to `safety`.
+`safety` checks variables and arithmetic.
 """
 
 from __future__ import annotations
@@ -9,10 +9,9 @@ from collections.abc import Iterable, Sequence
 
 from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
-from lcorpp.reasoning.language.declared import build_signature
 from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
 from lcorpp.reasoning.language.safety import check_order, check_slots, check_variables
-from lcorpp.reasoning.language.signature import Signature, as_selection, iter_expressions, list_expressions
+from lcorpp.reasoning.language.signature import Signature, build_signature
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     CrRule,
@@ -28,16 +27,14 @@ from lcorpp.reasoning.language.syntax import (
     Statement,
     Term,
 )
+from lcorpp.reasoning.language.traversal import as_selection, iter_expressions, list_expressions
 
 
 def check(statements: Sequence[Statement]) -> Signature:
-    """Check a whole program.
-
-    Returns:
-        What it declares.
+    """Check a program and return its signature.
 
     Raises:
-        SourceIssue: the first thing that is wrong.
+        SourceIssue: the first error.
     """
     signature = build_signature(statements)
     labels: dict[str, Selection] = {}
@@ -46,7 +43,7 @@ def check(statements: Sequence[Statement]) -> Signature:
         if selection is not None:
             label = str(selection.label)
             if selection.label and label in labels:
-                raise SourceIssue(selection.at, f"label [{label}] is taken at {labels[label].at}")
+                raise SourceIssue(selection.at, f"label [{label}] is already used at {labels[label].at}")
             labels[label] = selection
             _check_selection(selection, signature)
     for statement in statements:
@@ -56,11 +53,11 @@ def check(statements: Sequence[Statement]) -> Signature:
 
 
 def check_statement(statement: Statement, signature: Signature) -> None:
-    """Check one statement against what the program declares.
+    """Check one statement against the declarations.
 
     Raises:
-        SortMismatch: something in it does not fit its declaration.
-        SourceIssue: something else is wrong.
+        SortMismatch: a term contradicts its declaration.
+        SourceIssue: another error.
     """
     selection = as_selection(statement)
     if selection is not None:
@@ -95,10 +92,10 @@ def _check_statement(statement: Statement, signature: Signature) -> None:
 
 
 def check_query(query: Query, signature: Signature) -> None:
-    """Check a query against a program.
+    """Check a query against the declarations of a program.
 
     Raises:
-        SourceIssue: the first thing that is wrong with it.
+        SourceIssue: the first error.
     """
     if query.subject:
         _check_term(query.subject, signature)
@@ -112,11 +109,11 @@ def check_query(query: Query, signature: Signature) -> None:
 
 
 def check_attribute(term: Term, signature: Signature) -> None:
-    """Check name and number of arguments of an attribute.
+    """Check the name and the number of arguments of an attribute term.
 
     Raises:
         SortMismatch: the number is wrong.
-        SourceIssue: there is no such attribute.
+        SourceIssue: the attribute is not declared.
     """
     attribute = signature.attributes.get(term.name)
     if attribute is None:

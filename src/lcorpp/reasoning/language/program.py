@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.language.checker import check, check_query
 from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.rewriting import rename_query_terms
 from lcorpp.reasoning.language.signature import Attribute, Signature
 from lcorpp.reasoning.language.syntax import CrRule, Query, Semantics, SortDefinition, Statement, Term
+from lcorpp.reasoning.language.traversal import rename_query_terms
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Program:
 
     def named(self, query: Query) -> Query:
         """The query with each attribute under the name it has in the program; see `Signature.named`."""
-        return rename_query_terms(query, self.signature.named)
+        return rename_query_terms(query, self.signature.resolve_overload)
 
     def check_query(self, query: Query) -> None:
         """Check a query as those in the program are.
@@ -69,7 +69,7 @@ class Program:
         check_query(query, self.signature)
 
     def __str__(self) -> str:
-        marked = any(isinstance(s, SortDefinition) and s.is_algebra for s in self.statements)
+        marked = any(isinstance(s, SortDefinition) and s.has_sort_expression for s in self.statements)
         chosen = f"#semantics {self.semantics}.\n" if marked or self.semantics == "2018" else ""
         return chosen + "".join(f"{statement}\n" for statement in self.statements)
 
