@@ -133,7 +133,7 @@ class _DiagramReader:
         if place[parent_axis] == ALL:
             diagonal = np.arange(self.builder.sizes[axis])
             equal[parent_axis] = equal[axis] = EACH
-            self.builder.put_some(equal, (diagonal, diagonal), np.ones(len(diagonal)))
+            self.builder.put_entries(equal, (diagonal, diagonal), np.ones(len(diagonal)))
         else:
             equal[axis] = place[parent_axis]
             self.builder.put(equal, 1.0)

@@ -11,12 +11,12 @@ from pathlib import Path
 
 from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.files import read_bytes
-from lcorpp.planning.factored.cpt import distribution
+from lcorpp.planning.factored.cpt import build_table
 from lcorpp.planning.factored.flatten import flatten
 from lcorpp.planning.factored.model import Factored
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.table_builder import TableBuilder
-from lcorpp.planning.factored.variables import AFTER, scope_of
+from lcorpp.planning.factored.variables import AFTER, build_scope
 from lcorpp.planning.formats.pomdpx.decision_diagrams import read_diagram
 from lcorpp.planning.formats.pomdpx.document import Document, Element
 from lcorpp.planning.formats.pomdpx.tables import Context, Function, normalize_rows, read_entries
@@ -91,7 +91,7 @@ class _Reader:
         before, after = [v.name for v in states], [v.name + AFTER for v in states]
         action_names, observation_names = [v.name for v in actions], [v.name for v in observations]
         try:
-            self.context = Context(document, scope_of(states, actions, observations), declarations.names)
+            self.context = Context(document, build_scope(states, actions, observations), declarations.names)
             return Factored(
                 states,
                 actions,
@@ -123,7 +123,7 @@ class _Reader:
             return self._tables("InitialStateBelief", names, names)
         if not all(variable.observed for variable in self.declarations.states):
             raise self.document.error(self.document.root, "<pomdpx> needs <InitialStateBelief>")
-        return tuple(distribution(self.context.scope, "uniform", (name,), "start") for name in names)
+        return tuple(build_table(self.context.scope, "uniform", (name,), "start") for name in names)
 
     def _tables(self, section: str, children: Sequence[str], parents: Sequence[str]) -> tuple[Table, ...]:
         """The tables of a section, one for each child variable."""
@@ -141,11 +141,8 @@ class _Reader:
             if not names:
                 raise document.error(variable, "<Var> names no variable")
             parent_names = self._names(document.only_child(element, "Parent"), parents, names)
-            tables.append(
-                self._table(
-                    Function(self.context, document.only_child(element, "Parameter"), parent_names, names)
-                )
-            )
+            parameter = document.only_child(element, "Parameter")
+            tables.append(self._table(Function(self.context, parameter, parent_names, names)))
         for file_name, name in self.declarations.names.items():
             if name in children and name not in done:
                 place = next((part for part in self.parts if part.name == section), document.root)
@@ -184,7 +181,7 @@ class _Reader:
         try:
             builder = TableBuilder(function.context.scope, function.parents, function.children)
             read_entries(function, builder) if kind == "TBL" else read_diagram(function, builder)
-            table = builder.table()
+            table = builder.build()
         except ModelError as error:
             raise document.error(parameter, str(error)) from None
         return normalize_rows(function, table) if function.children else table

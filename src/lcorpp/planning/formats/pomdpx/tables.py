@@ -10,7 +10,7 @@ from math import prod
 import numpy as np
 
 from lcorpp.errors import ParseError, expected_one_of
-from lcorpp.planning.factored.table import Table, row_name
+from lcorpp.planning.factored.table import Table, format_row
 from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import ALL, EACH, Scope
 from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE
@@ -106,7 +106,7 @@ def _put_identity(
             0,
         )
     diagonal = np.arange(each[0])
-    builder.put_some(place, (diagonal, diagonal), np.ones(each[0]))
+    builder.put_entries(place, (diagonal, diagonal), np.ones(each[0]))
 
 
 def _read_place(function: Function, instance: Element) -> list[Selector]:
@@ -153,7 +153,7 @@ def normalize_rows(function: Function, table: Table) -> Table:
 def _row_error(function: Function, table: Table, row: int, total: float) -> ParseError:
     """The error for a row with a wrong sum, at the last entry that sets it."""
     document = function.context.document
-    what = f"the row of {' '.join(function.children)}{row_name(table, function.context.scope, row)}"
+    what = f"the row of {' '.join(function.children)}{format_row(table, function.context.scope, row)}"
     heights = table.shape[: len(table.parents)]
     indices = np.unravel_index(row, heights) if heights else ()
     for entry in reversed(function.parameter.children):
