@@ -10,12 +10,13 @@ from operator import itemgetter
 import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.reasoning.answers import format_conditions, no_value_error, no_world_error
 from lcorpp.reasoning.circuit.answer_table import AnswerTable, Codes, normalised
 from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
 from lcorpp.reasoning.circuit.matrices import Layer, forward_backward
-from lcorpp.reasoning.circuit.refusals import impossible, no_value, shown
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.reasoning.world import World
@@ -164,7 +165,7 @@ class Circuit:
         if np.isnan(row[-1]):  # impossible, or too improbable for floating point
             return self._exactly(query, evidence)
         if row[-1]:
-            raise no_value(self.program, query, row[-1])
+            raise no_value_error(self.program, query, row[-1])
         return Distribution(self.values[query], row[:-1])
 
     def _exactly(self, query: str, evidence: Mapping[str, str]) -> Distribution:
@@ -227,7 +228,7 @@ class Circuit:
         if lost.any() or np.isnan(lost).any():
             bad = np.flatnonzero(lost > 0)
             if len(bad):
-                raise no_value(self.program, query, lost[bad[0]], f"row {bad[0]}: ")
+                raise no_value_error(self.program, query, lost[bad[0]], f"row {bad[0]}: ")
             if undefined == "raise":
                 row = int(np.flatnonzero(np.isnan(lost))[0])
                 raise UndefinedError(f"{self.program.file}: row {row}: no possible world has this evidence")
@@ -239,7 +240,9 @@ class Circuit:
     def paths(self) -> WorldQueries:
         """The worlds behind the numbers; after loading they are compiled when first needed."""
         if self._paths is None:
-            self._paths = WorldQueries(build_trellis(build_transition_system(self.program, self.do)))
+            self._paths = WorldQueries(
+                build_trellis(build_transition_system(ground_program(self.program, self.do)))
+            )
         return self._paths
 
     def exact(self, evidence: Mapping[str, str]) -> dict[str, Fraction] | dict[str, dict[str, Fraction]]:
@@ -256,10 +259,10 @@ class Circuit:
         weights = self.paths.exact(query, evidence)
         total = sum(weights.values(), Fraction(0))
         if total == 0:
-            raise impossible(self.program, shown(evidence, self.do))
+            raise no_world_error(self.program, format_conditions(evidence, self.do))
         lost = weights.get("", Fraction(0))
         if lost:
-            raise no_value(self.program, query, lost / total)
+            raise no_value_error(self.program, query, lost / total)
         return {v: weights.get(v, Fraction(0)) / total for v in self.values[query]}
 
     def most_probable(self, evidence: Mapping[str, str], count: int = 1) -> tuple[World, ...]:
@@ -273,7 +276,7 @@ class Circuit:
             raise ProgramError(f"expected 1 to {MAX_WORLDS} worlds, not {count}")
         found = self.paths.most_probable(evidence, count)
         if not found:
-            raise impossible(self.program, shown(evidence, self.do))
+            raise no_world_error(self.program, format_conditions(evidence, self.do))
         return found
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str]:
@@ -285,5 +288,5 @@ class Circuit:
         self._given.check(given)
         found = self.paths.sample(rng, given)
         if found is None:
-            raise impossible(self.program, shown(given, self.do))
+            raise no_world_error(self.program, format_conditions(given, self.do))
         return found

@@ -12,6 +12,7 @@ from lcorpp.reasoning.circuit.matrices import Layer, Matrix
 from lcorpp.reasoning.circuit.trellis import Trellis, build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import gc_paused
+from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_interventions, resolve_term, resolve_terms
@@ -45,7 +46,7 @@ def compile_program(
     ]  # fmt: skip
     do = resolve_interventions(program, do)
     observed = dict.fromkeys((*names, *((queries,) if isinstance(queries, str) else queries)))
-    built: Trellis = build_trellis(build_transition_system(program, do, wanted=observed))
+    built: Trellis = build_trellis(build_transition_system(ground_program(program, do), observed))
     layers, ending = labelled_layers(built, list(observed))
     circuit = Circuit(program, names, queries, do, layers, ending, WorldQueries(built))
     circuit.prepare()

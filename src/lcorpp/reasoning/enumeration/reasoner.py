@@ -16,11 +16,16 @@ import numpy as np
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning.enumeration.measures import holds, measure_worlds
 from lcorpp.reasoning.language.arithmetic import canonical_text
-from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Query, Term
-from lcorpp.reasoning.resolve import resolve_evidence, resolve_interventions, resolve_term
+from lcorpp.reasoning.resolve import (
+    collect_interventions,
+    resolve_evidence,
+    resolve_interventions,
+    resolve_query,
+    resolve_term,
+)
 from lcorpp.reasoning.world import World
 from lcorpp.values import Distribution
 
@@ -112,10 +117,14 @@ class Enumeration:
             ProgramError: the query is not about this program, or asks for a distribution.
             UndefinedError: no possible world satisfies its observations.
         """
+        query = resolve_query(self.program, query)
         if query.subject:
             raise ProgramError(
                 f"{query.at}: the query asks for a distribution; expected {query.subject}=value"
             )
+        return self._probability(query)
+
+    def _probability(self, query: Query) -> Fraction:
         table = self._conditioned(query)
         asked = table.where(lambda values: all(holds(literal, values) for literal in query.literals))
         return Fraction(asked.total, table.total)
@@ -126,8 +135,9 @@ class Enumeration:
         Raises:
             ProgramError, UndefinedError: as `exact` and `probability`.
         """
+        query = resolve_query(self.program, query)
         if query.subject is None:
-            return self.probability(query)
+            return self._probability(query)
         return self._marginal(query.subject, self._conditioned(query))
 
     @property
@@ -181,17 +191,7 @@ class Enumeration:
         return {value: Fraction(weight, table.total) for value, weight in sums.items()}
 
     def _conditioned(self, query: Query) -> _Table:
-        try:
-            self.program.check_query(query)
-        except SourceIssue as issue:
-            raise ProgramError(str(issue)) from None
-        interventions: dict[str, str] = {}
-        for item in query.interventions:
-            term, value = canonical_text(item.term), canonical_text(item.value)
-            if interventions.setdefault(term, value) != value:
-                raise ProgramError(
-                    f"{item.at}: do({term}) sets two values, {interventions[term]} and {value}"
-                )
+        interventions = collect_interventions(query)
         literals = [observation.literal for observation in query.observations]
         table = self._all(interventions, literals)
         return self._possible(

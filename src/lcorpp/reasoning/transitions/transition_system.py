@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
-from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.simplification import simplify
-from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Literal as SyntaxLiteral
 from lcorpp.reasoning.transitions.elimination_order import order_components
 from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent
 from lcorpp.reasoning.transitions.transition import Transition
@@ -34,48 +31,25 @@ class TransitionSystem:
     index: dict[str, int]
 
 
-def build_transition_system(
-    program: Program,
-    do: Mapping[str, str],
-    observed: Iterable[SyntaxLiteral] = (),
-    wanted: Iterable[str] = (),
-    asked: Sequence[SyntaxLiteral] = (),
-) -> TransitionSystem:
-    """Ground a program and order its terms.
+def build_transition_system(ground: GroundProgram, wanted: Iterable[str] = ()) -> TransitionSystem:
+    """Order the terms of a ground program and build the transition of each; drops the ground clauses.
 
     Args:
-        do: interventions beside those in the program, term -> value.
-        observed: literals without which there is no world, beside the observations in the program.
-        wanted: the terms whose outcomes will be asked for.
-        asked: literals for which the term `ASKED` stands.
-
-    Raises:
-        ProgramError: arithmetic is undefined.
+        wanted: the terms whose outcomes are queried.
     """
     with gc_paused():
-        return _plan(program, do, observed, wanted, asked)
-
-
-def _plan(
-    program: Program,
-    do: Mapping[str, str],
-    observed: Iterable[SyntaxLiteral],
-    wanted: Iterable[str],
-    asked: Sequence[SyntaxLiteral],
-) -> TransitionSystem:
-    ground = ground_program(program, do, observed, asked)
-    clauses, outcomes = simplify(ground)
-    order = order_components(clauses, outcomes)
-    joined = _joined(ground, clauses, order)
-    index = {name: term for term, name in enumerate(ground.names)}
-    consistent = not any(c.term < 0 and not c.body for c in clauses)
-    needed = {index[name] for name in wanted if name in index}
-    steps = build_transitions(ground, clauses, outcomes, joined, needed)
-    if len(joined) < len(order) and any(isinstance(step.decision, RecursiveComponent) for step in steps):
-        joined = order  # what was joined could not be stratified
+        clauses, outcomes = simplify(ground)
+        order = order_components(clauses, outcomes)
+        joined = _joined(ground, clauses, order)
+        index = {name: term for term, name in enumerate(ground.names)}
+        consistent = not any(c.term < 0 and not c.body for c in clauses)
+        needed = {index[name] for name in wanted if name in index}
         steps = build_transitions(ground, clauses, outcomes, joined, needed)
-    ground.clauses = []  # the steps have what they need of them
-    return TransitionSystem(ground, joined, steps, consistent, index)
+        if len(joined) < len(order) and any(isinstance(step.decision, RecursiveComponent) for step in steps):
+            joined = order  # the joined component cannot be stratified
+            steps = build_transitions(ground, clauses, outcomes, joined, needed)
+        ground.clauses = []  # the transitions contain what they need of the clauses
+        return TransitionSystem(ground, joined, steps, consistent, index)
 
 
 def _joined(
