@@ -60,7 +60,7 @@ def test_solve_says_when_a_claim_is_refuted(lcorpp, tiger, tmp_path, monkeypatch
     monkeypatch.setattr("lcorpp.planning.solvers.solver", lambda name: boastful)
     ended = lcorpp("solve", tiger, "-o", tmp_path / "a.policy", "--check")
     assert (ended.code, ended.err) == (1, "")
-    assert "verdict: refuted: the policy earns less than is claimed" in ended.out
+    assert "verdict: refuted: the policy's value is below the claimed lower bound" in ended.out
     assert (tmp_path / "a.policy").exists()
 
 

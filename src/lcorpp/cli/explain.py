@@ -57,7 +57,7 @@ def explain(
     from lcorpp.simulation.channel import NoisyChannel
     from lcorpp.simulation.population import Population
     from lcorpp.simulation.world import SimulationModel
-    from lcorpp.worlds.console import ConsoleWorld
+    from lcorpp.worlds import ConsoleWorld
 
     if interactive and sys.stdin is None:
         raise DecisionError("--interactive needs an input to read your answers from; it is closed")
@@ -75,7 +75,7 @@ def explain(
     truth: str | None = None
     if interactive:
         facts, given = _asked(loaded, facts, given)
-        world = ConsoleWorld(loaded.pomdp.observations, tell=show.console.print)
+        world = ConsoleWorld(loaded.pomdp.observations, show=show.console.print)
     else:
         person = Population(loaded).sample(1, rng, facts)[0]
         facts = {name: person[name] for name in loaded.observed}
@@ -168,20 +168,20 @@ def _likelihood(domain: Domain, pairs: list[str]) -> Likelihood:
 
 def _asked(domain: Domain, facts: Mapping[str, str], label: Label | None) -> tuple[dict[str, str], Label]:
     """The facts and the label, asked of the user where they are not given."""
-    from lcorpp.worlds.console import choose
+    from lcorpp.worlds import choose
 
     asked = dict(facts)
     for name in domain.observed:
         if name not in asked:
             asked[name] = choose(
-                domain.program.attributes[name].values, f"What is the {name}?", tell=show.console.print
+                domain.program.attributes[name].values, f"What is the {name}?", show=show.console.print
             )
     if label is None:
         words = tuple(domain.learning.label_of.values())
         label = _claimed(
             domain,
             choose(
-                words, f"What does the classifier say ({domain.learning.attribute})?", tell=show.console.print
+                words, f"What does the classifier say ({domain.learning.attribute})?", show=show.console.print
             ),
         )
     return asked, label

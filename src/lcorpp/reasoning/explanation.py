@@ -96,7 +96,7 @@ def _explain_worlds(model: QueryModel, count: int) -> tuple[tuple[World, tuple[F
     explained = []
     for world in model.worlds.most_probable({}, count):
         values = {term: value for term, value in world.values.items() if term != QUERY_TERM}
-        fired = _find_fired(model.system.ground, model.clauses, values)
+        fired = _find_fired(model.system.program, model.clauses, values)
         explained.append((World(values, world.measure), fired))
     return tuple(explained)
 

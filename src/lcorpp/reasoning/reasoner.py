@@ -37,7 +37,7 @@ from lcorpp.reasoning.resolve import (
     resolve_query,
     resolve_term,
 )
-from lcorpp.reasoning.transitions.likelihood_weighting import SAMPLES, estimate
+from lcorpp.reasoning.transitions.likelihood_weighting import DEFAULT_SAMPLES, estimate
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Reasoner:
         samples: the number of worlds sampled if the program has too many states.
     """
 
-    def __init__(self, program: Program, *, samples: int = SAMPLES) -> None:
+    def __init__(self, program: Program, *, samples: int = DEFAULT_SAMPLES) -> None:
         self.program, self.samples = program, samples
         self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}

@@ -5,7 +5,7 @@ import pytest
 
 from lcorpp.errors import FileError, ParseError
 from lcorpp.planning import flatten, read_pomdp, read_pomdpx
-from tests.planning.factored_models import rover
+from tests.planning.factored.models import rover
 from tests.planning.formats.pomdpx_texts import DIAGRAMS, HEAD, TEXT, parsed
 
 

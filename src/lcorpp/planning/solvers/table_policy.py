@@ -87,11 +87,11 @@ class Search:
                 for start in self.starts
             ]
             self.lower = np.maximum(self.lower, [each.lower for each in found])
-            self.nodes, rounds, most = sum(each.nodes for each in found), rounds + 1, MORE * most
+            self.nodes, rounds, most = sum(each.beliefs for each in found), rounds + 1, MORE * most
             _, low, high = self._note()
             if high - low <= self.precision:
                 return "precision reached"
-            if all(each.exact or each.closed for each in found):
+            if all(each.exact or each.complete for each in found):
                 return "policy evaluated"
             # the next evaluation takes longer by as much as it works out more
             if monotonic() + MORE * (monotonic() - began) > self.deadline:

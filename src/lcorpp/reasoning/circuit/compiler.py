@@ -55,12 +55,12 @@ def compile_program(
 
 def labelled_layers(built: Trellis, names: Sequence[str]) -> tuple[list[Layer], Array]:
     """The layers for some terms; a term that no rule speaks of never has a value, which is a layer too."""
-    index = built.plan.index
+    index = built.plan.term_numbers
     labels = {index[name]: i for i, name in enumerate(names) if name in index}
     layers, ending = multiply_out(built, labels)
     missing = [i for i, name in enumerate(names) if name not in index]
     never = [
-        Layer.never(i, len(built.plan.ground.source.attributes[names[i].partition("(")[0]].values))
+        Layer.never(i, len(built.plan.program.source.attributes[names[i].partition("(")[0]].values))
         for i in missing
     ]
     return [*never, *layers], ending

@@ -81,16 +81,16 @@ def _forward(prepared: TransitionSystem, limit: int) -> tuple[Trellis, dict[int,
     walk = _Walk()
     known: dict[tuple[Transition, tuple[int, ...]], tuple[Edges, tuple[int, ...]]] = {}
     total = 0
-    for step in prepared.steps:
-        most = min(limit - total, MOST_BITS // max(step.keep.bit_length(), 1))
-        found = known.get((step, states)) if step.again else None
+    for step in prepared.transitions:
+        most = min(limit - total, MOST_BITS // max(step.live_mask.bit_length(), 1))
+        found = known.get((step, states)) if step.is_shared else None
         if found is None:
             found = walk.on(step, states, most)
-            if step.again:
+            if step.is_shared:
                 known[step, states] = found
         if len(found[0][0]) > most:
             raise TooLargeError(
-                f"{prepared.ground.source.file}: more than {total + most} edges in the circuit"
+                f"{prepared.program.source.file}: more than {total + most} edges in the circuit"
             )
         edges.append(found[0])
         states = found[1]
@@ -109,7 +109,7 @@ class _Walk:
 
     def on(self, step: Transition, states: Sequence[int], most: int) -> tuple[Edges, tuple[int, ...]]:
         """The edges of a step and the states that they lead to; it stops soon after the limit on edges."""
-        mask, keep, absorb = step.mask, step.keep, step.absorb
+        mask, keep, absorb = step.input_mask, step.live_mask, step.absorptions
         ways = self._ways(step, {state & mask for state in states})
         following: dict[int, int] = {}
         sources: list[int] = []
@@ -144,17 +144,17 @@ class _Walk:
         """What a step may do under some bits: its `Effect` on a state and the number of the move."""
         ways = self._known.get(step, {})
         if not ways.keys() >= bits:
-            for own, outcomes in step.decision.outcomes(bits.difference(ways)).items():
+            for own, outcomes in step.distribution.list_outcomes(bits.difference(ways)).items():
                 found: list[_Way] = []
                 for outcome in outcomes:
-                    effect = step.effect(outcome.values)
+                    effect = step.find_effect(outcome.values)
                     if effect is not None:
                         if outcome.violation:
                             self.violations[len(self.moves)] = outcome.violation
                         found.append((*effect, len(self.moves)))
                         self.moves.append((outcome.values, outcome.weight))
                 ways[own] = found
-            if step.again:
+            if step.is_shared:
                 self._known[step] = ways
         return ways
 
@@ -196,14 +196,14 @@ def _broken(built: Trellis, step: int, edge: int, violation: ConditionViolation)
         chosen[position], state = moves_[found], targets_[found]
     world = decode_world(built.plan, [built.moves[chosen[i]][0] for i in range(len(built.edges))])
     shown = ", ".join(f"{term}={value}" for term, value in world.items())
-    names = [built.plan.ground.names[term] for term in built.plan.order[step]]
-    told = violation.told(built.plan.ground.source.statements, names)
+    names = [built.plan.program.names[term] for term in built.plan.order[step]]
+    told = violation.format(built.plan.program.source.statements, names)
     return ProgramError(f"{told}, in the world {{{shown}}}")
 
 
 def decode_world(prepared: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
     """The terms and values of a world, given the outcomes of all steps, sorted by term."""
-    ground = prepared.ground
+    ground = prepared.program
     found = {}
     for terms, values in zip(prepared.order, outcomes, strict=True):
         for term, value in zip(terms, values, strict=True):

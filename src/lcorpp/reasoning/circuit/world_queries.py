@@ -51,11 +51,11 @@ class WorldQueries:
         """Step -> (which of its terms, outcome); None where a term never has a value."""
         allowed: dict[int, list[tuple[int, int]]] = {}
         for name, value in evidence.items():
-            term = self.trellis.plan.index.get(name)
+            term = self.trellis.plan.term_numbers.get(name)
             if term is None:
                 return None
             position, i = self._place[term]
-            allowed.setdefault(position, []).append((i, self.trellis.plan.ground.values[term].index(value)))
+            allowed.setdefault(position, []).append((i, self.trellis.plan.program.values[term].index(value)))
         return allowed
 
     def _edges(
@@ -83,7 +83,7 @@ class WorldQueries:
         allowed = self._allowed(evidence)
         if allowed is None or not self.trellis.layers[0]:
             return {}
-        asked = self.trellis.plan.index.get(query)
+        asked = self.trellis.plan.term_numbers.get(query)
         at, which = self._place[asked] if asked is not None else (-1, 0)
         moves = self.trellis.moves
         by_outcome: dict[int, dict[int, _Number]] = {-1: {0: one}}  # outcome of the query -> state -> weight
@@ -100,7 +100,7 @@ class WorldQueries:
             if isinstance(one, float):
                 _scale(following.values())
             by_outcome = following
-        names = self.trellis.plan.ground.values[asked] if asked is not None else ()
+        names = self.trellis.plan.program.values[asked] if asked is not None else ()
         found: dict[str, _Number] = {}
         for value, current in by_outcome.items():
             for weight in current.values():

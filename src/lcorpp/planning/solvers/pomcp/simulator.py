@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from lcorpp.errors import ModelError, expected_one_of
-from lcorpp.planning.evaluation.absorbing import zero_reward_states
+from lcorpp.planning.evaluation.mdp import zero_reward_states
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import engine, model_of
 from lcorpp.planning.sparse import SparseTables

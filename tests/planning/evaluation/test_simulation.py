@@ -6,9 +6,9 @@ from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Policy, parse_pomdp, update
-from lcorpp.planning.evaluation import rollout as walk
+from lcorpp.planning.evaluation import rollout
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
-from lcorpp.planning.evaluation.simulation import interval, simulate
+from lcorpp.planning.evaluation.simulation import mean_interval, simulate
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
 from tests.planning.policies import backed_up, earned, policies
 
@@ -17,7 +17,7 @@ tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
 def agrees(found, exact):
     """Whether a mean is within five standard errors of the truth: once in two million it would not be."""
-    return abs(found.mean - exact) <= 5 * found.deviation / len(found.returns) ** 0.5 + 1e-9
+    return abs(found.mean - exact) <= 5 * found.standard_deviation / len(found.returns) ** 0.5 + 1e-9
 
 
 @pytest.mark.parametrize(("pomdp", "rounds"), [(tiger, 6), (lcorpp, 8)], ids=["tiger", "the authors' model"])
@@ -26,10 +26,10 @@ def test_the_mean_is_the_exact_value(pomdp, rounds):
     exact = evaluate(pomdp, policy, precision=1e-6)
     assert exact.exact
     found = simulate(pomdp, policy, trials=20_000, steps=300, seed=1)
-    assert agrees(found, exact.estimate)
-    low, high = found.interval
+    assert agrees(found, exact.interval.estimate)
+    low, high = found.interval.low, found.interval.high
     assert low < found.mean < high
-    assert high - low == pytest.approx(2 * 1.96 * found.deviation / 20_000**0.5, rel=1e-3)
+    assert high - low == pytest.approx(2 * 1.96 * found.standard_deviation / 20_000**0.5, rel=1e-3)
 
 
 def test_the_mean_is_the_exact_value_of_a_published_model():
@@ -40,7 +40,7 @@ def test_the_mean_is_the_exact_value_of_a_published_model():
     exact = evaluate(pomdp, policy, precision=1e-3)
     assert exact.exact
     found = simulate(pomdp, policy, trials=20_000, steps=200, seed=2)
-    assert agrees(found, exact.estimate)
+    assert agrees(found, exact.interval.estimate)
 
 
 @given(pomdps(discounts=(0.5, 0.95)), st.data())
@@ -82,8 +82,8 @@ def test_a_trace_follows_model_and_policy(pomdp, data):
 def test_the_result_does_not_depend_on_how_trials_are_run(monkeypatch):
     policy = Policy.of(tiger, [[0.0, 0.0], [-9999.0, 10.0], [10.0, -9999.0]], [0, 1, 2])  # listens long
     whole = simulate(tiger, policy, trials=300, steps=20, seed=5, traces=3)
-    monkeypatch.setattr(walk, "MOST_TRIALS", 64)
-    monkeypatch.setattr(walk, "MOST_NUMBERS", 10)  # the graph forgets all the time
+    monkeypatch.setattr(rollout, "MAX_BLOCK_TRIALS", 64)
+    monkeypatch.setattr(rollout, "MAX_GRAPH_SIZE", 10)  # the graph forgets all the time
     parts = simulate(tiger, policy, trials=300, steps=20, seed=5, traces=3)
     assert parts.beliefs > whole.beliefs
     assert np.array_equal(whole.returns, parts.returns)
@@ -103,7 +103,7 @@ def test_a_trial_stops_where_nothing_more_is_paid():
     found = simulate(lcorpp, report, trials=2_000, steps=50, seed=0)
     assert set(found.lengths.tolist()) == {1}
     assert set(found.returns.tolist()) <= {-80.0, 0.0, 80.0}
-    assert (found.unfinished, found.rest) == (0, (0.0, 0.0))
+    assert (found.unfinished, found.truncation) == (0, (0.0, 0.0))
     assert found.rewards[0] == pytest.approx(found.mean)
     assert not found.rewards[1:].any()
 
@@ -113,10 +113,10 @@ def test_what_is_cut_off_is_told():
     found = simulate(tiger, listen, trials=10, steps=3, seed=0)
     assert found.returns == pytest.approx(-(1 + 0.95 + 0.95**2))
     assert (found.unfinished, found.steps) == (10, 30)
-    assert found.running.tolist() == [1, 1, 1]
+    assert found.active_share.tolist() == [1, 1, 1]
     assert found.rewards.tolist() == [-1, -1, -1]
     # the truth, -20, lies within what is left open
-    assert found.mean + found.rest[0] <= -20 <= found.mean + found.rest[1]
+    assert found.mean + found.truncation[0] <= -20 <= found.mean + found.truncation[1]
     assert "10 trials, 30 steps" in found.summary()
     assert "discounted reward -2.8525 (95% confidence: -2.8525 to -2.8525)" in found.summary()
 
@@ -130,10 +130,10 @@ def test_another_start():
 def test_a_single_trial_has_no_interval():
     listen = Policy.of(tiger, [[0.0, 0.0]], [0])
     found = simulate(tiger, listen, trials=1, steps=1, seed=0)
-    assert found.interval == (-np.inf, np.inf)
-    assert np.isnan(found.deviation)
-    low, high = interval(np.array([1.0, 2.0, 3.0]))  # Student's t of two degrees: 4.303
-    assert (low, high) == pytest.approx((2 - 4.3027 / 3**0.5, 2 + 4.3027 / 3**0.5), rel=1e-4)
+    assert (found.interval.low, found.interval.high) == (-np.inf, np.inf)
+    assert np.isnan(found.standard_deviation)
+    three = mean_interval(np.array([1.0, 2.0, 3.0]))  # Student's t of two degrees: 4.303
+    assert (three.low, three.high) == pytest.approx((2 - 4.3027 / 3**0.5, 2 + 4.3027 / 3**0.5), rel=1e-4)
 
 
 @pytest.mark.parametrize(

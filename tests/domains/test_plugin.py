@@ -1,4 +1,4 @@
-"""What a domain's own people.py may say of recordings, and what is said when it does so wrongly."""
+"""The plug-in of a domain folder: recordings, and errors of the user's code."""
 
 from __future__ import annotations
 

@@ -27,8 +27,8 @@ def test_vectors_that_back_each_other_are_confirmed(pomdp):
     found = certificate(claimed(pomdp, policy, policy.value(pomdp.start), 1000.0))
     assert (found.verdict, found.certain) == ("confirmed", True)
     assert found.evaluation.lower >= policy.value(pomdp.start) - found.tolerance
-    assert "verdict: confirmed: the policy earns what is claimed (tolerance" in found.text
-    assert "checked exactly on" in found.text
+    assert "verdict: confirmed: the policy's value reaches the claimed lower bound (tolerance" in found.text
+    assert "exact evaluation on all reachable beliefs" in found.text
 
 
 @pytest.mark.parametrize("pomdp", [tiger, lcorpp], ids=["tiger", "the authors' model"])
@@ -44,20 +44,22 @@ def test_a_vector_that_others_needed_is_missed():
     torn = Policy.of(tiger, policy.vectors[[best]], policy.actions[[best]])
     found = certificate(claimed(tiger, torn, policy.value(tiger.start), 1000.0))
     assert (found.verdict, found.certain) == ("refuted", True)
-    assert "the policy earns less than is claimed; most is lost in belief {" in found.reason
-    assert "where 'listen' promises" in found.reason
+    assert (
+        "the policy's value is below the claimed lower bound; the largest loss is in belief {" in found.reason
+    )
+    assert "where the vector of 'listen' has value" in found.reason
 
 
 def test_crossed_bounds_and_a_low_upper_bound():
     policy = backed_up(tiger, 8)
     value = policy.value(tiger.start)
     crossed = certificate(claimed(tiger, policy, value, value - 1))
-    assert (crossed.verdict, crossed.reason) == ("refuted", "the upper bound is below the lower one")
+    assert (crossed.verdict, crossed.reason) == ("refuted", "the upper bound is below the lower bound")
     low = certificate(claimed(tiger, policy, -200.0, -100.0))
-    assert (low.verdict, low.reason) == ("refuted", "the policy earns more than any is said to")
+    assert (low.verdict, low.reason) == ("refuted", "the policy's value is above the claimed upper bound")
     above = certificate(claimed(tiger, policy, value + 1, value + 2))
     assert above.verdict == "refuted"
-    assert "most is lost" not in above.reason  # the vectors never promised it
+    assert "largest loss" not in above.reason  # the vectors never promised it
 
 
 def test_trials_decide_where_there_are_too_many_beliefs():
@@ -67,12 +69,12 @@ def test_trials_decide_where_there_are_too_many_beliefs():
     fine = certificate(claimed(lcorpp, policy, value - 5, 1000.0), **few)
     assert (fine.verdict, fine.certain) == ("confirmed", False)
     assert "with confidence 99%" in fine.reason
-    assert "checked by 300 trials beyond 1 beliefs" in fine.text
+    assert "300 trials beyond 1 computed beliefs" in fine.text
     wrong = certificate(claimed(lcorpp, policy, value + 5, 1000.0), **few)
     assert (wrong.verdict, wrong.certain) == ("refuted", False)
     unsure = certificate(claimed(lcorpp, policy, value - 5, 1000.0), max_nodes=2, trials=0)
     assert unsure.verdict == "open"
-    assert "more trials or beliefs would tell" in unsure.text
+    assert "more trials or beliefs could decide" in unsure.text
 
 
 def test_another_start_has_its_own_claims():

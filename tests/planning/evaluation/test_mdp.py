@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 
 from lcorpp.planning import parse_pomdp
-from lcorpp.planning.evaluation.absorbing import self_loop_observation_class, zero_reward_states
+from lcorpp.planning.evaluation.mdp import self_loop_observation_class, zero_reward_states
 from tests.planning.models import LCORPP, TIGER, pomdps
 
 

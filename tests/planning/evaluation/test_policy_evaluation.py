@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Policy, Pomdp, parse_pomdp
-from lcorpp.planning.evaluation.mdp_bounds import mdp_value_bounds
+from lcorpp.planning.evaluation.mdp import mdp_value_bounds
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from tests.planning.models import LCORPP, TIGER, pomdps
 from tests.planning.policies import backed_up, blind, earned, policies
@@ -25,20 +25,22 @@ def test_listening_for_ever():
 def test_opening_at_once():
     # the door pays -45 on average, and puts everything back
     found = evaluate(tiger, Policy.of(tiger, [[0.0, 0.0]], [1]), precision=1e-9)
-    assert found.closed
+    assert found.complete
     assert found.exact
-    assert found.estimate == pytest.approx(-45 / 0.05)
-    assert (found.nodes, found.trials, found.confidence) == (1, 0, 1.0)
-    assert "earns -900 to -900 (1 beliefs)" in found.summary()
+    assert found.interval.estimate == pytest.approx(-45 / 0.05)
+    assert (found.beliefs, found.trials, found.interval.confidence) == (1, 0, 1.0)
+    assert "value -900 to -900 (1 beliefs)" in found.summary()
 
 
 def test_reporting_at_once():
     # of the five states two pay 80 and two -80; then nothing more is paid
     found = evaluate(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [3]), precision=1e-9)
-    assert (found.closed, found.exact) == (True, True)
-    assert found.estimate == pytest.approx(0)
+    assert (found.complete, found.exact) == (True, True)
+    assert found.interval.estimate == pytest.approx(0)
     start = [0, 1, 0, 0, 0]
-    assert evaluate(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [3]), start).estimate == pytest.approx(-80)
+    assert evaluate(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [3]), start).interval.estimate == pytest.approx(
+        -80
+    )
 
 
 @given(pomdps(discounts=(0.5,)), st.data())
@@ -84,11 +86,11 @@ def test_few_beliefs_leave_bounds_and_an_estimate():
     for seed in range(3):
         found = evaluate(lcorpp, policy, precision=1e-7, max_nodes=2, trials=400, confidence=0.999, seed=seed)
         assert not found.exact
-        assert (found.trials, found.confidence) == (400, 0.999)
-        assert found.lower < exact.estimate < found.upper
-        assert found.interval[0] <= exact.estimate <= found.interval[1]
-        assert found.interval[1] - found.interval[0] < 0.2 * (found.upper - found.lower)
-    assert "with confidence 99.9%" in found.summary()
+        assert (found.trials, found.interval.confidence) == (400, 0.999)
+        assert found.lower < exact.interval.estimate < found.upper
+        assert found.interval.low <= exact.interval.estimate <= found.interval.high
+        assert found.interval.high - found.interval.low < 0.2 * (found.upper - found.lower)
+    assert "99.9% interval" in found.summary()
     assert "not all" in found.summary()
 
 
@@ -98,7 +100,7 @@ def test_the_estimate_is_right_whatever_the_vectors_promise():
     assert exact.exact
     found = evaluate(tiger, doors, precision=1e-7, max_nodes=1, trials=1_500, confidence=0.9999)
     assert found.trials == 1_500
-    assert found.interval[0] <= exact.estimate <= found.interval[1]
+    assert found.interval.low <= exact.interval.estimate <= found.interval.high
     again = evaluate(tiger, doors, precision=1e-7, max_nodes=1, trials=1_500, confidence=0.9999)
     assert again.interval == found.interval
 
@@ -107,15 +109,15 @@ def test_vectors_that_back_each_other_leave_the_estimate_no_noise():
     # listening for ever earns -20 everywhere: a promise that is the truth explains all there is
     listen = Policy.of(tiger, [[-20.0, -20.0]], [0])
     found = evaluate(tiger, listen, precision=1e-9, max_nodes=2, trials=10)
-    assert found.interval == pytest.approx((-20, -20), abs=1e-7)
+    assert (found.interval.low, found.interval.high) == pytest.approx((-20, -20), abs=1e-7)
 
 
 def test_where_a_promise_is_broken():
     boast = Policy.of(tiger, [[50.0, 50.0], [-100.0, 10.0]], [0, 1])
     loss = evaluate(tiger, boast, precision=1e-3).shortfall
     assert loss.belief == pytest.approx([0.5, 0.5])
-    assert (loss.action, loss.promise) == (0, pytest.approx(50))
-    assert loss.given == pytest.approx(-1 + 0.95 * 50)
+    assert (loss.action, loss.vector_value) == (0, pytest.approx(50))
+    assert loss.backup_value == pytest.approx(-1 + 0.95 * 50)
 
 
 def test_a_long_way_is_walked_to_its_end():
@@ -128,8 +130,8 @@ def test_a_long_way_is_walked_to_its_end():
     )  # fmt: skip
     found = evaluate(walk, Policy.of(walk, np.zeros((1, S)), [0]), precision=1e-4)
     exact = (np.arange(S) % 7) @ 0.999 ** np.arange(S) + 0.999**S * ((S - 1) % 7) / 0.001
-    assert (found.exact, found.closed, found.nodes) == (True, True, S)
-    assert found.estimate == pytest.approx(exact)
+    assert (found.exact, found.complete, found.beliefs) == (True, True, S)
+    assert found.interval.estimate == pytest.approx(exact)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import Factored, Pomdp, cpt as table, flatten, parse_pomdp, solve, start_beliefs
-from tests.planning.factored_models import factored_models, rover
+from tests.planning.factored.models import factored_models, rover
 from tests.planning.models import LCORPP
 
 

@@ -64,12 +64,12 @@ def test_rows_cannot_be_written_to():
     [([0, 1], [0]), ([0, 2, 1], [0]), ([1, 1, 1], [0]), ([0, 1, 2], [0, 2]), ([0, 1, 2], [0, -1])],
 )
 def test_arrays_that_do_not_fit(begins, columns):
-    with pytest.raises(ModelError, match="are no table"):
+    with pytest.raises(ModelError, match="are not a table"):
         SparseTables((1, 2, 2), np.array(begins), np.array(columns), np.ones(len(columns)))
 
 
 def test_columns_rise():
-    with pytest.raises(ModelError, match="the columns of a row must rise"):
+    with pytest.raises(ModelError, match="the columns of a row must increase"):
         SparseTables((1, 1, 3), np.array([0, 2]), np.array([2, 1]), np.ones(2))
 
 

@@ -13,7 +13,7 @@ from lcorpp.planning.evaluation.policy_graph import policy_graph
 from lcorpp.planning.plots import draw_graph
 from lcorpp.planning.plots.graph_layout import LANE, layout
 from tests.planning.models import LCORPP, TIGER, shared_model
-from tests.planning.test_plotting import shown
+from tests.planning.plots.test_belief_plots import shown
 
 
 @st.composite
@@ -107,7 +107,7 @@ def test_large_graphs_show_what_is_met_most():
     assert len(boxes) == 12
     assert sum(isinstance(patch, FancyArrowPatch) for patch in patches) == 20
     words = " ".join(shown(figure)).replace("\n", " ")
-    assert f"12 of {len(graph)} nodes and 20 of {len(graph.arrows())} arrows, those met most" in words
+    assert f"12 of {len(graph)} nodes and 20 of {len(graph.edges_by_nodes())} arrows, those met most" in words
     assert "a dashed frame has more arrows than are shown" in words
     assert "--" in {box.get_linestyle() for box in boxes}
     with pytest.raises(ModelError, match="at least one node"):

@@ -50,19 +50,19 @@ def test_splitmix64_gives_its_published_numbers():
 
 
 def test_a_number_depends_on_seed_trial_and_place_alone():
-    lottery = CounterRng(7)
-    lots = lottery.trial_keys(0, 1000)
-    assert np.array_equal(lottery.trial_keys(300, 5), lots[300:305])
-    numbers = lottery.numbers(lots, 4)
-    assert np.array_equal(CounterRng(7).numbers(lots[300:305], 4), numbers[300:305])
-    assert not np.intersect1d(numbers, lottery.numbers(lots, 5)).size
-    assert not np.intersect1d(numbers, CounterRng(8).numbers(CounterRng(8).trial_keys(0, 1000), 4)).size
+    rng = CounterRng(7)
+    keys = rng.trial_keys(0, 1000)
+    assert np.array_equal(rng.trial_keys(300, 5), keys[300:305])
+    numbers = rng.uniforms(keys, 4)
+    assert np.array_equal(CounterRng(7).uniforms(keys[300:305], 4), numbers[300:305])
+    assert not np.intersect1d(numbers, rng.uniforms(keys, 5)).size
+    assert not np.intersect1d(numbers, CounterRng(8).uniforms(CounterRng(8).trial_keys(0, 1000), 4)).size
 
 
 def test_the_numbers_are_even_and_independent():
-    lottery, n, cells = CounterRng(0), 100_000, 32
-    lots = lottery.trial_keys(0, n)
-    columns = [lottery.numbers(lots, place) for place in range(4)]
+    rng, n, cells = CounterRng(0), 100_000, 32
+    keys = rng.trial_keys(0, n)
+    columns = [rng.uniforms(keys, place) for place in range(4)]
     columns.append(np.roll(columns[0], 1))  # the trial before
     assert min(c.min() for c in columns) >= 0
     assert max(c.max() for c in columns) < 1

@@ -1,4 +1,4 @@
-"""What the embedded generator promises to a learner, measured as benchmarks/generator.py measures it."""
+"""Properties of the simulated people for a learner, measured as benchmarks/generator.py measures them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lcorpp.learning import cross_validate, leak_check, paper_pipeline
 from lcorpp.simulation.recordings import simulate_recording
 from lcorpp.simulation.trajectories import SimulatedTrajectories, simulate_dataset
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 REAL = ROOT / ".." / "shared" / "data" / "pedestrians"
 real = pytest.mark.skipif(not REAL.is_dir(), reason="no pedestrians here (shared/data/pedestrians)")
 
@@ -33,7 +33,7 @@ def benchmark() -> Iterator[ModuleType]:
     del sys.modules[spec.name]
 
 
-def test_what_is_not_motion_does_not_tell():
+def test_no_shortcut_feature_reveals_the_class():
     recording = simulate_recording(
         load_domain("intention"), np.random.default_rng(0), tracks=1200, positives=600
     )

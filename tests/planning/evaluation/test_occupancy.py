@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy.sparse import csr_array
 
-from lcorpp.planning.evaluation.linear_solvers import solve_gmres, solve_lu
+from lcorpp.planning.evaluation.occupancy import solve_gmres, solve_lu
 
 
 @given(st.integers(1, 40), st.sampled_from([0.5, 0.95, 0.9999]), st.integers(0, 10**6))

@@ -73,7 +73,7 @@ def test_a_policy_earns_there_what_it_earns():
             _, reward, _, _, info = world.step(doors.action(info["belief"]))
             total += 0.95**step * reward
         returns.append(total)
-    exact = evaluate(tiger, doors).estimate
+    exact = evaluate(tiger, doors).interval.estimate
     # five standard errors, and what 60 steps leave of at most 200
     assert abs(np.mean(returns) - exact) < 5 * np.std(returns) / 150**0.5 + 0.95**60 * 200
 
@@ -88,12 +88,12 @@ def test_another_start_and_its_belief_is_not_shared():
 
 def test_bad_use():
     world = PomdpEnvironment(tiger)
-    with pytest.raises(ModelError, match="reset before its first step"):
+    with pytest.raises(ModelError, match="call reset before the first step"):
         world.step(0)
     world.reset(seed=0)
     with pytest.raises(ModelError, match="an action is a whole number from 0 to 2, not 3"):
         world.step(3)
-    with pytest.raises(ModelError, match=r"no options, and so not \['speed'\]"):
+    with pytest.raises(ModelError, match=r"unknown options \['speed'\]"):
         world.reset(options={"speed": 1})
     with pytest.raises(ModelError, match="the render mode is None or 'ansi', not 'human'"):
         PomdpEnvironment(tiger, render_mode="human")

@@ -1,3 +1,5 @@
+"""Simulated people of the intention domain: reproducible, plausible, and the classes differ as intended."""
+
 from __future__ import annotations
 
 import importlib.util
@@ -20,7 +22,7 @@ INTENTIONS = ("interested", "not_interested")
 
 
 def load() -> ModuleType:
-    """By path, as a domain folder is loaded, and without a place in sys.modules."""
+    """Load the file by path, as a domain folder is loaded, without an entry in sys.modules."""
     spec = importlib.util.spec_from_file_location("people_of_a_test", FILE)
     assert spec is not None
     assert spec.loader is not None
@@ -73,14 +75,14 @@ def test_shape_and_reproducibility():
 
 @pytest.mark.parametrize("person", [{}, {"intention": "maybe"}])
 @pytest.mark.parametrize("simulate", ["trajectories", "recordings"])
-def test_a_person_without_intention_is_told(person, simulate):
+def test_a_person_without_intention_is_rejected(person, simulate):
     with pytest.raises(ValueError, match="expected one of interested, not_interested"):
         getattr(people, simulate)([person], np.random.default_rng(0))
 
 
 def test_people_walk_as_people_do(tracks):
-    noise = 5 * people.ERROR + people.SWAY_LARGEST
-    assert tracks[:, 1].min() > people.walking.WALL - noise  # nobody walks through the wall
+    noise = 5 * people.TRACKER_ERROR + people.MAX_SWAY
+    assert tracks[:, 1].min() > people.walking.WALL_Y - noise  # not through the wall
     assert np.hypot(tracks[:, 0], tracks[:, 1]).min() > people.walking.ROBOT_RADIUS  # nor into the robot
     speed = np.hypot(*np.diff(tracks[:, :, ::12], axis=2).transpose(1, 0, 2)) / (12 * people.INTERVAL)
     assert 0.8 < speed[1::2].mean() < 1.4  # metres a second, of those not interested
@@ -90,7 +92,7 @@ def test_people_walk_as_people_do(tracks):
 def test_the_end_is_alike_for_both_classes(tracks):
     end = tracks[:, :, -1]
     distance = np.hypot(*end.T)
-    low, high = people.SEEN_UNTIL
+    low, high = people.END_DISTANCE
     assert low - 0.4 < distance.min() < distance.max() < high + 0.2  # a step and the noise of the tracker
     assert ks_2samp(distance[::2], distance[1::2]).pvalue > 0.001
     assert auc(end, KNeighborsClassifier(31)) < 0.58
@@ -101,41 +103,41 @@ def test_intention_shows_in_motion_and_early(tracks):
     assert 0.65 < quarter < half < whole < 0.84
 
 
-def test_without_a_difference_in_what_is_wanted_there_is_none_in_motion():
+def test_equal_goals_give_equal_motion():
     same = load()
-    same.walking.LATE = 1.0  # nobody who is interested shows it
-    same.walking.ELSEWHERE = same.walking.CURIOUS = same.walking.LINGERING = 0.0
+    same.walking.P_LATE = 1.0  # interested people never show it
+    same.walking.P_OTHER_GOAL = same.walking.P_CURIOUS = same.walking.P_LINGERS = 0.0
     tracks = same.trajectories(crowd(800), np.random.default_rng(0))
     assert abs(auc(velocities(tracks), model()) - 0.5) < 0.07  # 3 standard errors
 
 
-def test_some_of_either_class_behave_wholly_as_the_other_does():
+def test_classes_overlap():
     alike = load()
-    alike.walking.LATE, alike.walking.ELSEWHERE = 0.0, 1.0  # all come to the robot, whatever for
+    alike.walking.P_LATE, alike.walking.P_OTHER_GOAL = 0.0, 1.0  # all come to the robot, whatever for
     tracks = alike.trajectories(crowd(800), np.random.default_rng(0))
     assert abs(auc(velocities(tracks), model()) - 0.5) < 0.07
 
 
-def test_recordings_tell_what_a_tracker_tells():
+def test_recordings_contain_the_columns_of_a_tracker():
     found = people.recordings(crowd(60), np.random.default_rng(3))
     again = people.recordings(crowd(60), np.random.default_rng(3))
     assert all(np.array_equal(one, other) for one, other in zip(found, again, strict=True))
-    low, high = people.SECONDS
+    low, high = people.DURATION
     for table in found:
         time, x, y, z, velocity, heading, facing = table.T
         assert time[0] == 0
-        assert np.all(np.abs(np.diff(time) - people.INTERVAL) <= 2 * people.JITTER + 1e-9)
+        assert np.all(np.abs(np.diff(time) - people.INTERVAL) <= 2 * people.TIME_JITTER + 1e-9)
         assert low - 1e-9 <= time[-1] < high + people.INTERVAL
         assert 1.2 < z.min() < z.max() < 2.2
         assert np.all(np.abs(np.concatenate([heading, facing])) <= np.pi)
-        lag = round(people.ESTIMATED_OVER / people.INTERVAL)
+        lag = round(people.VELOCITY_WINDOW / people.INTERVAL)
         way = np.stack([x[lag:] - x[:-lag], y[lag:] - y[:-lag]])  # velocity and heading agree with the places
         assert np.allclose(np.hypot(*way) / (time[lag:] - time[:-lag]), velocity[lag:])
         assert np.allclose(np.arctan2(way[1], way[0]), heading[lag:])
     assert people.recordings([], np.random.default_rng(0)) == []
 
 
-def test_those_who_want_the_robot_face_it():
+def test_interested_people_face_the_robot():
     interested = [{"intention": "interested"}] * 200
     passing = [{"intention": "not_interested"}] * 200
 
@@ -147,7 +149,7 @@ def test_those_who_want_the_robot_face_it():
     assert away(interested) < away(passing)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(0.04, 30), st.integers(1, 5), st.integers(0, 2**32))
 def test_recordings_last_as_long_as_asked(seconds, size, seed):
     for table in people.recordings(crowd(size), np.random.default_rng(seed), seconds=(seconds, seconds)):
@@ -157,7 +159,7 @@ def test_recordings_last_as_long_as_asked(seconds, size, seed):
 
 
 @pytest.mark.parametrize("seconds", [(5, 4), (0, 4), (4, 31), (float("nan"), 4)])
-def test_durations_that_cannot_be_are_told(seconds):
+def test_impossible_durations_are_rejected(seconds):
     with pytest.raises(ValueError, match=r"expected 0\.033 <= shortest <= longest <= 30"):
         people.recordings(crowd(1), np.random.default_rng(0), seconds=seconds)
 

@@ -8,7 +8,7 @@ import pytest
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import Factored, Table, Variable, cpt as table, flatten
-from tests.planning.factored_models import rover
+from tests.planning.factored.models import rover
 
 
 def test_the_parts_are_frozen():

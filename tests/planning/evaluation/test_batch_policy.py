@@ -39,7 +39,7 @@ def dyadic(draw):
 def test_a_batch_is_as_one_by_one(policy, beliefs):
     values, actions = BatchPolicy(policy).values_and_actions(np.array(beliefs))
     for belief, value, action in zip(beliefs, values, actions, strict=True):
-        assert (value, action) == policy.best(belief)
+        assert (value, action) == policy.value_and_action(belief)
 
 
 @given(pieces(), st.lists(dyadic(), min_size=1, max_size=8))

@@ -28,7 +28,7 @@ def test_many_at_once_are_as_one_by_one(pomdp, data):
     spread = SparseBeliefs.of(dense).predict(pomdp, actions)
     owner, observation, parts = spread.posteriors(pomdp, actions)
     for i, (belief, a) in enumerate(zip(dense, actions, strict=True)):
-        assert spread.belief(i, S) == pytest.approx(pomdp.transition.forward(a, belief))
+        assert spread.dense(i, S) == pytest.approx(pomdp.transition.forward(a, belief))
         chances = observation_probabilities(pomdp, belief, a)
         mine = np.flatnonzero(owner == i)
         assert observation[mine].tolist() == np.flatnonzero(chances).tolist()
@@ -37,9 +37,9 @@ def test_many_at_once_are_as_one_by_one(pomdp, data):
             o = int(observation[k])
             after = update(pomdp, belief, a, o)
             seen = spread.condition(pomdp, actions, np.full(len(dense), o))
-            assert np.array_equal(seen.belief(i, S), parts.belief(int(k), S))
+            assert np.array_equal(seen.dense(i, S), parts.dense(int(k), S))
             # 40 digits: each weight is off by at most its 2**-41th part, and by rounding of doubles
-            assert parts.rounded().belief(int(k), S) == pytest.approx(after, rel=2.0**-40, abs=0)
+            assert parts.rounded().dense(int(k), S) == pytest.approx(after, rel=2.0**-40, abs=0)
 
 
 @given(pomdps(), st.data())
@@ -47,7 +47,7 @@ def test_many_at_once_are_as_one_by_one(pomdp, data):
 def test_what_is_found_does_not_depend_on_the_others(pomdp, data):
     dense, actions = points(pomdp, data.draw)
     together = SparseBeliefs.of(dense).predict(pomdp, actions).posteriors(pomdp, actions).parts.rounded()
-    alone = SparseBeliefs.joined(
+    alone = SparseBeliefs.concatenate(
         SparseBeliefs.of(dense[i : i + 1])
         .predict(pomdp, actions[[i]])
         .posteriors(pomdp, actions[[i]])
@@ -76,10 +76,10 @@ def test_keys_tell_beliefs_apart():
 def test_take_join_and_chunks(monkeypatch):
     dense = np.array([[0.5, 0.5, 0.0], [0.0, 0.0, 1.0], [0.2, 0.3, 0.5], [1.0, 0.0, 0.0]])
     beliefs = SparseBeliefs.of(dense)
-    assert beliefs.take(np.array([2, 0])).belief(0, 3).tolist() == [0.2, 0.3, 0.5]
-    joined = SparseBeliefs.joined([beliefs.take(np.array([0, 1])), beliefs.take(np.array([2, 3]))])
-    assert [joined.belief(i, 3).tolist() for i in range(4)] == dense.tolist()
-    monkeypatch.setattr(module, "MOST_ENTRIES", 3)
+    assert beliefs.take(np.array([2, 0])).dense(0, 3).tolist() == [0.2, 0.3, 0.5]
+    joined = SparseBeliefs.concatenate([beliefs.take(np.array([0, 1])), beliefs.take(np.array([2, 3]))])
+    assert [joined.dense(i, 3).tolist() for i in range(4)] == dense.tolist()
+    monkeypatch.setattr(module, "MAX_CHUNK_ENTRIES", 3)
     assert [(run.start, run.stop) for run in beliefs.chunks()] == [(0, 2), (2, 3), (3, 4)]
     assert [(run.start, run.stop) for run in beliefs.chunks(9)] == [(0, 1), (1, 2), (2, 3), (3, 4)]
 
@@ -91,5 +91,5 @@ def test_an_entry_is_found_with_and_without_the_dense_table(monkeypatch):
     table = SparseTables.of(dense)
     a, r, n = (np.ravel(axis) for axis in np.indices(dense.shape))
     assert np.array_equal(gather_entries(table, a, r, n), dense.ravel())
-    monkeypatch.setattr(module, "MOST_DENSE", 0)
+    monkeypatch.setattr(module, "MAX_DENSE_ENTRIES", 0)
     assert np.array_equal(gather_entries(table, a, r, n), dense.ravel())

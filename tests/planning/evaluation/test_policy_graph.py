@@ -28,7 +28,7 @@ def test_the_graph_of_the_tiger(merge):
     assert [tiger.actions[a] for a in graph.actions] == ["listen"] * 3 + ["open-right", "open-left"]
     assert graph.depths.tolist() == [0, 1, 1, 2, 2]
     assert graph.vectors.tolist() == [0, 1, 2, 3, 4]
-    assert graph.whole.all()
+    assert graph.complete.all()
     edges = list(zip(graph.sources, graph.observations, graph.targets, strict=True))
     assert edges == [(0, 0, 1), (0, 1, 2), (1, 0, 3), (1, 1, 0), (2, 0, 0), (2, 1, 4)] + [
         (source, o, 0) for source in (3, 4) for o in (0, 1)
@@ -37,7 +37,7 @@ def test_the_graph_of_the_tiger(merge):
     assert graph.belief(3) == pytest.approx(np.array([0.85**2, 0.15**2]) / 0.745)
     assert [layer.tolist() for layer in graph.layers()] == [[0], [1, 2], [3, 4]]
     assert graph.positions().tolist() == [[0, 0], [-0.5, -1], [0.5, -1], [-0.5, -2], [0.5, -2]]
-    assert graph.arrows()[3, 0] == [6, 7]
+    assert graph.edges_by_nodes()[3, 0] == [6, 7]
 
 
 @given(pomdps(), st.data())
@@ -52,7 +52,7 @@ def test_a_graph_of_beliefs_is_the_policy(pomdp, data):
         mine = np.flatnonzero(graph.sources == node)
         chances = observation_probabilities(pomdp, belief, action)
         assert graph.probabilities[mine] == pytest.approx(chances[graph.observations[mine]])
-        if graph.whole[node]:
+        if graph.complete[node]:
             assert graph.observations[mine].tolist() == np.flatnonzero(chances).tolist()
         for edge in mine:
             after = update(pomdp, belief, action, int(graph.observations[edge]))
@@ -69,7 +69,7 @@ def test_merged_by_vector_there_are_no_more_nodes_than_vectors(pomdp, data):
     policy = data.draw(policies(pomdp))
     graph = policy_graph(pomdp, policy)
     assert len(set(graph.vectors.tolist())) == len(graph) <= len(policy)
-    assert graph.whole.all()
+    assert graph.complete.all()
     sums = np.bincount(graph.sources, graph.probabilities, minlength=len(graph))
     assert sums == pytest.approx(1)
 
@@ -81,21 +81,21 @@ def test_a_closed_graph_earns_what_the_policy_does():
     np.add.at(moves, (graph.sources, graph.targets), graph.probabilities)
     paid = [tiger.reward[a] @ graph.belief(i) for i, a in enumerate(graph.actions)]
     values = np.linalg.solve(np.eye(n) - tiger.discount * moves, paid)
-    assert values[0] == pytest.approx(evaluate(tiger, WAIT, precision=1e-8).estimate)
+    assert values[0] == pytest.approx(evaluate(tiger, WAIT, precision=1e-8).interval.estimate)
     assert 19.371 < values[0] < 19.372  # the optimum, as published
 
 
 def test_limits_leave_edges_out():
     shallow = policy_graph(tiger, WAIT, max_depth=1)
-    assert shallow.whole.tolist() == [True, False, False]
+    assert shallow.complete.tolist() == [True, False, False]
     assert len(shallow.sources) == 2
     few = policy_graph(tiger, WAIT, max_nodes=2)
-    assert few.whole.tolist() == [False, False]
+    assert few.complete.tolist() == [False, False]
     likely = policy_graph(tiger, WAIT, min_probability=0.3)
-    assert likely.whole.tolist() == [True, False, False, True, True]
+    assert likely.complete.tolist() == [True, False, False, True, True]
     assert (likely.probabilities >= 0.3).all()
     alone = policy_graph(tiger, WAIT, max_depth=0)
-    assert (len(alone), len(alone.sources), alone.dot().count("->")) == (1, 0, 0)
+    assert (len(alone), len(alone.sources), alone.to_dot().count("->")) == (1, 0, 0)
 
 
 def test_another_start():
@@ -103,7 +103,7 @@ def test_another_start():
 
 
 def test_dot():
-    text = policy_graph(tiger, WAIT, max_depth=1).dot()
+    text = policy_graph(tiger, WAIT, max_depth=1).to_dot()
     assert text.startswith("digraph policy {\n")
     assert text.endswith("}\n")
     assert '  n0 [label="listen\\ntiger-left 0.5", peripheries=2];\n' in text
@@ -116,7 +116,7 @@ def test_names_are_escaped_in_dot():
         ('a"b', "c\\n"), ("\\",), tuple(f"o\n{i}" for i in range(8)),
         np.eye(2)[None], np.full((1, 2, 8), 1 / 8), np.zeros((1, 2)), 0.5, [0.0, 1.0],
     )  # fmt: skip
-    text = policy_graph(odd, Policy.of(odd, [[0.0, 0.0]], [0])).dot()
+    text = policy_graph(odd, Policy.of(odd, [[0.0, 0.0]], [0])).to_dot()
     assert '[label="\\\\\\nc\\\\n 1", peripheries=2]' in text
     assert 'n0 -> n0 [label="o?0 0.125\\no?1 0.125' in text
     assert "\\n2 others 0.25" in text
