@@ -157,7 +157,7 @@ NB_MODULE(_kernels, m) {
                      if (PyErr_CheckSignals() != 0) throw nb::python_error();
                  });
                  nb::gil_scoped_release free;
-                 trainer.epoch(order.data(), kept.data(), rates.data(), [&] { clock.over(); });
+                 trainer.epoch(order.data(), kept.data(), rates.data(), [&] { clock.expired(); });
              })
         .def("weights", [](const Trainer& trainer) {
             const Shape& shape = trainer.shape();

@@ -68,7 +68,7 @@ def _facts(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
     """Sizes, how full the tables are, what an observation leaves open, rewards, discount and start."""
     import numpy as np
 
-    from lcorpp.planning.sarsop.kernels import engine, model_of
+    from lcorpp.planning.sarsop.kernels import build_model, load_kernels
 
     typer.echo(f"{model}")
     if problem is not None:
@@ -80,7 +80,7 @@ def _facts(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
     for kind, table in (("T(s' | s, a)", pomdp.transition), ("O(o | a, s')", pomdp.observation)):
         full = len(table.values) / float(np.prod(table.shape, dtype=np.float64))
         _say(kind, f"{len(table.values)} entries above zero, {full:.2%} of the table")
-    sizes = np.bincount(model_of(engine(), pomdp).blocks())
+    sizes = np.bincount(build_model(load_kernels(), pomdp).blocks())
     if len(sizes) > 1:
         most = f"of at most {sizes.max()} states" if sizes.max() > 1 else "of one state: all is observed"
         _say("seen at once", f"after each step the belief lies within one of {len(sizes)} blocks {most}")

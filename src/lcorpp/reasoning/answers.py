@@ -1,4 +1,4 @@
-"""Answers of reasoners as numbers, and the errors of questions that have no answer."""
+"""Answers of reasoners: numbers, estimates and normalised marginals."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import TypeVar
 
-from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.reasoning.errors import no_value_error, no_world_error
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Term
@@ -53,27 +53,3 @@ def normalise_marginal(
         raise no_value_error(program, canonical_text(term), weights[""] / total)
     zero = 0 * total
     return {v: weights.get(v, zero) / total for v in program.attributes[term.name].values}
-
-
-def format_conditions(facts: Mapping[str, str], do: Mapping[str, str]) -> str:
-    """Format evidence and interventions for `no_world_error`."""
-    parts = [f"{term}={value}" for term, value in facts.items()]
-    parts += [f"do({term}={value})" for term, value in do.items()]
-    return f" has {', '.join(parts)}" if parts else ""
-
-
-def no_world_error(program: Program, conditions: str) -> UndefinedError:
-    """The error for evidence of probability 0."""
-    return UndefinedError(f"{program.file}: no possible world of positive measure{conditions}")
-
-
-def no_value_error(program: Program, term: str, share: object, where: str = "") -> ProgramError:
-    """The error for the distribution of a term that may have no value.
-
-    Args:
-        share: the probability of having no value.
-        where: the row of a batch.
-    """
-    return ProgramError(
-        f"{program.file}: {where}{term} has no value with probability {share}; ask for {term}=value instead"
-    )

@@ -6,15 +6,10 @@ from collections.abc import Mapping
 from fractions import Fraction
 from functools import cached_property
 
-from lcorpp.reasoning.answers import (
-    Estimate,
-    QueryAnswer,
-    no_value_error,
-    no_world_error,
-    normalise_marginal,
-)
+from lcorpp.reasoning.answers import Estimate, QueryAnswer, normalise_marginal
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.errors import no_value_error, no_world_error
 from lcorpp.reasoning.grounding.ground_program import Clause
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM, ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
@@ -66,7 +61,9 @@ class QueryModel:
             UndefinedError: no possible world satisfies the conditions.
         """
         weights: Mapping[str, Fraction | float]
-        weights = self.worlds.exact(self.term, {}) if exact else self.worlds.weights(self.term, {})
+        weights = (
+            self.worlds.exact_weights(self.term, {}) if exact else self.worlds.float_weights(self.term, {})
+        )
         conditions = self._format_conditions()
         if self.query.subject:
             return normalise_marginal(self.program, self.query.subject, weights, conditions)  # type: ignore[type-var, return-value]

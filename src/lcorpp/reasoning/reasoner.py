@@ -16,15 +16,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.errors import TooLargeError, UndefinedError
-from lcorpp.reasoning.answers import (
-    QueryAnswer,
-    format_conditions,
-    no_value_error,
-    no_world_error,
-    normalise_marginal,
-)
+from lcorpp.reasoning.answers import QueryAnswer, normalise_marginal
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.errors import format_conditions, no_value_error, no_world_error
 from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
@@ -124,7 +119,7 @@ class Reasoner:
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
             return self._enumeration.exact(name, facts, set_to)
-        weights = self._find_worlds(set_to, (name, *facts)).exact(name, facts)
+        weights = self._find_worlds(set_to, (name, *facts)).exact_weights(name, facts)
         return normalise_marginal(self.program, term, weights, format_conditions(facts, set_to))
 
     def compile(
@@ -175,7 +170,7 @@ class Reasoner:
         if self.program.has_cr_rules:
             return len(self._enumeration.worlds)
         worlds = self._find_worlds({}, ())
-        if not sum(worlds.weights("", {}).values()):
+        if not sum(worlds.float_weights("", {}).values()):
             raise no_world_error(self.program, "")
         return worlds.count()
 

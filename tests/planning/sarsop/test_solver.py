@@ -207,7 +207,7 @@ def corridor(length: int = 6) -> Pomdp:
     names = (*(f"{p}{side}" for p in places for side in "lr"), "done")
     return Pomdp(
         names,
-        ("go", "look", "left", "right"),
+        ("go", "select_action", "left", "right"),
         tuple(map(str, range(2 * length + 1))),
         T,
         Z,

@@ -7,14 +7,14 @@ import pytest
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import parse_pomdp
-from lcorpp.planning.solvers import NAMES, solver
+from lcorpp.planning.solvers import SOLVER_NAMES, load_solver
 from tests.planning.models import TIGER
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", SOLVER_NAMES)
 def test_all_solvers_have_one_signature_and_agree(name):
     tiger, told = parse_pomdp(TIGER), []
-    solution = solver(name)(tiger, [0.5, 0.5], precision=0.01, time_limit=5, callback=told.append)
+    solution = load_solver(name)(tiger, [0.5, 0.5], precision=0.01, time_limit=5, callback=told.append)
     assert solution.lower <= 19.372
     assert solution.upper >= 19.371
     assert solution.policy.fingerprint == tiger.fingerprint
@@ -29,7 +29,7 @@ def test_all_solvers_have_one_signature_and_agree(name):
 
 def test_an_unknown_name():
     with pytest.raises(ModelError, match="unknown solver 'magic'; expected one of sarsop, exact, perseus"):
-        solver("magic")
+        load_solver("magic")
 
 
 def test_the_table_loads_no_solver():

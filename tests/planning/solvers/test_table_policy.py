@@ -8,11 +8,9 @@ from lcorpp.errors import ModelError
 from lcorpp.planning import parse_pomdp, read_pomdp, solve
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
-from lcorpp.planning.solvers.fib import solve_fib
-from lcorpp.planning.solvers.qmdp import solve_qmdp
-from lcorpp.planning.solvers.table_policy import promised
+from lcorpp.planning.solvers.table_policy import policy_lower_bound, solve_fib, solve_qmdp
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
-from tests.planning.solvers.trees import corners
+from tests.planning.solvers.brute_force import corners
 
 tiger = parse_pomdp(TIGER)
 
@@ -64,7 +62,7 @@ def test_qmdp_never_pays_for_information_it_thinks_it_gets_anyway():
 
 
 def test_the_tables_of_the_tiger():
-    """Seen, the tiger is avoided for 10 at every step: 200; listening first costs 11 of that."""
+    """SearchResult, the tiger is avoided for 10 at every step: 200; listening first costs 11 of that."""
     qmdp = solve_qmdp(tiger)
     assert qmdp.policy.upper_bound.table == pytest.approx(
         np.array([[189, 189], [90, 200], [200, 90]]), abs=1e-4
@@ -106,7 +104,7 @@ def test_any_table_can_be_made_honest(pomdp):
     """Not bounds alone: the reward of one step as a table, the greedy policy."""
     from lcorpp.planning import Policy
 
-    vectors = promised(pomdp, pomdp.reward, 1e-6, 10.0)
+    vectors = policy_lower_bound(pomdp, pomdp.reward, 1e-6, 10.0)
     policy = Policy.of(pomdp, vectors, np.arange(len(vectors)))
     for belief in corners(pomdp):
         assert pomdp.actions[policy.action(belief)] in {

@@ -1,4 +1,4 @@
-#include "vectors.hpp"
+#include "alpha_vectors.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,10 +8,10 @@ namespace lcorpp {
 
 namespace {
 
-// Sums of a run of rows are kept in registers while the states pass by.
+// Number of rows whose sums stay in registers during one pass over the states.
 constexpr std::size_t kRun = 32;
 
-// On x86 the loader picks the widest instructions that the machine has.
+// On x86 the loader selects the widest instruction set of the machine.
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__)
 #define LCORPP_WIDE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
@@ -19,11 +19,11 @@ constexpr std::size_t kRun = 32;
 #endif
 
 LCORPP_WIDE
-void dot_run(const double* table, std::size_t capacity, const Index* states, const double* weights, std::size_t n,
+void dot_run(const double* table, std::size_t capacity, const Index* positions, const double* weights, std::size_t n,
              std::size_t row, double* out) {
     double sums[kRun] = {0.0};
     for (std::size_t i = 0; i < n; ++i) {
-        const double* run = table + static_cast<std::size_t>(states[i]) * capacity + row;
+        const double* run = table + static_cast<std::size_t>(positions[i]) * capacity + row;
         const double weight = weights[i];
         for (std::size_t k = 0; k < kRun; ++k) sums[k] += weight * run[k];
     }
@@ -37,29 +37,29 @@ std::size_t VectorSet::first_since(Stamp stamp) const {
     return static_cast<std::size_t>(std::lower_bound(stamps_.begin(), stamps_.end(), stamp) - stamps_.begin());
 }
 
-Index VectorSet::row(Stamp stamp) const {
-    const std::size_t found = first_since(stamp);
-    return found < stamps_.size() && stamps_[found] == stamp ? static_cast<Index>(found) : -1;
+Index VectorSet::find(Stamp stamp) const {
+    const std::size_t row = first_since(stamp);
+    return row < stamps_.size() && stamps_[row] == stamp ? static_cast<Index>(row) : -1;
 }
 
-Best VectorSet::best(const Index* states, const double* weights, std::size_t n, std::size_t first) const {
-    Best found{-1, -std::numeric_limits<double>::infinity()};
+Best VectorSet::best(const Index* positions, const double* weights, std::size_t n, std::size_t first) const {
+    Best best{-1, -std::numeric_limits<double>::infinity()};
     double sums[kRun];
-    // Rows beyond the last are zeros up to the capacity, a multiple of the run, and are not looked at.
+    // Rows from count() up to the capacity, a multiple of the run, are zeros and are ignored.
     for (std::size_t row = first - first % kRun; row < count(); row += kRun) {
-        dot_run(table_.data(), capacity_, states, weights, n, row, sums);
+        dot_run(table_.data(), capacity_, positions, weights, n, row, sums);
         const std::size_t end = std::min(count() - row, kRun);
         for (std::size_t k = row < first ? first - row : 0; k < end; ++k) {
-            if (sums[k] > found.value) found = {static_cast<Index>(row + k), sums[k]};
+            if (sums[k] > best.value) best = {static_cast<Index>(row + k), sums[k]};
         }
     }
-    return found;
+    return best;
 }
 
-void VectorSet::values(const Index* states, const double* weights, std::size_t n, std::vector<double>& out) const {
+void VectorSet::values(const Index* positions, const double* weights, std::size_t n, std::vector<double>& out) const {
     out.resize(capacity_);
     for (std::size_t row = 0; row < count(); row += kRun) {
-        dot_run(table_.data(), capacity_, states, weights, n, row, out.data() + row);
+        dot_run(table_.data(), capacity_, positions, weights, n, row, out.data() + row);
     }
     out.resize(count());
 }
@@ -74,17 +74,19 @@ void VectorSet::distances(std::size_t from, std::vector<double>& out) const {
     for (double& distance : out) distance = std::sqrt(distance);
 }
 
-Index VectorSet::above(std::size_t row, const std::vector<char>& kept, double slack) const {
-    std::vector<std::size_t> left;
+Index VectorSet::find_dominating(std::size_t row, const std::vector<char>& kept, double slack) const {
+    std::vector<std::size_t> candidates;
     for (std::size_t other = 0; other < count(); ++other) {
-        if (kept[other] && sums_[other] >= sums_[row] - slack * static_cast<double>(states_)) left.push_back(other);
+        if (kept[other] && sums_[other] >= sums_[row] - slack * static_cast<double>(states_)) candidates.push_back(other);
     }
-    for (std::size_t s = 0; s < states_ && !left.empty(); ++s) {
+    for (std::size_t s = 0; s < states_ && !candidates.empty(); ++s) {
         const double* run = table_.data() + s * capacity_;
-        const double least = run[row] - slack;
-        left.erase(std::remove_if(left.begin(), left.end(), [&](std::size_t other) { return run[other] < least; }), left.end());
+        const double lowest = run[row] - slack;
+        candidates.erase(std::remove_if(candidates.begin(), candidates.end(),
+                                        [&](std::size_t other) { return run[other] < lowest; }),
+                         candidates.end());
     }
-    return left.empty() ? -1 : static_cast<Index>(left.front());
+    return candidates.empty() ? -1 : static_cast<Index>(candidates.front());
 }
 
 void VectorSet::add(const std::vector<double>& vector, Index action, Stamp stamp) {

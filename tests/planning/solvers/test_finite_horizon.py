@@ -6,15 +6,14 @@ from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import SparseTables, parse_pomdp, read_pomdp
-from lcorpp.planning.solvers.exact.finite_horizon import solve_finite_exact
 from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
-from lcorpp.planning.solvers.finite_horizon.sarsop import solve_finite
-from lcorpp.planning.solvers.finite_horizon.time_expanded import layered
+from lcorpp.planning.solvers.finite_horizon import solve_finite_horizon, solve_finite_horizon_exact
+from lcorpp.planning.solvers.finite_horizon.time_expanded import time_expand
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
-from tests.planning.solvers.trees import best, corners, earned
+from tests.planning.solvers.brute_force import best, corners, earned
 
 tiger = parse_pomdp(TIGER)
-BOTH = [solve_finite, solve_finite_exact]
+BOTH = [solve_finite_horizon, solve_finite_horizon_exact]
 
 
 @pytest.mark.parametrize("solver", BOTH)
@@ -34,7 +33,7 @@ def test_the_tiger_for_a_few_steps(solver):
 
 def test_how_many_vectors_the_tiger_has():
     """As published for exact methods, for 1, 2, ... steps to go."""
-    solution = solve_finite_exact(tiger, 9)
+    solution = solve_finite_horizon_exact(tiger, 9)
     assert [len(policy) for policy in solution.policies] == [3, 5, 9, 7, 13, 15, 19, 25, 27]
 
 
@@ -55,7 +54,7 @@ def test_brute_force_agrees(solver, pomdp, steps, discount):
 @given(pomdps(), st.integers(1, 4))
 @settings(max_examples=15, deadline=None)
 def test_the_exact_policies_are_right_everywhere(pomdp, steps):
-    solution = solve_finite_exact(pomdp, steps, discount=1)
+    solution = solve_finite_horizon_exact(pomdp, steps, discount=1)
     for to_go, policy in enumerate(solution.policies, 1):
         for belief in corners(pomdp):
             value = best(pomdp, belief, to_go, 1)
@@ -66,7 +65,7 @@ def test_the_exact_policies_are_right_everywhere(pomdp, steps):
 @given(pomdps(), st.integers(1, 4))
 @settings(max_examples=12, deadline=None)
 def test_the_other_policies_are_bounds_everywhere(pomdp, steps):
-    solution = solve_finite(pomdp, steps, precision=1e-2, discount=1)
+    solution = solve_finite_horizon(pomdp, steps, precision=1e-2, discount=1)
     for to_go, policy in enumerate(solution.policies, 1):
         for belief in corners(pomdp):
             value = best(pomdp, belief, to_go, 1)
@@ -77,8 +76,8 @@ def test_the_other_policies_are_bounds_everywhere(pomdp, steps):
 def test_both_agree_on_the_authors_model():
     lcorpp = parse_pomdp(LCORPP)
     around, exact = (
-        solve_finite(lcorpp, 4, discount=1),
-        solve_finite_exact(lcorpp, 4, discount=1, precision=0.5),
+        solve_finite_horizon(lcorpp, 4, discount=1),
+        solve_finite_horizon_exact(lcorpp, 4, discount=1, precision=0.5),
     )
     assert around.lower <= exact.upper + 1e-9
     assert exact.lower <= around.upper + 1e-9
@@ -86,29 +85,29 @@ def test_both_agree_on_the_authors_model():
 
 def test_many_steps_come_close_to_no_end():
     hasty = parse_pomdp(TIGER.replace("discount: 0.95", "discount: 0.75"))
-    solution, endless = solve_finite(hasty, 40), solve_exact(hasty)
+    solution, endless = solve_finite_horizon(hasty, 40), solve_exact(hasty)
     # .75^40 is 1e-5, times a value of at most 12
     assert solution.lower <= endless.upper + 2e-4
     assert endless.lower <= solution.upper + 2e-4
 
 
 def test_a_large_model():
-    solution = solve_finite(read_pomdp(shared_model("tag-avoid.pomdp")), 5, time_limit=5)
+    solution = solve_finite_horizon(read_pomdp(shared_model("tag-avoid.pomdp")), 5, time_limit=5)
     # to tag can pay 10 once; every step costs 1
     assert -5 <= solution.lower <= solution.upper <= 10
     assert len(solution.policies) == 5
 
 
 def test_layers_are_a_model_of_their_own():
-    layers = layered(tiger, 3, 0.95)
-    flat = layers.pomdp
+    expanded = time_expand(tiger, 3, 0.95)
+    flat = expanded.pomdp
     assert len(flat.states) == 7
     assert flat.states[2] == "tiger-left@1"
     assert flat.transition[0, 2] == pytest.approx([0, 0, 0, 0, 1, 0, 0])
     assert flat.transition[1, 4] == pytest.approx([0, 0, 0, 0, 0, 0, 1])
     assert flat.observation[0, 2] == pytest.approx([0, 0, 0.85, 0.15, 0, 0, 0])
     assert flat.reward[:, 6] == pytest.approx(0)
-    assert (layered(tiger, 4, 1.0).weights > 1 - 1e-12).all()
+    assert (time_expand(tiger, 4, 1.0).weights > 1 - 1e-12).all()
 
 
 def test_an_interrupt_returns_fewer_steps():
@@ -116,18 +115,18 @@ def test_an_interrupt_returns_fewer_steps():
         if progress.trials == 3:
             raise KeyboardInterrupt
 
-    solution = solve_finite_exact(tiger, 10, callback=stop)
+    solution = solve_finite_horizon_exact(tiger, 10, callback=stop)
     assert (solution.reason, solution.horizon) == ("interrupted", 3)
     assert solution.lower == pytest.approx(best(tiger, tiger.start, 3))
-    around = solve_finite(tiger, 10, callback=stop)
+    around = solve_finite_horizon(tiger, 10, callback=stop)
     assert (around.reason, around.horizon) == ("interrupted", 10)
-    exact = solve_finite_exact(tiger, 10)
+    exact = solve_finite_horizon_exact(tiger, 10)
     assert around.lower <= exact.upper
     assert exact.lower <= around.upper
 
 
 def test_no_time_is_a_result():
-    solution = solve_finite_exact(tiger, 10, time_limit=1e-9)
+    solution = solve_finite_horizon_exact(tiger, 10, time_limit=1e-9)
     assert (solution.reason, solution.horizon) == ("time limit", 1)
     assert "value of 1 steps" in solution.summary()
 
@@ -136,11 +135,11 @@ def test_no_time_is_a_result():
 @pytest.mark.parametrize(
     ("horizon", "arguments", "words"),
     [
-        (0, {}, "horizon is a whole number from 1, not 0"),
-        (2.5, {}, "horizon is a whole number from 1, not 2.5"),
+        (0, {}, "horizon must be an integer of at least 1, not 0"),
+        (2.5, {}, "horizon must be an integer of at least 1, not 2.5"),
         (3, {"precision": 0}, "must be positive"),
-        (3, {"discount": 0}, "discount 0 of a finite number of steps is not above 0 and at most 1"),
-        (3, {"discount": 1.5}, "discount 1.5"),
+        (3, {"discount": 0}, "the discount of a finite horizon must be above 0 and at most 1, not 0"),
+        (3, {"discount": 1.5}, "at most 1, not 1.5"),
         (3, {"start": [1.0, 1.0]}, "not a distribution"),
     ],
 )
@@ -151,13 +150,13 @@ def test_bad_arguments(solver, horizon, arguments, words):
 
 def test_too_many_steps():
     with pytest.raises(ModelError, match="which is too many"):
-        solve_finite(tiger, 10**8)
-    with pytest.raises(ModelError, match="1 to 2 steps to go, not 3"):
-        solve_finite(tiger, 2).policy(3)
+        solve_finite_horizon(tiger, 10**8)
+    with pytest.raises(ModelError, match="remaining steps must be 1 to 2, not 3"):
+        solve_finite_horizon(tiger, 2).policy(3)
 
 
 def test_tables_are_stacked_as_they_are():
-    layers = layered(tiger, 2, 0.95)
-    assert isinstance(layers.pomdp.transition, SparseTables)
-    assert layers.pomdp.transition.row_sums() == pytest.approx(1)
-    assert layers.belief(tiger.start, 1) == pytest.approx([0, 0, 0.5, 0.5, 0])
+    expanded = time_expand(tiger, 2, 0.95)
+    assert isinstance(expanded.pomdp.transition, SparseTables)
+    assert expanded.pomdp.transition.row_sums() == pytest.approx(1)
+    assert expanded.belief(tiger.start, 1) == pytest.approx([0, 0, 0.5, 0.5, 0])

@@ -1,4 +1,4 @@
-// The lower bound: alpha vectors over the states of a block.
+// The lower bound: alpha vectors over the states of a group.
 #pragma once
 
 #include <vector>
@@ -7,13 +7,14 @@
 
 namespace lcorpp {
 
+// The best vector at a belief: its row (-1: none) and its value.
 struct Best {
     Index row = -1;
     double value = 0.0;
 };
 
-// Alpha vectors over n states in the order they were found, stored state by state: asking a belief of a few
-// states about many vectors reads a few long runs of numbers.
+// Alpha vectors over n states in order of creation, each with a stamp that stays the same when others are pruned.
+// Storage is by state: the values of many vectors at a sparse belief need few contiguous reads.
 class VectorSet {
   public:
     explicit VectorSet(std::size_t states) : states_(states), table_() {}
@@ -27,27 +28,27 @@ class VectorSet {
     // The first row whose stamp is at least `stamp`.
     std::size_t first_since(Stamp stamp) const;
 
-    // The row of a stamp, -1 if it was pruned.
-    Index row(Stamp stamp) const;
+    // The row of a stamp, -1 if the vector was pruned.
+    Index find(Stamp stamp) const;
 
-    // The vector that is best at n local states with weights, among the rows from `first` on.
-    Best best(const Index* states, const double* weights, std::size_t n, std::size_t first) const;
+    // The best vector at n positions with weights, among the rows from `first` on.
+    Best best(const Index* positions, const double* weights, std::size_t n, std::size_t first) const;
 
-    // The values of all rows there.
-    void values(const Index* states, const double* weights, std::size_t n, std::vector<double>& out) const;
+    // The values of all rows at n positions with weights.
+    void values(const Index* positions, const double* weights, std::size_t n, std::vector<double>& out) const;
 
-    // The Euclidean distances of all rows from one.
+    // The Euclidean distances of all rows from one row.
     void distances(std::size_t from, std::vector<double>& out) const;
 
-    // The first row among the kept that is worth as much as another in every state, less `slack`; -1 for none.
-    Index above(std::size_t row, const std::vector<char>& kept, double slack) const;
+    // The first kept row that is at most `slack` below the given row in every state; -1 if there is none.
+    Index find_dominating(std::size_t row, const std::vector<char>& kept, double slack) const;
 
-    // The row that is best on the average over all states: what to do where nothing is known.
+    // The row with the largest mean over all states: the choice if the belief is unknown.
     Index central() const { return central_; }
 
     void add(const std::vector<double>& vector, Index action, Stamp stamp);
 
-    // Drop the rows whose entry is 0.
+    // Drop the rows whose entry in `kept` is 0.
     void keep(const std::vector<char>& kept);
 
   private:

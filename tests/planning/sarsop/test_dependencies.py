@@ -9,12 +9,12 @@ import pytest
 from scipy.optimize import linprog
 
 from lcorpp.planning import Pomdp, parse_pomdp, solve
-from lcorpp.planning.sarsop import numpy_kernels as twin
+from lcorpp.planning.sarsop import numpy_kernels
 from tests.planning.models import LCORPP, TIGER
-from tests.planning.sarsop.kernels import BOTH, NATIVE, SECONDS, close, mixed, needs_native, planted
+from tests.planning.sarsop.kernels import BOTH, NATIVE, SECONDS, close, make_tree, needs_native, random_model
 
 
-def most_missing(pomdp: Pomdp, pieces: Any, piece: Any, row: int) -> float:
+def largest_shortfall(pomdp: Pomdp, pieces: Any, piece: Any, row: int) -> float:
     """By how much a vector promises more, at some belief, than its action earns and the best vectors promise.
 
     A linear program: the belief b, and t for each observation, at least what any vector promises after it;
@@ -40,32 +40,32 @@ def most_missing(pomdp: Pomdp, pieces: Any, piece: Any, row: int) -> float:
 
 
 @pytest.mark.parametrize("kernels", BOTH)
-@pytest.mark.parametrize("model", [parse_pomdp(TIGER), parse_pomdp(LCORPP), mixed(5, hidden=4)])
+@pytest.mark.parametrize("model", [parse_pomdp(TIGER), parse_pomdp(LCORPP), random_model(5, hidden=4)])
 def test_every_vector_goes_on_with_others(kernels, model):
     """However much was pruned: none promises more than one step and what is left are worth, at any belief."""
-    pieces = solve(model, precision=1e-3, time_limit=5, using=kernels).policy.vector_sets
+    pieces = solve(model, precision=1e-3, time_limit=5, kernels=kernels).policy.vector_sets
     rng, scale = np.random.default_rng(0), max(np.abs(piece.vectors).max() for piece in pieces)
     for piece in pieces:
         for row in rng.permutation(len(piece.vectors))[:40]:
             # each vector that took the place of a pruned one may be 1e-11 worse
-            assert most_missing(model, pieces, piece, int(row)) <= 1e-8 * scale
+            assert largest_shortfall(model, pieces, piece, int(row)) <= 1e-8 * scale
 
 
-def much_pruned(kernels: Any) -> tuple[Any, int]:
+def prune_often(kernels: Any) -> tuple[Any, int]:
     """A tree with vectors that were pruned and are needed, and its root."""
     model = parse_pomdp(LCORPP)
-    tree, prediction, _ = planted(kernels, model)
-    root = tree.node(model.start)
+    tree, predictor, _ = make_tree(kernels, model)
+    root = tree.add_node(model.start)
     for trial in range(30):
-        tree.trial(prediction, root, 0.0, 60, SECONDS, trial % 2 == 1)
+        tree.sample(predictor, root, 0.0, 60, SECONDS, trial % 2 == 1)
         tree.prune([root], 0.0, 1.0, 0.0)
     return tree, root
 
 
 @pytest.mark.parametrize("kernels", BOTH)
 def test_pruned_vectors_are_kept_only_while_they_are_needed(kernels):
-    tree, root = much_pruned(kernels)
-    table, actions = tree.origins(0)
+    tree, root = prune_often(kernels)
+    table, actions = tree.dependencies(0)
     assert table.shape == (len(actions), 5)
     assert len(actions) > 10
     held = tree.vectors(0)[1]
@@ -74,7 +74,7 @@ def test_pruned_vectors_are_kept_only_while_they_are_needed(kernels):
     better = np.repeat(held.max(axis=0)[None] + 1, 200, axis=0)  # so good that nothing else is needed
     tree.add_vectors(0, better, np.zeros(200, dtype=np.int32))
     tree.prune([root], 0.0, 1.0, 0.0)
-    assert len(tree.origins(0)[1]) == 0
+    assert len(tree.dependencies(0)[1]) == 0
 
 
 @needs_native
@@ -88,15 +88,15 @@ def test_both_kernels_keep_the_same(seed):
     names = tuple(tuple(f"{kind}{i}" for i in range(n)) for kind, n in (("s", 5), ("a", 4), ("o", 3)))
     model = Pomdp(*names, transition, observation, reward, 0.95, np.full(5, 0.2))
     trees = []
-    for kernels in (NATIVE, twin):
-        tree, prediction, _ = planted(kernels, model)
-        root = tree.node(model.start)
+    for kernels in (NATIVE, numpy_kernels):
+        tree, predictor, _ = make_tree(kernels, model)
+        root = tree.add_node(model.start)
         for trial in range(16):
-            gap = tree.upper_at(root) - tree.lower_at(root)
-            tree.trial(prediction, root, 0.3 * gap, 60, SECONDS, trial % 2 == 1)
+            gap = tree.upper_bound(root) - tree.lower_bound(root)
+            tree.sample(predictor, root, 0.3 * gap, 60, SECONDS, trial % 2 == 1)
             tree.prune([root], 0.0, 1.0, 0.0)
         trees.append(tree)
-    (mine, first), (others, then) = (tree.origins(0) for tree in trees)
+    (mine, first), (others, then) = (tree.dependencies(0) for tree in trees)
     assert len(first) > 0
     assert first.tolist() == then.tolist()
     assert mine == close(others)
