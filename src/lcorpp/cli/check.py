@@ -74,11 +74,6 @@ def _store(path: Path) -> None:
         f"{path}: {store.summary()}; {points}{', '.join(store.schema.channels)} every"
         f" {store.schema.interval:g} s{'' if store.damage else ': right'}"
     )
-    if store.tail:
-        show.console.print(
-            f"  note: the last {store.tail} bytes are no whole record: it is being written, or was when its"
-            " writer came to its end; the next one moves them aside"
-        )
     if store.damage:
         places = "\n".join(f"  {damage}" for damage in store.damage)
         count = f"{len(store.damage)} place{'s' * (len(store.damage) > 1)}"

@@ -25,7 +25,7 @@ BAD = [
     ({"states": {"rover": "a a", "rock": "good"}}, "variable 'rover' has the value 'a' twice"),
     ({"states": {"rover": [], "rock": "good"}}, "variable 'rover' has no values"),
     ({"states": {"rover": ["a b"], "rock": "good"}}, "must be one word of printable characters, not 'a b'"),
-    ({"states": {"rover'": "a", "rock": "good"}}, 'ends in "\'", the sign for the value after the action'),
+    ({"states": {"rover'": "a", "rock": "good"}}, 'ends in "\'", the suffix of the value after the action'),
     ({"states": {"*": "a"}}, "the name of a variable cannot be '*'"),
     ({"states": {}, "observed": ()}, "a POMDP needs states"),
     ({"actions": ""}, "variable 'action' has no values"),
@@ -76,11 +76,11 @@ BAD = [
     ),
     (
         {"transition": {"rover": table("action place", {"* *": "left"}), "rock": "same"}},
-        "transition of 'rover' depends on 'place', which is no variable; known are rover, rock, action",
+        "transition of 'rover' depends on 'place', which is not a variable; known are rover, rock, action",
     ),
     (
         {"transition": {"rover": table("rock'", {"*": "left"}), "rock": table("rover'", {"*": "bad"})}},
-        "in transition, rover' depends on rock' depends on rover': a circle",
+        "in transition, rover' depends on rock' depends on rover': a cycle",
     ),
     (
         {"transition": {"rover": table("sensor", {"*": "left"}), "rock": "same"}},
@@ -117,7 +117,7 @@ def test_what_is_wrong_is_said(changes, message):
 
 
 def test_tables_that_do_not_fit():
-    with pytest.raises(ModelError, match="are no table of x"):
+    with pytest.raises(ModelError, match="are not a table of x"):
         Table(("x",), (), (3,), Table.of((), ("x",), [0.5, 0.5]).rows)
     problem = rover()
     with pytest.raises(ModelError, match=r"has the shape \(2,\); its variables have \(3,\) values"):

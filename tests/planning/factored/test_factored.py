@@ -292,6 +292,6 @@ def test_states_that_cannot_be_reached_need_no_room():
 
 def test_a_flat_model_is_an_ordinary_one():
     assert isinstance(flatten(rover()), Pomdp)
-    assert rover().same(rover())
-    assert not rover().same(rover(discount=0.9))
-    assert not rover().same(rover(start={"rover": "left", "rock": "uniform"}))
+    assert rover().equals(rover())
+    assert not rover().equals(rover(discount=0.9))
+    assert not rover().equals(rover(start={"rover": "left", "rock": "uniform"}))

@@ -12,14 +12,14 @@ import pytest
 
 from lcorpp.errors import FileError
 from lcorpp.learning.store import Store, read_store
-from tests.learning.stores import SCHEMA, filled, track, walk
+from tests.learning.store.stores import SCHEMA, filled, track, walk
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 OPEN = """
 import os, sys, time
 from lcorpp.learning.store import Store, read_store
-from tests.learning.stores import SCHEMA, track
+from tests.learning.store.stores import SCHEMA, track
 """
 
 
@@ -88,17 +88,6 @@ def test_a_forked_child_that_outlives_the_writer_keeps_no_lock(path, started):
         os.kill(int(child), 0)  # it lives
     finally:
         os.kill(int(child), signal.SIGKILL)
-
-
-def test_a_system_without_flock_says_so(path, monkeypatch):
-    monkeypatch.setattr("lcorpp.learning.store.locking.fcntl", None)
-    monkeypatch.setattr("lcorpp.learning.store.writing.GUARDED", False)
-    with Store(path, SCHEMA) as store, Store(path, SCHEMA) as other:
-        assert "has no flock: that nobody else writes to the store is not checked" in store.notes[0]
-        store.append(track(0))
-        with pytest.raises(FileError, match="has been changed"):  # in most cases it is noticed all the same
-            other.append(track(1))
-    assert len(read_store(path)) == 1
 
 
 def test_readers_see_whole_records_while_they_are_written(path, started):

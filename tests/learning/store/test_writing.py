@@ -1,7 +1,7 @@
-"""The growing data set: what goes in comes out, what does not fit is refused before anything is written."""
+"""Writing a store: stored tracks are read unchanged; tracks that do not fit are refused before any write."""
 
 import os
-import zlib
+import sqlite3
 from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning.store import NewTrack, Store, TrackSchema, is_store, read_store
 from lcorpp.values import Distribution
-from tests.learning.stores import CLASSES, SCHEMA, filled, track, walk
+from tests.learning.store.stores import CLASSES, SCHEMA, filled, track, walk
 
 
 @pytest.fixture
@@ -30,8 +30,8 @@ def test_what_was_stored_is_read_again(path):
         (own,) = store.snapshot()
     reading = read_store(path)
     (stored,) = reading
-    assert (reading.schema, reading.damage, reading.tail, reading.records) == (SCHEMA, (), 0, 1)
-    assert (stored.id, stored.number, stored.label, stored.source) == (id, 1, "interested", "robot")
+    assert (reading.schema, reading.damage, reading.records) == (SCHEMA, (), 1)
+    assert (stored.id, stored.record, stored.label, stored.source) == (id, 1, "interested", "robot")
     assert before <= stored.time <= datetime.now(UTC)
     assert dict(stored.belief) == dict(belief)
     assert (dict(stored.context), dict(stored.extra), stored.points) == ({"time": "noon"}, {"batch": 2}, 4)
@@ -73,7 +73,7 @@ def test_any_track_that_is_taken_is_read_as_it_was(tmp_path_factory, given):
         ids = store.extend(given, durable=False)
         written = store.snapshot()
     reading = read_store(path)
-    assert (reading.damage, reading.tail, [stored.id for stored in reading]) == ((), 0, ids)
+    assert (reading.damage, [stored.id for stored in reading]) == ((), ids)
     for own, stored, one in zip(written, reading, given, strict=True):
         assert (own.label_history[0].time, own.context, own.extra) == (
             stored.time,
@@ -104,10 +104,11 @@ def test_equal_tracks_are_a_group_of_their_own(path):
         ({"time": datetime(2026, 1, 1)}, "lacks a zone"),
         ({"id": "taken"}, "there is a track 'taken' already"),
         ({"id": ""}, "the id of a track is text, not ''"),
+        ({"id": "\ud800"}, "the id of a track is text"),
         ({"group": ""}, "the group of a track is text"),
         ({"context": {"time": 3}}, "the context has 'time': 3; expected text"),
-        ({"extra": {"a": float("nan")}}, "JSON cannot hold"),
-        ({"extra": {"a": object()}}, "JSON cannot hold"),
+        ({"extra": {"a": float("nan")}}, "JSON cannot represent"),
+        ({"extra": {"a": object()}}, "JSON cannot represent"),
         ({"extra": {"a": "long" * 300_000}}, "at most 1048576 can be stored"),
         ({"trajectory": [[1, 2, 3]]}, r"shape \(1, 3\); expected 2 channels \(x, y\)"),
         ({"trajectory": [1, 2]}, r"shape \(2,\)"),
@@ -120,13 +121,13 @@ def test_equal_tracks_are_a_group_of_their_own(path):
 def test_what_does_not_fit_is_refused_and_nothing_written(path, changed, words):
     with Store(path, SCHEMA) as store:
         store.append(track(0, id="taken"))
-        content = path.read_bytes()
+        content = read_store(path).tracks
         bad = NewTrack(**{"trajectory": walk(1), "label": None, **changed})
         with pytest.raises(DataError, match=words):
             store.append(bad)
         with pytest.raises(DataError, match="track 1 of 2"):
             store.extend([track(1), bad])
-        assert path.read_bytes() == content
+        assert [stored.id for stored in read_store(path)] == [stored.id for stored in content]
         store.append(track(1))
     assert [stored.id for stored in read_store(path)] == ["taken", "t1"]
 
@@ -174,11 +175,6 @@ def test_layouts_that_make_no_sense(arguments, words):
         TrackSchema(*arguments)
 
 
-def test_a_head_that_would_be_too_long(path):
-    with pytest.raises(DataError, match="too long"):
-        Store(path, TrackSchema(("x",), 1, tuple("c" * 1000 + str(i) for i in range(600))))
-
-
 def test_a_closed_store_takes_nothing(path):
     with Store(path, SCHEMA) as store:
         store.append(track(0))
@@ -188,63 +184,116 @@ def test_a_closed_store_takes_nothing(path):
     assert len(store.snapshot().dataset()) == 1
 
 
-def test_a_file_that_another_program_touches_is_noticed(path):
+def test_a_closed_store_is_one_file(path):
+    """All is in the main file; beside it lies only the empty file for the writer's lock."""
+    content = filled(path, 30)
+    assert {file.name for file in path.parent.iterdir()} == {"robot.tracks", "robot.tracks-lock"}
+    assert path.with_name("robot.tracks-lock").read_bytes() == b""
+    copy = path.with_name("copy")
+    copy.write_bytes(content)
+    assert len(read_store(copy)) == 30
+    assert {file.name for file in path.parent.iterdir()} == {"copy", "robot.tracks", "robot.tracks-lock"}
+
+
+def test_a_file_that_another_program_deletes_is_noticed(path):
     with Store(path, SCHEMA) as store:
         store.append(track(0))
-        with path.open("ab") as file:
-            file.write(b"hello")
-        with pytest.raises(FileError, match="has been changed"):
-            store.append(track(1))
-    with Store(path, SCHEMA) as store:
-        assert "moved to robot.tracks.cut-" in store.notes[0]
         path.unlink()
-        with pytest.raises(FileError, match="has been deleted by another program"):
+        with pytest.raises(FileError, match="was deleted or replaced by another program"):
+            store.append(track(1))
+    with Store(path, SCHEMA) as store:  # the log of the deleted file does no harm
+        store.append(track(2))
+        path.rename(path.with_name("moved"))
+        path.write_bytes(b"")
+        with pytest.raises(FileError, match="was deleted or replaced by another program"):
             store.append(track(1))
 
 
-def test_a_full_disk_leaves_the_store_as_it_was(path, monkeypatch):
-    write = os.write
-
-    def full(file, content):
-        if len(content) < 200:
-            raise OSError(28, "No space left on device")
-        return write(file, content[:150])
-
+def test_a_full_disk_leaves_the_store_as_it_was(path):
     with Store(path, SCHEMA) as store:
         store.append(track(0))
-        content = path.read_bytes()
-        monkeypatch.setattr("os.write", full)
-        with pytest.raises(FileError, match="No space left"):
-            store.append(track(1))
-        monkeypatch.undo()
-        assert path.read_bytes() == content
+        (pages,) = store._connection.execute("PRAGMA page_count").fetchone()
+        store._connection.execute(f"PRAGMA max_page_count = {pages}")
+        with pytest.raises(FileError, match="cannot be written: database or disk is full"):
+            store.extend([track(1), track(3, points=4000)])
+        store._connection.execute("PRAGMA max_page_count = 100000")
         store.append(track(2))
+        assert (len(store), store.last_record) == (2, 2)
     assert [stored.id for stored in read_store(path)] == ["t0", "t2"]
 
 
-def test_a_disk_that_fails_closes_the_store(path, monkeypatch):
+def test_a_disk_that_fails_closes_the_store(path):
+    """A limit on the size of files makes the write itself fail, with another error than a full disk."""
+    resource = pytest.importorskip("resource")
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
     with Store(path, SCHEMA) as store:
-
-        def broken(file):
-            raise OSError(5, "Input/output error")
-
-        monkeypatch.setattr("os.fsync", broken)
-        with pytest.raises(FileError, match="Input/output error"):
-            store.append(track(0))
+        store.append(track(0))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limit[1]))
+        try:
+            with pytest.raises(FileError, match="cannot be written: disk I/O error"):
+                store.append(track(1, points=4000))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limit)
         with pytest.raises(FileError, match="closed"):
             store.append(track(1))
+    assert [stored.id for stored in read_store(path)] == ["t0"]
+
+
+def test_an_interrupted_write_leaves_the_store_as_it_was(path):
+    with Store(path, SCHEMA) as store:
+        store.append(track(0))
+        connection = store._connection
+
+        def interrupt(statement):
+            if statement.startswith("BEGIN"):
+                connection.set_progress_handler(lambda: 1, 1)
+
+        connection.set_trace_callback(interrupt)
+        with pytest.raises(FileError, match="interrupted"):
+            store.append(track(1))
+    assert [stored.id for stored in read_store(path)] == ["t0"]
 
 
 def test_not_every_append_has_to_wait_for_the_disk(path, monkeypatch):
-    waited, fsync = [], os.fsync
+    statements, synced = [], []
+    sync = os.fsync
     with Store(path, SCHEMA) as store:
-        monkeypatch.setattr("os.fsync", lambda file: waited.append(file) or fsync(file))
+        store._connection.set_trace_callback(statements.append)
         store.append(track(0), durable=False)
         store.extend([track(1), track(2)], durable=False)
-        assert not waited
-        store.extend([track(3), track(4)])
+        assert "PRAGMA synchronous = FULL" not in statements
+        store.append(track(3))
+        assert statements.count("PRAGMA synchronous = FULL") == 1
+        monkeypatch.setattr(
+            "os.fsync", lambda file: synced.append(os.readlink(f"/proc/self/fd/{file}")) or sync(file)
+        )
         store.sync()
-        assert len(waited) == 2
+    assert synced[0] == f"{path}-wal"
+
+
+def test_the_database_is_durable_and_checked(path):
+    """The settings behind the guarantees; synchronous 2 is FULL: the log is on the disk at each commit."""
+    with Store(path, SCHEMA) as store:
+        store.append(track(0))
+        values = {
+            name: store._connection.execute(f"PRAGMA {name}").fetchone()[0]
+            for name in ("journal_mode", "synchronous", "foreign_keys", "user_version", "application_id")
+        }
+        assert values == {
+            "journal_mode": "wal",
+            "synchronous": 2,
+            "foreign_keys": 1,
+            "user_version": 2,
+            "application_id": int.from_bytes(b"lctr"),
+        }
+        for wrong in (
+            "INSERT INTO later_label VALUES (9, 7, NULL, 'robot', NULL, '', 0)",
+            "UPDATE track SET source = 'cat'",
+            "UPDATE track SET points = 1",
+            "UPDATE track SET trajectory = x'00'",
+        ):
+            with pytest.raises(sqlite3.IntegrityError):
+                store._connection.execute(wrong)
 
 
 def test_paths_that_cannot_be_a_store(tmp_path):
@@ -260,7 +309,7 @@ def test_paths_that_cannot_be_a_store(tmp_path):
     assert not is_store(tmp_path / "pipe")
 
 
-@pytest.mark.parametrize("content", [b"hello", b"lcorpp\ntracks", b"lcorpp tracks 0\n", b"\x89PNG" * 99])
+@pytest.mark.parametrize("content", [b"hello", b"lcorpp\ntracks", b"\x89PNG" * 99])
 def test_a_file_of_another_kind_is_refused_and_left_alone(path, content):
     path.write_bytes(content)
     for act in (read_store, lambda path: Store(path, SCHEMA)):
@@ -270,10 +319,35 @@ def test_a_file_of_another_kind_is_refused_and_left_alone(path, content):
 
 
 def test_a_newer_version_is_refused(path):
-    content = filled(path, 1)
-    for line in content.split(b"\n")[:2]:
-        newer = b"2" + line[24:]
-        content = content.replace(line, b"lcorpp tracks %08x " % zlib.crc32(newer) + newer)
-    path.write_bytes(content)
-    with pytest.raises(DataError, match="its version is 2; this lcorpp reads version 1"):
-        read_store(path)
+    filled(path, 1)
+    with sqlite3.connect(path) as connection:
+        connection.execute("PRAGMA user_version = 3")
+    connection.close()
+    for act in (read_store, lambda path: Store(path, SCHEMA)):
+        with pytest.raises(DataError, match="its version is 3; this lcorpp reads versions 1 and 2"):
+            act(path)
+
+
+def test_another_database_is_refused_and_left_alone(path):
+    with sqlite3.connect(path) as connection:
+        connection.execute("CREATE TABLE track (x)")
+    connection.close()
+    content = path.read_bytes()
+    for act in (read_store, lambda path: Store(path, SCHEMA)):
+        with pytest.raises(DataError, match="an SQLite file, but not a store of tracks"):
+            act(path)
+    assert path.read_bytes() == content
+
+
+def test_representations_are_short(path):
+    filled(path, 8)
+    with Store(path, SCHEMA) as store:
+        assert repr(store) == f"Store({str(path)!r}, 8 tracks)"
+    assert repr(store) == f"Store({str(path)!r}, closed)"
+    snapshot = read_store(path)
+    assert repr(snapshot) == f"Snapshot({str(path)!r}: {snapshot.summary()})"
+    assert "<td>interested</td><td>robot</td><td>2</td>" in snapshot._repr_html_()
+    assert repr(snapshot.tracks[1]) == "StoredTrack('t1', 4 points, 'not_interested' by robot)"
+    label = "LabelRecord('not_interested' (0.400) by robot, 2026-01-01 12:00:01+0000)"
+    assert repr(snapshot.tracks[1].label_record) == label
+    assert repr(track(1)) == "NewTrack('t1', shape (2, 4), 'not_interested' by robot)"

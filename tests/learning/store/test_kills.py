@@ -1,4 +1,4 @@
-"""Show 7: whenever the process that runs Algorithm 1 is killed, no accepted record is lost."""
+"""No accepted record is lost, whenever the process that runs Algorithm 1 is killed."""
 
 import os
 import random
@@ -13,13 +13,21 @@ import pytest
 
 from lcorpp.learning.store import read_store
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 ROOMS = ROOT / "tests" / "domains" / "rooms"
 
 
-def killed(kills: int, longest: float) -> str:
+def run_kills(kills: int, longest: float) -> str:
     ended = subprocess.run(
-        [sys.executable, "-m", "tests.learning.kills", "--kills", str(kills), "--longest", str(longest)],
+        [
+            sys.executable,
+            "-m",
+            "tests.learning.store.kills",
+            "--kills",
+            str(kills),
+            "--longest",
+            str(longest),
+        ],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -30,20 +38,20 @@ def killed(kills: int, longest: float) -> str:
 
 
 def test_ten_kills():
-    told = killed(10, longest=0.25)
-    assert re.match(r"10 kills \(.*\): \d+ records accepted, none lost; .* equal to those of a run", told)
+    report = run_kills(10, longest=0.25)
+    assert re.match(r"10 kills \(.*\): \d+ records accepted, none lost; .* equal to those of a run", report)
 
 
 @pytest.mark.slow
 def test_two_hundred_kills():
-    told = killed(200, longest=0.4)
-    assert int(re.search(r"(\d+) records accepted, none lost", told)[1]) > 200
-    assert all(f"while {phase}" in told for phase in ("starting", "appending", "training"))
+    report = run_kills(200, longest=0.4)
+    assert int(re.search(r"(\d+) records accepted, none lost", report)[1]) > 200
+    assert all(f"while {phase}" in report for phase in ("starting", "appending", "training"))
 
 
 @pytest.mark.slow
 def test_the_command_itself(tmp_path):
-    """Six kills of `lcorpp learn`, among them some with workers that train its folds."""
+    """Six kills of `lcorpp learn`, some of them with worker processes that train its folds."""
     store, log = tmp_path / "s.tracks", tmp_path / "log"
     options = ("--tracks", "60", "--learner", "summaries", "--batch-size", "20", "--epsilon", "0")
     command = [str(Path(sys.executable).with_name("lcorpp")), "learn", str(ROOMS), *options]
@@ -55,20 +63,20 @@ def test_the_command_itself(tmp_path):
                 [*command, str(1 + kill % 2)], cwd=ROOT, stdout=file, stderr=file, start_new_session=True
             )
             wanted = len(there) + rng.randint(1, 50)
-            while process.poll() is None and len(kept(store)) < wanted:
+            while process.poll() is None and len(read_labels(store)) < wanted:
                 time.sleep(0.05)
             time.sleep(rng.uniform(0, 0.3))
             assert process.poll() is None, log.read_text()
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-        now = kept(store)
+        now = read_labels(store)
         assert there.items() <= now.items()
         assert len(now) >= wanted
         there = now
 
 
-def kept(store: Path) -> dict[str, str | None]:
-    """What is in a store, id -> label; nothing before its head is written."""
+def read_labels(store: Path) -> dict[str, str | None]:
+    """Return the stored labels by id; none before the store is created."""
     if not store.exists() or not store.stat().st_size:
         return {}
     reading = read_store(store)

@@ -1,8 +1,12 @@
-"""What a store gives back: data sets of those who may be trusted, weights, recordings, plain bytes."""
+"""Snapshots of a store: selected data sets, weights, recordings, plain SQL."""
 
 import json
-import struct
+import os
+import sqlite3
+import tempfile
+import traceback
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +15,7 @@ from lcorpp.errors import DataError
 from lcorpp.learning import read_data, read_recording, write_recording
 from lcorpp.learning.store import NewTrack, Store, TrackSchema, is_store, read_store
 from lcorpp.values import Dataset, Distribution
-from tests.learning.stores import CLASSES, SCHEMA, filled, track, walk
+from tests.learning.store.stores import CLASSES, SCHEMA, filled, track, walk
 
 
 @pytest.fixture
@@ -86,7 +90,7 @@ def test_a_persons_word_holds_over_the_robots(path):
 
 def test_a_data_set_can_be_taken_in_and_given_back(path):
     data = Dataset(np.random.default_rng(0).normal(size=(5, 2, 7)), ("a", "b", "a", "a", "b"), tuple("12345"))
-    with Store(path, TrackSchema.of(data, ("a", "b"))) as store:
+    with Store(path, TrackSchema.from_dataset(data, ("a", "b"))) as store:
         store.extend(
             NewTrack(t, label, "person", group=g)
             for t, label, g in zip(data.trajectories, data.labels, data.groups, strict=True)
@@ -110,24 +114,16 @@ def test_tracks_go_to_the_tools_for_recordings(path, tmp_path):
 def test_the_file_can_be_read_by_what_is_documented(path):
     """The format in the words of the package, in a few lines without it."""
     filled(path, 3)
-    content = path.read_bytes()
-    line = content.split(b"\n")[0]
-    assert line.startswith(b"lcorpp tracks ")
-    checksum, rest = line[14:22], line[23:]
-    assert int(checksum, 16) == zlib.crc32(rest)
-    assert rest.startswith(b"1 ")
-    head = json.loads(rest[2:])
-    at, seen = 2 * len(line) + 2, []
-    while at < len(content):
-        assert content[at : at + 16] == bytes.fromhex(head["marker"])
-        checksum, facts, numbers = struct.unpack_from("<III", content, at + 16)
-        end = at + 28 + facts + numbers
-        assert checksum == zlib.crc32(content[at + 20 : end])
-        about = json.loads(content[at + 28 : at + 28 + facts])
-        seen.append((about["id"], np.frombuffer(content[at + 28 + facts : end], "<f8").reshape(2, -1)))
-        at = end
-    assert [id for id, _ in seen] == ["t0", "t1", "t2"]
-    assert np.array_equal(seen[2][1], walk(2))
+    connection = sqlite3.connect(path)
+    ((channels, interval),) = connection.execute("SELECT channels, interval FROM store")
+    assert (json.loads(channels), interval) == (["x", "y"], 0.033)
+    rows = connection.execute("SELECT * FROM track ORDER BY record").fetchall()
+    connection.close()
+    assert [(row[0], row[1]) for row in rows] == [(1, "t0"), (2, "t1"), (3, "t2")]
+    *cells, trajectory, checksum = rows[2]
+    assert np.array_equal(np.frombuffer(trajectory, "<f8").reshape(2, -1), walk(2))
+    text = json.dumps(cells, separators=(",", ":")).encode()
+    assert zlib.crc32(text + trajectory) == checksum
 
 
 def test_stores_are_recognised(path, tmp_path):
@@ -140,14 +136,35 @@ def test_stores_are_recognised(path, tmp_path):
 
 
 def test_a_store_is_data_like_any_other(path):
-    content = bytearray(filled(path, 8))
+    filled(path, 8)
     data = read_data(path, labels={"1": "interested", "0": "not_interested"})
     assert (len(data), data.labels[:2], data.interval) == (7, CLASSES, 0.033)
     assert [track.group for track in read_recording(path).tracks] == list(data.groups)
     with pytest.raises(DataError, match="unknown label 'interested'"):
         read_data(path, labels={"1": "curious"})
-    content[-20] ^= 1
-    content[read_store(path).tracks[0].place + 50] ^= 1
-    path.write_bytes(content)
-    assert len(read_data(path)) == 5
-    assert "not a record (before record 2); 1 record lost" in read_data(path).notes[0]
+    with sqlite3.connect(path) as connection:
+        connection.execute("UPDATE track SET context = '{}' WHERE record = 2")
+    connection.close()
+    data = read_data(path)
+    assert (len(data), data.notes) == (6, ("record 2: its checksum is wrong; 1 record lost",))
+
+
+def test_a_snapshot_can_be_read_from_a_read_only_folder():
+    """By another user, who may not write there."""
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "s"
+        filled(path, 3)
+        os.chmod(path, 0o644)
+        os.chmod(name, 0o555)
+        child = os.fork()
+        if child == 0:
+            try:
+                if os.getuid() == 0:
+                    os.setuid(65534)
+                os._exit(len(read_store(path).dataset()))
+            except BaseException:
+                traceback.print_exc()
+                os._exit(99)
+        _, status = os.waitpid(child, 0)
+        os.chmod(name, 0o755)
+    assert os.waitstatus_to_exitcode(status) == 3
