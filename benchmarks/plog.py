@@ -199,17 +199,17 @@ def describe_conditions(limit: float) -> str:
 {", ".join(versions)}; commit {commit}{" with uncommitted changes in src" if changed else ""}.
 
 Every answer was compared with the exact one: to a relative 1e-9, for plingo to 2e-3, for the output of
-commands to 2e-3 and 1e-5. Times are medians over rounds of repetitions, per question; the × columns are the wall and
-CPU time over lcorpp's for the same kind of question in this run. The machine also did other work: trust
-ratios more than times, and CPU more than wall.
+commands to 2e-3 and 1e-5. Times are medians over rounds of repetitions, per question; the × columns are the
+wall and CPU time over lcorpp's for the same kind of question in this run. The machine also did other work:
+trust ratios more than times, and CPU more than wall.
 
 "Text to answer" begins with the program's text and ends with the probability, in one process, without
-imports; a command is the whole process. plingo runs the steps of its own application without printing, ProbLog its
-library with each of its compilers, which is fairer to both than their commands. plingo cannot compile ahead:
-each of its questions starts from text. "Compiled" is a compiled program with open evidence. "In turn" repeats
-a list of evidences: lcorpp has answered each before and looks the answer up; "new" is the first time that a
-circuit gets an evidence. A process that takes more than {limit:g} s for one measurement is stopped, and its
-engine gets no larger case of the family.
+imports; a command is the whole process. plingo runs the steps of its own application without printing,
+ProbLog its library with each of its compilers, which is fairer to both than their commands. plingo cannot
+compile ahead: each of its questions starts from text. "Compiled" is a compiled program with open evidence.
+"In turn" repeats a list of evidences: lcorpp has answered each before and looks the answer up; "new" is the
+first time that a circuit gets an evidence. A process that takes more than {limit:g} s for one measurement
+is stopped, and its engine gets no larger case of the family.
 """
 
 

@@ -1,8 +1,9 @@
 """Measure one engine on one case in a separate process: `plog_engines.py ENGINE FAMILY ARGUMENTS`.
 
 Each measurement is a line of JSON {kind, what, wall, cpu, rounds, wrong}: the medians in seconds over the
-rounds, and the first wrong answer. Measurements of one kind are comparable: "text" is from the program's text to the
-answer, "process" a whole command, "compiled" a question to a compiled program, "batch" one of 10,000 such questions.
+rounds, and the first wrong answer. Measurements of one kind are comparable: "text" is from the program's
+text to the answer, "process" a whole command, "compiled" a question to a compiled program, "batch" one of
+10,000 such questions.
 """
 
 from __future__ import annotations
@@ -183,7 +184,7 @@ def _measure_batches(
 
 
 def measure_plingo(cases: Sequence[Case]) -> Iterator[Row]:
-    """Measure plingo: in this process, by the steps of `PlingoApp.main` without printing; and as a command."""
+    """Measure plingo: in this process, by the steps of `PlingoApp.main` but its output; and as a command."""
     from clingo.control import Control
     from plingo.plingo_app import PlingoApp
     from plingo.probability import ProbabilityModule
