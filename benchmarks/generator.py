@@ -27,7 +27,7 @@ from scipy.stats import ks_2samp, t
 
 from lcorpp.domains import Domain, load_domain
 from lcorpp.files import make_folder, write_atomically
-from lcorpp.learning import Validation, cross_validate, leak_check, paper_pipeline
+from lcorpp.learning import Validation, cross_validate, check_leakage, paper_pipeline
 from lcorpp.simulation.population import Motion, simulated_dataset
 from lcorpp.simulation.recordings import simulated_recording
 from lcorpp.values import Array, Dataset
@@ -182,7 +182,7 @@ def _work(
 
 def _leaks(domain: Domain) -> list[str]:
     recording = simulated_recording(domain, np.random.default_rng(0), tracks=2000, positives=1000)
-    return [f"{leak.name} {leak.auc:.3f} [{leak.low:.3f}, {leak.high:.3f}]" for leak in leak_check(recording)]
+    return [f"{leak.name} {leak.auc:.3f} [{leak.low:.3f}, {leak.high:.3f}]" for leak in check_leakage(recording)]
 
 
 def _likeness(domain: Domain, scenes: dict[str, list[Array]]) -> list[str]:
@@ -228,7 +228,7 @@ def _table(domain: Domain, tracks: int, found: Measured, leaks: list[str], liken
         lines.append(f"| {name} | {len(entries)} | " + " | ".join(cells) + f" | {least:.2f} |")
     lines += [
         "",
-        "What is not motion tells (AUC of `leak_check`, 1000 recordings of each class): " + ", ".join(leaks),
+        "What is not motion tells (AUC of `check_leakage`, 1000 recordings of each class): " + ", ".join(leaks),
     ]
     if likeness:
         lines += [

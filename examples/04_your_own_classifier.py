@@ -12,13 +12,13 @@ from lcorpp import Planner, Robot, load_domain, solve
 from lcorpp.decision import strategies
 from lcorpp.experiments.training import simulated_training
 from lcorpp.experiments.trials import Experiment, run_trials
-from lcorpp.learning import Motion, Summaries, report_on, train_and_validate
+from lcorpp.learning import Motion, SummaryFeatures, build_report, train_and_validate
 
 
 def nearest(interval: float):
     """What `--learner` asks for: a function that returns a classifier, not yet trained."""
     neighbours = KNeighborsClassifier(25)
-    return make_pipeline(Motion(interval=interval), Summaries(), StandardScaler(), neighbours)
+    return make_pipeline(Motion(interval=interval), SummaryFeatures(), StandardScaler(), neighbours)
 
 
 def main() -> None:
@@ -26,7 +26,7 @@ def main() -> None:
     training = simulated_training(domain, seed=0, tracks=600)
     classifier, validation = train_and_validate(nearest(training.dataset.interval), training.dataset)
 
-    found = report_on(validation, positive="interested", prevalence={"interested": 0.4})
+    found = build_report(validation, positive="interested", prevalence={"interested": 0.4})
     told = found.classes[0]
     print(f"people told right:  {found.accuracy}")
     print(f"AUC:                {told.auc}")

@@ -8,10 +8,10 @@ import numpy as np
 
 from lcorpp import Instance, load_domain
 from lcorpp.learning import (
-    Streams,
-    at_every_age,
-    calibrate_over_time,
-    out_of_fold_over_time,
+    StreamingClassifier,
+    with_prefix_ensemble,
+    calibrate_prefixes,
+    cross_predict_over_time,
     paper_pipeline,
     train,
 )
@@ -23,11 +23,11 @@ INTERESTED, OTHER = {"intention": "interested"}, {"intention": "not_interested"}
 people = [INTERESTED, OTHER] * 200
 walkers = load_domain("intention").simulation.trajectories
 tracks = Dataset(walkers(people, RNG), tuple(person["intention"] for person in people))
-learner = at_every_age(paper_pipeline(epochs=30), shares=(0.25, 0.5, 1.0))
-by_then = out_of_fold_over_time(learner, tracks, folds=3)
+learner = with_prefix_ensemble(paper_pipeline(epochs=30), shares=(0.25, 0.5, 1.0))
+by_then = cross_predict_over_time(learner, tracks, folds=3)
 print("AUC by a quarter, half and all of the track:", [round(by_then.auc_at(s), 2) for s in (0.25, 0.5, 1)])
 trained = train(learner, tracks)
-streams = Streams.of(trained, early=calibrate_over_time(by_then), patience=0.1)
+streams = StreamingClassifier.of(trained, early=calibrate_prefixes(by_then), patience=0.1)
 
 
 def tracked(name: str, walk: np.ndarray) -> list[tuple[float, tuple]]:

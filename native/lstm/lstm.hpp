@@ -1,6 +1,6 @@
 // An LSTM of one layer with a dense layer on its last output: what its kernels take and give.
 //
-// Cases lie in lanes: an array "(rows, lanes)" holds one number of each of up to kLanes cases in a row, so that
+// TrainingSet lie in lanes: an array "(rows, lanes)" holds one number of each of up to kLanes cases in a row, so that
 // no length of the network has to be a multiple of anything. Rows of a time point are the outputs of the units,
 // then the inputs, then a 1 for the bias: K = U + C + 1 of them.
 #pragma once

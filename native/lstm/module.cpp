@@ -138,7 +138,7 @@ NB_MODULE(_kernels, m) {
                 }
                 new (self) Trainer(chosen(level), shape,
                                    {inputs.data(), recurrent.data(), bias.data(), dense.data(), dense_bias.data()},
-                                   Cases{n, times, copied(tracks), copied(targets), copied(weights)}, batch,
+                                   TrainingSet{n, times, copied(tracks), copied(targets), copied(weights)}, batch,
                                    static_cast<float>(keep));
             },
             "inputs"_a, "recurrent"_a, "bias"_a, "dense"_a, "dense_bias"_a, "tracks"_a, "targets"_a, "weights"_a, "batch"_a,

@@ -68,7 +68,7 @@ class Network {
 };
 
 // What is learnt from: tracks (n, times, C), the class of each, and how much each counts.
-struct Cases {
+struct TrainingSet {
     Index n, times;
     std::vector<float> tracks;
     std::vector<std::int32_t> targets;
@@ -78,10 +78,10 @@ struct Cases {
 // Weights on their way, with Adam's memory.
 class Trainer {
   public:
-    Trainer(const Kernels& kernels, Shape shape, const Given& given, Cases cases, Index batch, float keep);
+    Trainer(const Kernels& kernels, Shape shape, const Given& given, TrainingSet cases, Index batch, float keep);
 
     const Shape& shape() const { return layout_.shape; }
-    const Cases& cases() const { return cases_; }
+    const TrainingSet& cases() const { return cases_; }
     Index batches() const { return (cases_.n + batch_ - 1) / batch_; }
 
     // One pass over all cases in an order (n); kept (n, U) are the outputs that are not silenced, and rates
@@ -96,7 +96,7 @@ class Trainer {
 
     const Kernels& kernels_;
     Layout layout_;
-    Cases cases_;
+    TrainingSet cases_;
     Index batch_;
     float keep_;
     Floats weights_, gradients_, first_, second_, forward_, backward_;

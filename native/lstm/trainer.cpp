@@ -29,7 +29,7 @@ void loss_gradients(Index outputs, Index cases, const std::int32_t* targets, con
 
 }  // namespace
 
-Trainer::Trainer(const Kernels& kernels, Shape shape, const Given& given, Cases cases, Index batch, float keep)
+Trainer::Trainer(const Kernels& kernels, Shape shape, const Given& given, TrainingSet cases, Index batch, float keep)
     : kernels_(kernels),
       layout_{shape},
       cases_(std::move(cases)),

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
-from lcorpp.learning import cross_validate, leak_check, paper_pipeline
+from lcorpp.learning import cross_validate, check_leakage, paper_pipeline
 from lcorpp.simulation.population import Motion, simulated_dataset
 from lcorpp.simulation.recordings import simulated_recording
 
@@ -37,7 +37,7 @@ def test_what_is_not_motion_does_not_tell():
     recording = simulated_recording(
         load_domain("intention"), np.random.default_rng(0), tracks=1200, positives=600
     )
-    leaks = leak_check(recording, divisions=2)
+    leaks = check_leakage(recording, divisions=2)
     assert {leak.name for leak in leaks} >= {"end position", "duration", "sampling"}
     for leak in leaks:
         assert leak.auc <= 0.58, leak.name

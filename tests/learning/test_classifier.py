@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Calibration, Cut, TrainedClassifier, train, train_and_validate
+from lcorpp.learning import Calibration, DecisionThreshold, TrainedClassifier, train, train_and_validate
 from lcorpp.protocols import Classifier
 from lcorpp.values import Dataset, Instance
 
@@ -35,8 +35,8 @@ def test_one_and_many_agree():
 
 def test_a_cut_calls_otherwise():
     tracks = walkers().trajectories
-    assert set(TrainedClassifier(ByLength(), cut=Cut("fast", 0.1)).classify_many(tracks)) == {"fast"}
-    assert set(TrainedClassifier(ByLength(), cut=Cut("slow", 0.05)).classify_many(tracks)) == {"slow"}
+    assert set(TrainedClassifier(ByLength(), cut=DecisionThreshold("fast", 0.1)).classify_many(tracks)) == {"fast"}
+    assert set(TrainedClassifier(ByLength(), cut=DecisionThreshold("slow", 0.05)).classify_many(tracks)) == {"slow"}
 
 
 def test_soft_evidence_is_what_the_calibration_makes_of_the_probabilities():

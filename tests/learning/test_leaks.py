@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Recording, Track, leak_check, leak_note
+from lcorpp.learning import Recording, Track, check_leakage, leakage_note
 from lcorpp.learning.evaluation.leakage import _mean_auc
-from lcorpp.learning.evaluation.shortcuts import traces_of
+from lcorpp.learning.evaluation.shortcuts import shortcut_features
 from lcorpp.values import Dataset
 
 from .data import walkers
@@ -14,7 +14,7 @@ from .recorded.texts import crowd
 
 
 def by_name(data, **options):
-    return {leak.name: leak for leak in leak_check(data, **options)}
+    return {leak.name: leak for leak in check_leakage(data, **options)}
 
 
 def ending_at(ends: np.ndarray) -> Dataset:
@@ -30,7 +30,7 @@ def test_a_ring_around_the_others_is_a_perfect_leak():
     assert end.auc > 0.99
     assert end.low > 0.97
     assert end.flagged
-    assert "told from end position alone (AUC 1.00)" in (leak_note(data) or "")
+    assert "told from end position alone (AUC 1.00)" in (leakage_note(data) or "")
 
 
 def test_what_is_drawn_alike_does_not_leak():
@@ -40,7 +40,7 @@ def test_what_is_drawn_alike_does_not_leak():
         assert abs(leak.auc - 0.5) < 0.1  # three standard errors
         assert leak.low <= leak.auc <= leak.high
         assert not leak.flagged
-    assert leak_note(crowd(60)) is None
+    assert leakage_note(crowd(60)) is None
 
 
 def changed(change) -> Recording:
@@ -48,7 +48,7 @@ def changed(change) -> Recording:
     return Recording(tuple(change(t) if t.label == "out" else t for t in crowd(60).tracks))
 
 
-def resampled(track: Track) -> Track:
+def cluster_bootstrap_weights(track: Track) -> Track:
     """At twice the rate, by straight lines."""
     times = np.linspace(track.times[0], track.times[-1], 2 * len(track) - 1)
     columns = {name: np.interp(times, track.times, values) for name, values in track.columns.items()}
@@ -73,7 +73,7 @@ def whole(track: Track) -> Track:
 @pytest.mark.parametrize(
     ("change", "leaks"),
     [
-        (resampled, ["duration", "sampling"]),  # the number of samples, too
+        (cluster_bootstrap_weights, ["duration", "sampling"]),  # the number of samples, too
         (shortened, ["duration"]),
         (even, ["sampling"]),
         (whole, ["sampling"]),
@@ -96,7 +96,7 @@ def test_how_smooth_a_walk_is_leaves_no_trace():
 def test_the_traces_of_a_track_by_hand():
     times = np.array([0.0, 1, 2, 3, 4, 5.5])
     x = np.array([0.0, 1, 2, 3, 3, 3.0004])
-    traces = traces_of(Track("a", times, {"x": x, "y": np.zeros(6)}, "in"))
+    traces = shortcut_features(Track("a", times, {"x": x, "y": np.zeros(6)}, "in"))
     assert traces["end position"].tolist() == [3.0004, 0]
     assert traces["duration"].tolist() == [5.5, 6]
     np.testing.assert_allclose(traces["sampling"], [1.1, 1.0, 0.2, 1.5, 2 / 4, 2, 1 / 5, 5 / 6], atol=1e-9)
@@ -116,19 +116,19 @@ def test_groups_are_never_divided():
 def test_more_than_two_classes_and_too_few():
     assert by_name(walkers(90, classes=3), divisions=1)["end position"].auc < 0.75
     with pytest.raises(DataError, match="two classes; all 6 tracks are slow"):
-        leak_check(walkers(6, classes=1))
+        check_leakage(walkers(6, classes=1))
     with pytest.raises(DataError, match="every class in two groups; slow is in 1"):
-        leak_check(walkers(6))
+        check_leakage(walkers(6))
     first, second = crowd(2).tracks
     with pytest.raises(DataError, match="needs labels; track '1' has none"):
-        leak_check(Recording((first, Track("1", second.times, second.columns))))
+        check_leakage(Recording((first, Track("1", second.times, second.columns))))
     with pytest.raises(DataError, match="at least 1 division, not 0"):
-        leak_check(walkers(), divisions=0)
+        check_leakage(walkers(), divisions=0)
     with pytest.raises(DataError, match="the channels x and y; there are x"):
-        leak_check(Dataset(np.zeros((4, 1, 3)), ("a", "b") * 2, channels=("x",)))
+        check_leakage(Dataset(np.zeros((4, 1, 3)), ("a", "b") * 2, channels=("x",)))
     with pytest.raises(DataError, match="two classes; there are no tracks"):
-        leak_check(Recording(()))
-    assert leak_note(walkers(6)) is None  # learning refuses it in its own words
+        check_leakage(Recording(()))
+    assert leakage_note(walkers(6)) is None  # learning refuses it in its own words
 
 
 def test_the_area_is_that_of_scikit_learn():

@@ -10,7 +10,7 @@ from lcorpp.errors import DataError
 from lcorpp.learning import LstmClassifier
 from lcorpp.learning.lstm import training
 from lcorpp.learning.lstm.network import NumpyNetwork
-from lcorpp.learning.lstm.training import Cases, Draw, Plan
+from lcorpp.learning.lstm.training import TrainingSet, EpochDraw, TrainingConfig
 from lcorpp.learning.lstm.weights import Weights
 
 from .noise import labels, tracks
@@ -32,20 +32,20 @@ shapes = st.fixed_dictionaries(
 
 def task(
     *, channels: int, units: int, classes: int, cases: int, points: int, batch: int = 32, seed: int = 0
-) -> tuple[Weights, Cases, Plan, Draw, np.ndarray]:
+) -> tuple[Weights, TrainingSet, TrainingConfig, EpochDraw, np.ndarray]:
     """First weights, cases to learn, and what an epoch draws."""
     rng = np.random.default_rng(seed)
     start = Weights.start(channels, units, 1 if classes == 2 else classes, rng)
-    given = Cases(
+    given = TrainingSet(
         rng.normal(size=(cases, points, channels)).astype(np.float32),
         rng.integers(classes, size=cases).astype(np.int32),
         rng.uniform(0.2, 3, size=cases).astype(np.float32),
         classes,
     )
-    plan = Plan(
+    plan = TrainingConfig(
         units=units, dropout=0.25, epochs=1, batch_size=batch, learning_rate=0.01, schedule="constant"
     )
-    draw = Draw(rng.permutation(cases), rng.random((cases, units)) < 0.75)
+    draw = EpochDraw(rng.permutation(cases), rng.random((cases, units)) < 0.75)
     return start, given, plan, draw, rng.uniform(0.001, 0.01, size=-(-cases // batch))
 
 
@@ -127,13 +127,13 @@ def test_kernels_refuse_what_does_not_fit():
         kernels.Network(**{**start.arrays(), "bias": np.zeros(3, **floats)})
     trainer = CompiledTrainer(start, cases, plan)
     for bad in (
-        Draw(draw.order[1:], draw.kept),
-        Draw(draw.order, draw.kept[:, 1:]),
-        Draw(draw.order + 1, draw.kept),
+        EpochDraw(draw.order[1:], draw.kept),
+        EpochDraw(draw.order, draw.kept[:, 1:]),
+        EpochDraw(draw.order + 1, draw.kept),
     ):
         with pytest.raises(ValueError, match=r"order, kept and rates|no such case"):
             trainer.epoch(bad, rates)
     with pytest.raises(ValueError, match="order, kept and rates"):
         trainer.epoch(draw, rates[1:])
     with pytest.raises(ValueError, match="no such class"):
-        CompiledTrainer(start, Cases(cases.inputs, cases.targets + 2, cases.weights, 2), plan)
+        CompiledTrainer(start, TrainingSet(cases.inputs, cases.targets + 2, cases.weights, 2), plan)

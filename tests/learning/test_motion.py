@@ -8,7 +8,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn.pipeline import make_pipeline
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Motion, Scaling
+from lcorpp.learning import Motion, ChannelStandardizer
 
 ALL = ("x", "y", "velocity", "heading", "facing")
 TOLD = ("x", "y", "velocity", "heading", "facing", "approach", "attention", "distance", "bearing")
@@ -139,7 +139,7 @@ def test_only_what_the_robot_sees_matters_not_the_frame_of_the_tracks(seed, x, y
 
 def test_scaling_knows_the_training_data_only():
     train, other = tracks(1), 100 * tracks(2) + 7
-    scaling = Scaling().fit(train)
+    scaling = ChannelStandardizer().fit(train)
     scaled = scaling.transform(train)
     np.testing.assert_allclose(scaled.mean(axis=(0, 2)), 0, atol=1e-12)
     np.testing.assert_allclose(scaled.std(axis=(0, 2)), 1, atol=1e-12)
@@ -152,11 +152,11 @@ def test_scaling_knows_the_training_data_only():
 
 def test_a_constant_channel_becomes_zero():
     x = np.concatenate([tracks(0), np.full((4, 1, 50), 3.0)], axis=1)
-    assert np.all(Scaling().fit_transform(x)[:, 2] == 0)
+    assert np.all(ChannelStandardizer().fit_transform(x)[:, 2] == 0)
 
 
 def test_it_stands_in_a_pipeline_and_is_cloned():
-    pipeline = clone(make_pipeline(Motion(rate=4.0, channels=("x", "heading")), Scaling()))
+    pipeline = clone(make_pipeline(Motion(rate=4.0, channels=("x", "heading")), ChannelStandardizer()))
     assert pipeline.fit_transform(tracks(0)).shape == (4, 3, 7)
     assert pipeline.get_params()["motion__rate"] == 4.0
     with pytest.raises(NotFittedError):
@@ -173,7 +173,7 @@ def test_it_stands_in_a_pipeline_and_is_cloned():
     ],
 )
 def test_bad_tracks_are_told(x, words):
-    for step in (Motion(), Scaling()):
+    for step in (Motion(), ChannelStandardizer()):
         with pytest.raises(DataError, match=words):
             step.fit(tracks(0)).transform(x)
 

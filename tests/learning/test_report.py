@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError, FileError
-from lcorpp.learning import cross_validate, learner, plot_report, report_on, write_report
+from lcorpp.learning import cross_validate, learner, plot_report, build_report, write_report
 from lcorpp.learning.evaluation.report_files import COLUMNS, as_markdown, rows
 from lcorpp.values import Dataset
 
@@ -31,7 +31,7 @@ def three():
 
 
 def test_a_report_says_what_the_validation_says(two):
-    found = report_on(two, positive="fast", learner="summaries", source="walks")
+    found = build_report(two, positive="fast", learner="summaries", source="walks")
     assert (found.cases, found.people, found.folds) == (120, 40, 5)
     assert found.accuracy.value == pytest.approx(two.accuracy)
     (one,) = found.classes
@@ -41,15 +41,15 @@ def test_a_report_says_what_the_validation_says(two):
     assert found.rates == two.rates_interval()
     assert [threshold.goal for threshold in one.thresholds] == ["accuracy", "f1", "youden"]
     assert one.thresholds[0].prevalence == pytest.approx(one.cases / 120)
-    other = report_on(two, positive="slow").classes[0]
+    other = build_report(two, positive="slow").classes[0]
     assert other.auc.value == pytest.approx(one.auc.value)  # its mirror image
     assert other.said.brier.value == pytest.approx(one.said.brier.value)
-    costly = report_on(two, positive="fast", prevalence={"fast": 0.1}, costs=(5, 1)).classes[0]
+    costly = build_report(two, positive="fast", prevalence={"fast": 0.1}, costs=(5, 1)).classes[0]
     assert [(t.goal, t.prevalence) for t in costly.thresholds][-1] == ("cost", 0.1)
 
 
 def test_three_classes_are_told_one_by_one(three, tmp_path):
-    found = report_on(three)
+    found = build_report(three)
     assert [one.name for one in found.classes] == ["fast", "fastest", "slow"]
     plot_report(found, tmp_path / "three.svg")
     assert (tmp_path / "three.svg").read_text().startswith("<?xml")
@@ -57,7 +57,7 @@ def test_three_classes_are_told_one_by_one(three, tmp_path):
 
 
 def test_the_files_agree(two, tmp_path):
-    found = report_on(two, positive="fast", learner="summaries")
+    found = build_report(two, positive="fast", learner="summaries")
     paths = write_report(found, tmp_path / "new")
     assert [path.name for path in paths] == ["report.json", "report.csv", "report.md"]
     content = json.loads(paths[0].read_text())
@@ -75,10 +75,10 @@ def test_the_files_agree(two, tmp_path):
 
 def test_what_cannot_be_reported(two, tmp_path):
     with pytest.raises(DataError, match="no case is of class 'quick'; expected one of fast, slow"):
-        report_on(two, positive="quick")
+        build_report(two, positive="quick")
     with pytest.raises(DataError, match="the prevalence of fast is missing"):
-        report_on(two, positive="fast", prevalence={"slow": 0.5})
+        build_report(two, positive="fast", prevalence={"slow": 0.5})
     with pytest.raises(DataError, match="prevalence is 0"):
-        report_on(two, positive="fast", prevalence={"fast": 0.0})
+        build_report(two, positive="fast", prevalence={"fast": 0.0})
     with pytest.raises(FileError, match="not the name of a picture"):
-        plot_report(report_on(two), tmp_path / "report.txt")
+        plot_report(build_report(two), tmp_path / "report.txt")

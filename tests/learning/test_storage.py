@@ -14,7 +14,7 @@ from sklearn.preprocessing import FunctionTransformer
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning import (
-    Cut,
+    DecisionThreshold,
     TrainedClassifier,
     learner,
     load_classifier,
@@ -59,7 +59,7 @@ def test_what_is_loaded_classifies_as_what_was_saved(trained, tmp_path):
 
 
 def test_calibration_and_cut_come_back(trained, tmp_path):
-    cut = replace(trained, cut=Cut("slow", 0.3))
+    cut = replace(trained, cut=DecisionThreshold("slow", 0.3))
     save_classifier(cut, tmp_path / "c")
     loaded = load_classifier(tmp_path / "c")
     assert loaded.cut == cut.cut

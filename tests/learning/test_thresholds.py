@@ -7,8 +7,8 @@ import pytest
 from sklearn.metrics import accuracy_score, f1_score
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Cut, choose_threshold
-from lcorpp.learning.evaluation.thresholds import called
+from lcorpp.learning import DecisionThreshold, choose_threshold
+from lcorpp.learning.evaluation.thresholds import apply_threshold
 
 
 def cases(count: int = 400, share: float = 0.5, seed: int = 0):
@@ -81,10 +81,10 @@ def test_what_makes_no_sense(change, words):
 
 def test_calls():
     probabilities = np.array([[0.2, 0.8], [0.6, 0.4], [0.5, 0.5]])
-    assert called(("a", "b"), probabilities) == ["b", "a", "a"]
-    assert called(("a", "b"), probabilities, Cut("b", 0.4)) == ["b", "b", "b"]
-    assert called(("a", "b"), probabilities, Cut("a", 0.6)) == ["b", "a", "b"]
+    assert apply_threshold(("a", "b"), probabilities) == ["b", "a", "a"]
+    assert apply_threshold(("a", "b"), probabilities, DecisionThreshold("b", 0.4)) == ["b", "b", "b"]
+    assert apply_threshold(("a", "b"), probabilities, DecisionThreshold("a", 0.6)) == ["b", "a", "b"]
     with pytest.raises(DataError, match="for two classes, not for a, b, c"):
-        called(("a", "b", "c"), np.full((1, 3), 1 / 3), Cut("a", 0.5))
+        apply_threshold(("a", "b", "c"), np.full((1, 3), 1 / 3), DecisionThreshold("a", 0.5))
     with pytest.raises(DataError, match="expected 0"):
-        Cut("a", 1.5)
+        DecisionThreshold("a", 1.5)

@@ -9,7 +9,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Motion, Scaling, Validation, cross_validate
+from lcorpp.learning import Motion, ChannelStandardizer, Validation, cross_validate
 from lcorpp.values import ConfusionMatrix, Dataset
 
 from .data import walkers
@@ -20,7 +20,7 @@ def flat(tracks):
 
 
 def quick_pipeline():
-    return make_pipeline(Motion(rate=15.0), Scaling(), FunctionTransformer(flat), LogisticRegression())
+    return make_pipeline(Motion(rate=15.0), ChannelStandardizer(), FunctionTransformer(flat), LogisticRegression())
 
 
 class Recorder(ClassifierMixin, BaseEstimator):

@@ -9,7 +9,7 @@ from lcorpp.errors import DataError
 from lcorpp.learning.data.describe import Class, Description, Spread, describe, told
 from lcorpp.learning.data.repairs import REPAIRS
 from lcorpp.learning.data.tracks import Recording, mended_rows
-from lcorpp.learning.evaluation.leakage import SUSPICIOUS, leak_check
+from lcorpp.learning.evaluation.leakage import SUSPICIOUS, check_leakage
 
 
 def tell(recording: Recording, path: Path, seed: int) -> None:
@@ -90,7 +90,7 @@ def _repairs(recording: Recording) -> None:
 def _leaks(recording: Recording, seed: int) -> None:
     say = show.console.print
     try:
-        leaks = leak_check(recording, seed=seed)
+        leaks = check_leakage(recording, seed=seed)
     except DataError as error:
         say(f"leak check: not possible: {error}")
         return

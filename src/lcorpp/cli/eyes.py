@@ -17,7 +17,7 @@ from lcorpp.simulation.population import Appearance, Channel, Reader
 from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset
 
 if TYPE_CHECKING:
-    from lcorpp.learning import Cut, Report, TrainedClassifier, Validation
+    from lcorpp.learning import DecisionThreshold, EvaluationReport, TrainedClassifier, Validation
 
 RAREST = 1e-3
 """How common a class is at least when thresholds are chosen."""
@@ -38,7 +38,7 @@ class Eyes:
     program: Program
     rates: dict[str, dict[str, float]]
     tracks: int | None
-    report: Report | None
+    report: EvaluationReport | None
     notes: tuple[str, ...]
 
 
@@ -101,8 +101,8 @@ def trained_eyes(
         tracks: simulated tracks to train on; None takes the domain's number.
     """
     from lcorpp.experiments.training import estimator_for, learn, recorded_training, simulated_training
-    from lcorpp.learning import learner, report_on
-    from lcorpp.learning.evaluation.thresholds import called
+    from lcorpp.learning import learner, build_report
+    from lcorpp.learning.evaluation.thresholds import apply_threshold
 
     positive = domain.positive or max(domain.values)
     goal = None if wanted.threshold is None else _goal(domain, positive, wanted.threshold)
@@ -127,10 +127,10 @@ def trained_eyes(
     common = _prevalence(domain, positive, wanted.prevalence)
     if goal is not None:
         cut = _cut(validation, positive, common[positive], goal)
-        recalled = validation.recalled(called(validation.classes, validation.probabilities, cut))
+        recalled = validation.with_predictions(apply_threshold(validation.classes, validation.probabilities, cut))
         trained = replace(trained, confusion=recalled.confusion, cut=cut)
         validation = recalled
-    report = report_on(
+    report = build_report(
         validation,
         positive=positive,
         prevalence=common,
@@ -197,8 +197,8 @@ def _prevalence(domain: Domain, positive: str, given: float | None) -> dict[str,
 
 def _goal(domain: Domain, positive: str, threshold: str) -> str | tuple[float, float] | float:
     """What --threshold asks for: a goal by name, two costs, or a number itself."""
-    from lcorpp.learning import Cut
-    from lcorpp.learning.evaluation.thresholds import named_goal
+    from lcorpp.learning import DecisionThreshold
+    from lcorpp.learning.evaluation.thresholds import resolve_goal
 
     if len(domain.values) != 2:
         raise DataError(f"--threshold is for two classes, and there are {len(domain.values)}")
@@ -208,24 +208,24 @@ def _goal(domain: Domain, positive: str, threshold: str) -> str | tuple[float, f
     except ValueError:
         numbers = []
     if len(numbers) == 1:
-        return Cut(positive, numbers[0]).probability
+        return DecisionThreshold(positive, numbers[0]).probability
     goal = (numbers[0], numbers[1]) if len(numbers) == 2 else threshold
-    named_goal(goal)
+    resolve_goal(goal)
     return goal
 
 
 def _cut(
     validation: Validation, positive: str, prevalence: float, goal: str | tuple[float, float] | float
-) -> Cut:
+) -> DecisionThreshold:
     """The threshold itself, or the one that is best for a goal."""
-    from lcorpp.learning import Cut, choose_threshold
+    from lcorpp.learning import DecisionThreshold, choose_threshold
 
     if isinstance(goal, float):
-        return Cut(positive, goal)
+        return DecisionThreshold(positive, goal)
     scores = validation.probabilities[:, validation.classes.index(positive)]
     truth = np.array(validation.labels) == positive
     chosen = choose_threshold(scores, truth, validation.folds, prevalence=prevalence, goal=goal)
-    return Cut(positive, chosen.probability)
+    return DecisionThreshold(positive, chosen.probability)
 
 
 def _loaded(domain: Domain, file: Path) -> tuple[TrainedClassifier, ConfusionMatrix]:
@@ -257,9 +257,9 @@ def _check_motion(file: Path, trained: TrainedClassifier, dataset: Dataset) -> N
 
 def _told(confusion: ConfusionMatrix, trust: Trust) -> dict[str, dict[str, float]]:
     """Print the measured rates with their intervals; returned are the smoothed ones that enter the rules."""
-    from lcorpp.learning import rates_intervals
+    from lcorpp.learning import estimate_rates
 
-    for row in rates_intervals(confusion, smoothing=trust.smoothing):
+    for row in estimate_rates(confusion, smoothing=trust.smoothing):
         said = ", ".join(f"{r.called} {r.value:.3f} [{r.low:.3f}, {r.high:.3f}]" for r in row)
         show.console.print(f"  {row[0].given} people ({row[0].cases}) are called: {said}")
     smoothed = [[float(rate) for rate in row] for row in confusion.rates(trust.smoothing)]

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from lcorpp.learning import Report
+    from lcorpp.learning import EvaluationReport
     from lcorpp.learning.evaluation.intervals import Interval
 
 
-def table(report: Report) -> Table:
+def table(report: EvaluationReport) -> Table:
     """A column for each class: AUC, Brier score, calibration and the best thresholds, with 95% intervals."""
     from rich import box
     from rich.table import Table

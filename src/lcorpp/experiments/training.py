@@ -14,7 +14,7 @@ from lcorpp.errors import DataError, DomainError
 from lcorpp.learning import (
     TrainedClassifier,
     Validation,
-    leak_note,
+    leakage_note,
     learner,
     read_data,
     split,
@@ -86,7 +86,7 @@ def recorded_training(
     dataset = _needed(read_data(path, labels=written), channels)
     try:
         train, test = split(dataset, seed=seed)
-        leak = leak_note(train) if len(domain.values) == 2 else None
+        leak = leakage_note(train) if len(domain.values) == 2 else None
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     kept = (

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError
-from lcorpp.learning.features.resampling import regular
+from lcorpp.learning.features.resampling import resample
 from lcorpp.learning.streaming.track import Repairs, Rules, Track
 
 INPUTS = ("x", "y", "facing")
@@ -76,7 +76,7 @@ def test_what_becomes_known_is_what_regular_says(seed, rate, origin, end):
         one.arrive(time, tuple(sample))
         found += one.drain()[0]
         assert len(found) == one.count
-    expected = regular(times, samples, rate, angles=(2,))
+    expected = resample(times, samples, rate, angles=(2,))
     assert np.array(found).T.shape == expected.shape
     np.testing.assert_allclose(np.array(found).T, expected, rtol=0, atol=1e-12)  # rounding of one product
 
