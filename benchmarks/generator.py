@@ -27,9 +27,9 @@ from scipy.stats import ks_2samp, t
 
 from lcorpp.domains import Domain, load_domain
 from lcorpp.files import make_folder, write_atomically
-from lcorpp.learning import Validation, cross_validate, check_leakage, paper_pipeline
-from lcorpp.simulation.population import Motion, simulated_dataset
-from lcorpp.simulation.recordings import simulated_recording
+from lcorpp.learning import Validation, check_leakage, cross_validate, paper_pipeline
+from lcorpp.simulation.recordings import simulate_recording
+from lcorpp.simulation.trajectories import SimulatedTrajectories, simulate_dataset
 from lcorpp.values import Array, Dataset
 
 PAPER_EPOCHS = 300
@@ -98,7 +98,9 @@ def everybody(scenes: dict[str, list[Array]]) -> list[Array]:
 def passers_by(domain: Domain, count: int, seed: int) -> list[Array]:
     """People who are not interested, (samples, 2), sampled as the pedestrians are."""
     people = [{"intention": "not_interested"}] * count
-    tracks = Motion(domain.simulation.trajectories).trajectories(people, np.random.default_rng(seed))
+    tracks = SimulatedTrajectories(domain.simulation.trajectories).trajectories(
+        people, np.random.default_rng(seed)
+    )
     return [track.T for track in tracks[:, :, ::EVERY]]
 
 
@@ -117,7 +119,7 @@ def part(dataset: Dataset, points: int) -> Dataset:
 
 def rates(validation: Validation, positive: str = "interested") -> dict[str, float]:
     """TPR and TNR, the pooled AUC, and the smallest share of a class that a fold gave out."""
-    found = {rate.given: rate.value for rate in validation.summary()}
+    found = {rate.true: rate.value for rate in validation.recalls}
     said = np.array(validation.predictions) == positive
     shares = [said[np.array(validation.folds) == fold].mean() for fold in set(validation.folds)]
     other = next(name for name in found if name != positive)
@@ -166,7 +168,7 @@ def _work(
 ) -> list[tuple[str, Callable[[], Any], Callable[[], Dataset]]]:
     """(name, classifier, data set) of one seed."""
     rng = np.random.default_rng([seed, 0])
-    balanced = simulated_dataset(domain, Motion(domain.simulation.trajectories), tracks, rng)
+    balanced = simulate_dataset(domain, SimulatedTrajectories(domain.simulation.trajectories), tracks, rng)
     work = []
     for epochs in (domain.epochs, PAPER_EPOCHS):
 
@@ -181,8 +183,8 @@ def _work(
 
 
 def _leaks(domain: Domain) -> list[str]:
-    recording = simulated_recording(domain, np.random.default_rng(0), tracks=2000, positives=1000)
-    return [f"{leak.name} {leak.auc:.3f} [{leak.low:.3f}, {leak.high:.3f}]" for leak in check_leakage(recording)]
+    recording = simulate_recording(domain, np.random.default_rng(0), tracks=2000, positives=1000)
+    return [f"{leak.name} {leak.auc}" for leak in check_leakage(recording)]
 
 
 def _likeness(domain: Domain, scenes: dict[str, list[Array]]) -> list[str]:
@@ -228,7 +230,8 @@ def _table(domain: Domain, tracks: int, found: Measured, leaks: list[str], liken
         lines.append(f"| {name} | {len(entries)} | " + " | ".join(cells) + f" | {least:.2f} |")
     lines += [
         "",
-        "What is not motion tells (AUC of `check_leakage`, 1000 recordings of each class): " + ", ".join(leaks),
+        "What is not motion tells (AUC of `check_leakage`, 1000 recordings of each class): "
+        + ", ".join(leaks),
     ]
     if likeness:
         lines += [
@@ -273,7 +276,7 @@ def _plot(domain: Domain, scenes: dict[str, list[Array]], path: Path) -> None:
         axis.set(xlabel=f"{name} ({unit})", ylabel="share below", ylim=(0, 1), xlim=(0, end))
         axis.grid(alpha=0.3)
     axes[0, 0].legend(fontsize=8)
-    tracks_of = Motion(domain.simulation.trajectories).trajectories
+    tracks_of = SimulatedTrajectories(domain.simulation.trajectories).trajectories
     speeds = axes[1, 2]
     for axis, intention, colour in zip(
         axes[1], ("interested", "not_interested"), ("#1b6ca8", "#d68910"), strict=False

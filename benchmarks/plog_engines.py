@@ -115,12 +115,11 @@ def command(arguments: Sequence[str | Path], cases: Sequence[Case], language: st
 
 def lcorpp_rows(cases: Sequence[Case]) -> Iterator[Row]:
     """lcorpp: from text, compiled, as a command and, for the paper's question, in batches."""
-    from lcorpp.reasoning import parse_plog
-    from lcorpp.reasoning.reasoner import Engine
+    from lcorpp.reasoning import Reasoner, parse_plog
 
     def asked(text: str) -> Any:
         program = parse_plog(text, file="benchmark.plog")
-        return Engine(program).ask(program.queries[0])
+        return Reasoner(program).ask(program.queries[0])
 
     texts = [case.texts["lcorpp"] for case in cases]
     yield checked(timed("text", "text to answer", [partial(asked, t) for t in texts]), answers(cases), EXACT)
@@ -132,8 +131,8 @@ def lcorpp_rows(cases: Sequence[Case]) -> Iterator[Row]:
     if not case.evidences:
         return
     name, value = case.query
-    program = parse_plog(case.texts["lcorpp"].split("?{")[0], file="benchmark.plog")
-    compiling = partial(program.compile, case.inputs, name)
+    reasoner = Reasoner(parse_plog(case.texts["lcorpp"].split("?{")[0], file="benchmark.plog"))
+    compiling = partial(reasoner.compile, case.inputs, name)
     yield timed("compile", "compile", [compiling])[0]
     evidences, exact = [dict(e) for e, _ in case.evidences], [answer for _, answer in case.evidences]
     circuit = compiling()
@@ -141,8 +140,8 @@ def lcorpp_rows(cases: Sequence[Case]) -> Iterator[Row]:
     turn = f"compiled, {len(calls)} evidences in turn"
     yield checked(timed("compiled", turn, calls), exact, EXACT, lambda marginal: float(marginal[value]))
     yield _never_met(compiling, evidences)
-    calls = [partial(program.posterior, name, evidence) for evidence in evidences]
-    found = timed("posterior", f"program.posterior, {len(calls)} evidences in turn", calls)
+    calls = [partial(reasoner.posterior, name, evidence) for evidence in evidences]
+    found = timed("posterior", f"reasoner.posterior, {len(calls)} evidences in turn", calls)
     yield checked(found, exact, EXACT, lambda marginal: float(marginal[value]))
     yield from _batches(circuit, evidences, exact, circuit.values[name].index(value))
 

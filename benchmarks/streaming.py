@@ -134,9 +134,9 @@ def _as_in_life(frames: Frames, rng: np.random.Generator) -> Frames:
 
 
 def _measured(pipeline: Any, frames: Frames, lived: bool, together: bool) -> list[str]:
-    streams = StreamingClassifier(pipeline, patience=0.1 if lived else 0.0)
+    streams = StreamingClassifier(pipeline, allowed_lateness=0.1 if lived else 0.0)
     streams.push(-10.0, "before", 0.0, 0.0)  # what is made when first used is made
-    streams.leave("before")
+    streams.remove("before")
     costs = []
     for samples in frames:
         began = time.process_time()
@@ -173,9 +173,9 @@ def _difference(pipeline: Any, streams: StreamingClassifier, frames: Frames) -> 
         times = sorted(track)
         motion = pipeline[0].transform_stamped(times, np.array([track[at] for at in times]).T)
         expected = pipeline[1:].predict_proba(motion)[0]
-        answer = streams.leave(person)
-        assert answer.track == 1, f"{person}: {streams.report()}"
-        worst = max(worst, float(np.abs(answer.probabilities - expected).max()))
+        prediction = streams.remove(person)
+        assert prediction.track == 1, f"{person}: {streams.report()}"
+        worst = max(worst, float(np.abs(prediction.probabilities - expected).max()))
     return worst
 
 

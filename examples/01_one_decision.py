@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-from lcorpp import ConsoleWorld, Instance, Planner, Robot, dt_control, load_domain, solve
+from lcorpp import ConsoleWorld, Instance, Planner, Reasoner, Robot, dt_control, load_domain, solve
 
 
 class Classifier:
@@ -18,8 +18,8 @@ class Classifier:
 
 
 domain = load_domain("intention")
-policy = solve(domain.pomdp, domain.starts()).policy
-robot = Robot(Classifier(), domain.program, Planner(domain.pomdp, policy), domain)
+planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
+robot = Robot(Classifier(), Reasoner(domain.program), planner, domain)
 
 person = Instance(trajectory=np.zeros((2, 304)), context={"time": "afternoon", "location": "classroom"})
 answer = input if "--ask" in sys.argv else lambda question: "pos"

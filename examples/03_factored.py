@@ -4,7 +4,7 @@ It always sees where it is; where the person is it can only hear, best from near
 then its exceptions: `*` is any value, `place` the value before an action and `place'` the one after it.
 """
 
-from lcorpp.planning import Factored, Pomdp, given, solve, update
+from lcorpp.planning import Factored, Pomdp, cpt, flatten, solve, update
 from lcorpp.planning.policy import Policy
 from lcorpp.values import Belief
 
@@ -15,7 +15,7 @@ problem = Factored.of(
     observations={"voice": "near far"},
     start={"place": "lobby", "person": {"east": 0.7, "west": 0.3}},
     transition={
-        "place": given(
+        "place": cpt(
             "action place",
             {
                 "* *": "same",
@@ -28,7 +28,7 @@ problem = Factored.of(
         ),
         "person": "same",
     },
-    observation=given(
+    observation=cpt(
         "action place' person'",
         {
             "* * *": "far",
@@ -37,8 +37,8 @@ problem = Factored.of(
         },
     ),
     reward={
-        "effort": given("action place", {"* *": -1, "* done": 0}),
-        "parcel": given(
+        "effort": cpt("action place", {"* *": -1, "* done": 0}),
+        "parcel": cpt(
             "action place person",
             {"deliver * *": -20, "deliver east east": 20, "deliver west west": 20, "deliver done *": 0},
         ),
@@ -60,7 +60,7 @@ def show(pomdp: Pomdp, policy: Policy, belief: Belief, depth: int = 0, seen: str
             show(pomdp, policy, update(pomdp, belief, action, observation), depth + 1, then)
 
 
-pomdp = problem.flat(reachable=True)
+pomdp = flatten(problem, reachable=True)
 print(f"{len(pomdp.states)} states, {len(pomdp.observations)} observations, such as {pomdp.observations[0]}")
 solution = solve(pomdp)
 print(f"the plan earns {solution.lower:.2f}; none earns over {solution.upper:.2f}")

@@ -8,9 +8,9 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from lcorpp import Planner, Robot, load_domain, solve
+from lcorpp import Planner, Reasoner, Robot, load_domain, solve
 from lcorpp.decision import strategies
-from lcorpp.experiments.training import simulated_training
+from lcorpp.experiments.training_data import simulate_training_data
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.learning import Motion, SummaryFeatures, build_report, train_and_validate
 
@@ -23,24 +23,24 @@ def nearest(interval: float):
 
 def main() -> None:
     domain = load_domain("intention")
-    training = simulated_training(domain, seed=0, tracks=600)
+    training = simulate_training_data(domain, seed=0, tracks=600)
     classifier, validation = train_and_validate(nearest(training.dataset.interval), training.dataset)
 
-    found = build_report(validation, positive="interested", prevalence={"interested": 0.4})
-    told = found.classes[0]
-    print(f"people told right:  {found.accuracy}")
-    print(f"AUC:                {told.auc}")
-    print(f"calibration error:  {told.said.error.value:.3f}, put right {told.calibrated.error.value:.3f}")
-    print(f"call interested from {told.thresholds[0].probability:.2f} on where 40% are")
+    report = build_report(validation, positive="interested", prevalence={"interested": 0.4})
+    interested = report.classes[0]
+    print(f"accuracy:  {report.accuracy}")
+    print(f"AUC:       {interested.auc}")
+    print(f"expected calibration error:  {interested.raw.ece}, calibrated {interested.calibrated.ece}")
+    print(f"best threshold at a prevalence of 40%: {interested.thresholds[0].probability:.2f}")
 
     # The label goes to the reasoner as it is, or as a likelihood that weighs what the reasoner knows.
-    planner = Planner(domain.pomdp, solve(domain.pomdp, domain.starts()).policy)
-    hard = Robot(classifier, domain.program_for(validation.confusion), planner, domain)
-    soft = Robot(classifier.soft(), domain.soft_program, planner, domain)
+    planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
+    hard = Robot(classifier, Reasoner(domain.program_for(validation.confusion)), planner, domain)
+    soft = Robot(classifier.soft(), Reasoner(domain.soft_program), planner, domain)
     for name, robot in (("hard", hard), ("soft", soft)):
-        trials = Experiment(domain, robot, robot.classifier, training.appearance, strategies(["L+R"]), 1)
+        trials = Experiment(domain, robot, robot.classifier, training.trajectories, strategies(["L+R"]), 1)
         scores = run_trials(trials, 1000)[0][0]
-        print(f"{name} evidence: accuracy {scores.accuracy.value:.3f}, F1 {scores.f1.value:.3f}")
+        print(f"{name} evidence: accuracy {scores.accuracy.estimate:.3f}, F1 {scores.f1.estimate:.3f}")
 
 
 if __name__ == "__main__":

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.errors import LcorppError
-from lcorpp.learning import dataset_of, check_leakage, read_recording
-from lcorpp.learning.data.tracks import mended_rows
+from lcorpp.learning import check_leakage, read_recording, to_dataset
+from lcorpp.learning.data.tracks import count_repairs
 
 rng = np.random.default_rng(0)
 lines = ["track,time,x,y,label"]
@@ -31,10 +31,10 @@ with tempfile.TemporaryDirectory() as folder:
         print("refused:", str(error).splitlines()[0].removeprefix(f"{folder}/"))
     recording = read_recording(file, repair=["nonfinite", "duplicates"])
 
-for reason, (rows, places) in mended_rows(recording.mends).items():
+for reason, (rows, places) in count_repairs(recording.repairs).items():
     print(f"repaired: {reason}, {rows} rows in {places} places")
 for leak in check_leakage(recording):
-    print(f"{leak.name:<13} AUC {leak.auc:.2f} {'LEAK' if leak.flagged else ''}".rstrip())
-data = dataset_of(recording, interval=0.1, points=101)  # ten seconds of everybody: no durations are left
+    print(f"{leak.name:<13} AUC {leak.auc.estimate:.2f} {'LEAK' if leak.flagged else ''}".rstrip())
+data = to_dataset(recording, interval=0.1, points=101)  # ten seconds of everybody: no durations are left
 print(f"a data set of {data.trajectories.shape}: {', '.join(data.channels)} every {data.interval:g} s")
-print(f"duration      AUC {check_leakage(data)[1].auc:.2f}")
+print(f"duration      AUC {check_leakage(data)[1].auc.estimate:.2f}")

@@ -7,12 +7,12 @@ import pytest
 from lcorpp.errors import FileError, ParseError
 from lcorpp.files import (
     make_folder,
+    open_atomically,
     open_text,
     read_text,
     sync,
     sync_folder,
     write_atomically,
-    written_atomically,
 )
 
 
@@ -42,7 +42,7 @@ def test_missing_files_and_folders(tmp_path):
     with pytest.raises(FileError, match="cannot be written: No such file"):
         write_atomically(tmp_path / "none" / "a.txt", "")
     (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match="cannot be made a folder"):
+    with pytest.raises(FileError, match="cannot create the folder"):
         make_folder(tmp_path / "file")
 
 
@@ -97,21 +97,21 @@ def test_what_is_written_piece_by_piece_is_there_whole_or_not_at_all(tmp_path):
     (tmp_path / "a").write_text("old")
 
     def stop_half_way():
-        with written_atomically(tmp_path / "a") as file:
+        with open_atomically(tmp_path / "a") as file:
             file.write(b"half")
             raise RuntimeError("in the middle")
 
     with pytest.raises(RuntimeError, match="in the middle"):
         stop_half_way()
     assert (tmp_path / "a").read_text() == "old"
-    with written_atomically(tmp_path / "a") as file:
+    with open_atomically(tmp_path / "a") as file:
         file.write(b"new ")
         assert (tmp_path / "a").read_text() == "old"
         file.write(b"words")
     assert (tmp_path / "a").read_text() == "new words"
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
     with pytest.raises(FileError, match="cannot be written"):
-        written_atomically(tmp_path / "no" / "a").__enter__()
+        open_atomically(tmp_path / "no" / "a").__enter__()
 
 
 def test_text_is_opened_line_by_line(tmp_path):

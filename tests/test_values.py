@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from lcorpp.errors import DataError, ModelError
-from lcorpp.values import ConfusionMatrix, Dataset, Distribution, fingerprint
+from lcorpp.values import ConfusionMatrix, Dataset, Distribution, track_hash
 
 
 def test_distribution():
@@ -60,7 +60,7 @@ def test_dataset():
 
 def test_a_dataset_keeps_its_interval_and_channels():
     data = Dataset(np.zeros((2, 3, 4)), ("a", "b"), interval=0.4, channels=("x", "y", "heading"))
-    longer = data.extended([(np.ones((3, 4)), "a")], ["g"])
+    longer = data.append([(np.ones((3, 4)), "a")], ["g"])
     for derived in (data, data.take([1]), longer, longer.take([2, 0])):
         assert (derived.interval, derived.channels) == (0.4, ("x", "y", "heading"))
 
@@ -83,6 +83,6 @@ def test_what_no_dataset_can_be(changed, words):
 
 def test_equal_trajectories_and_no_others_share_a_fingerprint():
     track = np.arange(6.0).reshape(2, 3)
-    assert fingerprint(track) == fingerprint(np.asfortranarray(track.astype(np.float32)).tolist())
+    assert track_hash(track) == track_hash(np.asfortranarray(track.astype(np.float32)).tolist())
     for other in (track.T, track.reshape(1, 6), track + 1e-12, track[:, :2]):
-        assert fingerprint(other) != fingerprint(track)
+        assert track_hash(other) != track_hash(track)

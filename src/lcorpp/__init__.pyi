@@ -9,6 +9,11 @@ from .planning import (
     solve as solve,
     write_policy as write_policy,
 )
-from .reasoning import Enumeration as Enumeration, parse_plog as parse_plog, read_plog as read_plog
+from .reasoning import (
+    Enumeration as Enumeration,
+    Reasoner as Reasoner,
+    parse_plog as parse_plog,
+    read_plog as read_plog,
+)
 from .values import Instance as Instance
 from .worlds import ConsoleWorld as ConsoleWorld

@@ -1,6 +1,6 @@
-"""Every error that lcorpp raises on purpose: one tree, so that one `except LcorppError` catches all.
+"""Exceptions: one tree, so that `except LcorppError` catches every error that lcorpp raises on purpose.
 
-Bad input is told by where it is, what is wrong and what was expected.
+Messages about bad input state the place, the fault and what was expected.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 
 class LcorppError(Exception):
-    """Root of all errors of this package."""
+    """Root of all exceptions of this package."""
 
 
 class FileError(LcorppError):
@@ -17,13 +17,13 @@ class FileError(LcorppError):
 
 
 class ParseError(LcorppError):
-    """Text that does not follow its format.
+    """Text that violates its format.
 
     Attributes:
-        file: name of the file, or ``<text>`` when there is none.
-        line, column: place of the offence, both counted from 1.
-        message: what is wrong and what was expected.
-        text: the offending line, shown under the message with a caret.
+        file: name of the file, or ``<text>`` without one.
+        line, column: place of the error, both counted from 1.
+        message: the fault and what was expected.
+        text: the offending line; the message shows it with a caret below.
     """
 
     def __init__(self, file: str, line: int, column: int, message: str, text: str = "") -> None:
@@ -37,21 +37,21 @@ class ParseError(LcorppError):
         head = f"{self.file}:{self.line}:{self.column}: {message}"
         if not self.text.strip():
             return head
-        start = max(0, self.column - 61)  # a long line is shown around the caret
-        shown = self.text.rstrip("\r\n")[start : start + 120].replace("\t", " ")
-        return f"{head}\n    {shown}\n    {' ' * (self.column - 1 - start)}^"
+        start = max(0, self.column - 61)  # a long line is cut around the caret
+        excerpt = self.text.rstrip("\r\n")[start : start + 120].replace("\t", " ")
+        return f"{head}\n    {excerpt}\n    {' ' * (self.column - 1 - start)}^"
 
 
 class ModelError(LcorppError):
-    """A POMDP, belief or other value that breaks its own law (sums, shapes, ranges)."""
+    """A POMDP, belief or other value that violates its invariants (sums, shapes, ranges)."""
 
 
 class ProgramError(LcorppError):
-    """A P-log program that parses but breaks a condition of the language."""
+    """A P-log program that parses but violates a condition of the language."""
 
 
 class TooLargeError(ProgramError):
-    """A P-log program with more states than can be compiled."""
+    """A P-log program with too many states to compile."""
 
 
 class UndefinedError(LcorppError):
@@ -59,7 +59,7 @@ class UndefinedError(LcorppError):
 
 
 class ObservationError(LcorppError):
-    """An observation that has probability zero under the belief and the action taken."""
+    """An observation with probability zero under the belief and the action taken."""
 
 
 class PolicyError(LcorppError):
@@ -67,7 +67,7 @@ class PolicyError(LcorppError):
 
 
 class DataError(LcorppError):
-    """Data a classifier cannot be trained on, or a stored classifier that cannot be used."""
+    """Data unfit for training, or a stored classifier that cannot be used."""
 
 
 class DomainError(LcorppError):
@@ -75,11 +75,11 @@ class DomainError(LcorppError):
 
 
 class DecisionError(LcorppError):
-    """A decision that cannot be brought to its end, e.g. a policy that never reports."""
+    """A decision that cannot be completed, e.g. because the policy never reports."""
 
 
-def expected(names: Sequence[str], limit: int = 12) -> str:
-    """`names` as the end of a message: ``expected one of a, b, c``."""
-    shown = ", ".join(str(name) for name in names[:limit])
+def expected_one_of(names: Sequence[str], limit: int = 12) -> str:
+    """Return the end of a message: ``expected one of a, b, c``, with at most `limit` names."""
+    listed = ", ".join(str(name) for name in names[:limit])
     more = f", ... ({len(names)} in all)" if len(names) > limit else ""
-    return f"expected one of {shown}{more}" if names else "none is known"
+    return f"expected one of {listed}{more}" if names else "none is known"

@@ -1,4 +1,4 @@
-"""Reading and writing files so that failures are typed and nothing is ever half written."""
+"""Read and write files with typed errors; writes are atomic."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lcorpp.errors import FileError
 
 
 def read_text(path: str | Path) -> str:
-    """The UTF-8 text of a file, with its line ends as they are.
+    """Return the UTF-8 text of a file with its line endings unchanged.
 
     Raises:
         FileError: the file is missing, unreadable, a folder or not UTF-8.
@@ -28,7 +28,7 @@ def read_text(path: str | Path) -> str:
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """The content of a file.
+    """Return the content of a file.
 
     Raises:
         FileError: the file is missing, unreadable or a folder.
@@ -36,11 +36,11 @@ def read_bytes(path: str | Path) -> bytes:
     try:
         return Path(path).read_bytes()
     except (OSError, ValueError) as error:
-        raise FileError(f"{_shown(path)}: cannot be read: {_reason(error)}") from None
+        raise FileError(f"{_printable(path)}: cannot be read: {_reason(error)}") from None
 
 
 def open_text(path: str | Path) -> TextIO:
-    """A file of UTF-8 text, to be read line by line; every line ends in a newline, except maybe the last.
+    """Open a UTF-8 text file for reading line by line; line endings become newlines.
 
     Raises:
         FileError: the file is missing, unreadable or a folder. Reading it may raise UnicodeDecodeError.
@@ -48,25 +48,25 @@ def open_text(path: str | Path) -> TextIO:
     try:
         return open(path, encoding="utf-8-sig")
     except (OSError, ValueError) as error:
-        raise FileError(f"{_shown(path)}: cannot be read: {_reason(error)}") from None
+        raise FileError(f"{_printable(path)}: cannot be read: {_reason(error)}") from None
 
 
 def write_atomically(path: str | Path, content: str | bytes) -> None:
-    """Write a file whole or not at all; see `written_atomically`.
+    """Write a file completely or not at all; see `open_atomically`.
 
     Raises:
         FileError: the folder is missing or cannot be written, or `path` is a folder.
     """
-    with written_atomically(path) as file:
+    with open_atomically(path) as file:
         file.write(content.encode("utf-8") if isinstance(content, str) else content)
 
 
 @contextmanager
-def written_atomically(path: str | Path) -> Iterator[BinaryIO]:
-    """A file to be written piece by piece that is there whole or not at all.
+def open_atomically(path: str | Path) -> Iterator[BinaryIO]:
+    """Open a file for writing that appears completely or not at all.
 
-    It is a temporary file beside the one wanted, and renamed when all is written. A link is followed, so
-    that what it points to is written; a device or a pipe is written to as it is.
+    The content goes to a temporary file in the same folder, which replaces `path` at the end. A symbolic
+    link is followed: its target is replaced. Devices and pipes are written directly.
 
     Raises:
         FileError: the folder is missing or cannot be written, or `path` is a folder.
@@ -78,8 +78,8 @@ def written_atomically(path: str | Path) -> Iterator[BinaryIO]:
             prefix = f".{target.name[:100]}."
             handle, name = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=target.parent)
     except (OSError, ValueError) as error:
-        raise FileError(f"{_shown(path)}: cannot be written: {_reason(error)}") from None
-    if special:  # to replace a device would destroy it; a folder refuses
+        raise FileError(f"{_printable(path)}: cannot be written: {_reason(error)}") from None
+    if special:  # replacing a device would destroy it; opening a folder fails
         try:
             with open(target, "wb") as device:
                 yield device
@@ -93,7 +93,7 @@ def written_atomically(path: str | Path) -> Iterator[BinaryIO]:
             os.fsync(file.fileno())
         mask = os.umask(0)
         os.umask(mask)
-        os.chmod(name, 0o666 & ~mask)  # mkstemp makes private files; an output is an ordinary one
+        os.chmod(name, 0o666 & ~mask)  # mkstemp creates private files; outputs get the usual mode
         os.replace(name, target)
     except OSError as error:
         Path(name).unlink(missing_ok=True)
@@ -104,22 +104,22 @@ def written_atomically(path: str | Path) -> Iterator[BinaryIO]:
 
 
 def sync(file: int) -> None:
-    """Return when the content of an open file (its descriptor) is on the disk, as far as the system knows.
+    """Flush an open file (descriptor) to the disk.
 
     Raises:
-        OSError: the disk failed; what it holds of the file is not known then.
+        OSError: the disk failed; its content of the file is undefined.
     """
     os.fsync(file)
-    if sys.platform == "darwin":  # there fsync leaves it in the cache of the drive
+    if sys.platform == "darwin":  # fsync leaves the data in the drive's cache
         import fcntl
 
         fcntl.fcntl(file, fcntl.F_FULLFSYNC)
 
 
 def sync_folder(path: str | Path) -> None:
-    """Return when the disk knows the name of a file that was just made or renamed.
+    """Flush the folder entry of a file that was created or renamed to the disk.
 
-    Where a folder cannot be opened (Windows), the system sees to it by itself.
+    Does nothing if the system cannot open folders (Windows), which needs no such flush.
     """
     try:
         folder = os.open(Path(os.path.realpath(path)).parent, os.O_RDONLY)
@@ -128,29 +128,29 @@ def sync_folder(path: str | Path) -> None:
     try:
         os.fsync(folder)
     except OSError:
-        return  # file systems that keep no folders on a disk
+        return  # a file system without folders on a disk
     finally:
         os.close(folder)
 
 
 def make_folder(path: str | Path) -> Path:
-    """Make a folder with its parents; an existing one is fine.
+    """Create a folder and its parents if it does not exist.
 
     Raises:
-        FileError: it cannot be made, for instance because a file has its name.
+        FileError: the folder cannot be created, e.g. because a file has its name.
     """
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        raise FileError(f"{_shown(path)}: cannot be made a folder: {_reason(error)}") from None
+        raise FileError(f"{_printable(path)}: cannot create the folder: {_reason(error)}") from None
     return Path(path)
 
 
 def _reason(error: OSError | ValueError) -> str:
-    """The system's words; a ValueError is a name that no file can have."""
+    """Return the system's message; a ValueError means an impossible file name."""
     return str(getattr(error, "strerror", None) or error)
 
 
-def _shown(path: str | Path) -> str:
+def _printable(path: str | Path) -> str:
     text = str(path)
     return text if len(text) <= 300 and text.isprintable() else ascii(text)[:300]

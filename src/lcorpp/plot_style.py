@@ -1,4 +1,4 @@
-"""What all pictures share: their look, colours that colour-blind people tell apart, and saving them whole."""
+"""Style of all figures: matplotlib settings, a colour-blind safe palette, atomic saving."""
 
 from __future__ import annotations
 
@@ -14,74 +14,74 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from lcorpp.errors import FileError, expected
+from lcorpp.errors import FileError, expected_one_of
 from lcorpp.files import write_atomically
 
 INK, MUTED, PALE = "#1f2933", "#7b8794", "#e4e7eb"
 BLUE, ORANGE = "#2f6db5", "#d9822b"
 
 COLOURS = ("#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#f0e442", "#0072b2", "#d55e00")
-"""Colours that stay apart for all kinds of colour vision; Okabe and Ito, "Color universal design", 2008."""
+"""Palette for all kinds of colour vision; Okabe and Ito, "Color universal design", 2008."""
 
 HATCHES = ("", "//", "..", "\\\\", "xx", "++", "oo", "**")
-"""What tells apart those that share a colour."""
+"""Hatches that distinguish fills of the same colour."""
 
-LOOK = {
+RC_PARAMS = {
     "font.size": 10,
     "text.color": INK,
     "axes.labelcolor": INK,
     "axes.edgecolor": MUTED,
     "hatch.color": INK,
     "hatch.linewidth": 0.4,
-    "svg.hashsalt": "lcorpp",  # the same picture is the same file
+    "svg.hashsalt": "lcorpp",  # equal figures give equal files
     "svg.fonttype": "path",
 }
 
 SUFFIXES = (".png", ".svg", ".pdf")
-"""The kinds of pictures that are written."""
+"""Supported figure formats."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 class Fill(NamedTuple):
-    """How one of many is painted."""
+    """Colour and hatch of one category."""
 
     colour: str
     hatch: str
 
     @classmethod
     def of(cls, number: int) -> Fill:
-        """The colour of a number, and a hatch where it has had its turn already; both begin anew after 56."""
+        """Return the fill of category `number`: 7 colours, then the same with hatches; repeats after 56."""
         return cls(COLOURS[number % len(COLOURS)], HATCHES[number // len(COLOURS) % len(HATCHES)])
 
     @property
-    def on_top(self) -> str:
-        """The colour of words on it."""
+    def text_colour(self) -> str:
+        """Text colour that is readable on this fill."""
         red, green, blue = (int(self.colour[i : i + 2], 16) for i in (1, 3, 5))
         return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 110 else "white"
 
 
-def drawn(draw: Callable[P, R]) -> Callable[P, R]:
-    """Make a function draw in the house's look, whatever matplotlib is set to elsewhere."""
+def with_style(draw: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a drawing function: apply `RC_PARAMS`, whatever the user's matplotlib settings are."""
 
     @functools.wraps(draw)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
-        with mpl.rc_context(LOOK):
+        with mpl.rc_context(RC_PARAMS):
             return draw(*args, **kwargs)
 
     return wrapped
 
 
-def tidy(axes: Axes) -> None:
-    """No frame but the axes themselves, and a pale grid behind."""
+def despine(axes: Axes) -> None:
+    """Remove the top and right spines and draw a pale grid behind the data."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="y", color=PALE, linewidth=0.8)
     axes.set_axisbelow(True)
 
 
-def wrapped(words: str, width: int) -> str:
-    """Words over as many lines as it takes; a long name is broken after its commas."""
+def wrap_text(words: str, width: int) -> str:
+    """Break a text into lines of at most `width` characters; long names break after commas."""
     if len(words) <= width:
         return words
     return "\n".join(textwrap.wrap(words.replace(",", ", "), width, break_long_words=False)).replace(
@@ -90,17 +90,17 @@ def wrapped(words: str, width: int) -> str:
 
 
 def check_suffix(path: str | Path) -> None:
-    """Refuse a picture that cannot be written, before work is put into it.
+    """Check the suffix of a figure file before the figure is computed.
 
     Raises:
-        FileError: the name of the file does not end as that of a picture.
+        FileError: the suffix is not among `SUFFIXES`.
     """
     if Path(path).suffix.lower() not in SUFFIXES:
-        raise FileError(f"{path}: not the name of a picture; {expected(SUFFIXES)} at its end")
+        raise FileError(f"{path}: not a figure file; {expected_one_of(SUFFIXES)} as its suffix")
 
 
-def save(figure: Figure, path: str | Path) -> None:
-    """Write a picture whole or not at all, in the format of its suffix.
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure completely or not at all, in the format of the suffix.
 
     Raises:
         FileError: the suffix is not among `SUFFIXES`, or the file cannot be written.
@@ -110,6 +110,6 @@ def save(figure: Figure, path: str | Path) -> None:
     FigureCanvasAgg(figure)
     image = io.BytesIO()
     dateless = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    with mpl.rc_context(LOOK):
+    with mpl.rc_context(RC_PARAMS):
         figure.savefig(image, format=kind, dpi=150, metadata=dateless[kind])
     write_atomically(path, image.getvalue())

@@ -1,6 +1,6 @@
-"""What the two algorithms need of a classifier, a reasoner, a planner, a domain and a world.
+"""Protocols of the classifier, reasoner, planner, domain and world that the two algorithms combine.
 
-Anything that has these methods can take part: `decision` knows nothing else of the other rooms.
+`decision` imports nothing else of the other packages: any object with these methods can take part.
 """
 
 from __future__ import annotations
@@ -15,16 +15,17 @@ class Classifier(Protocol):
     """rho of Algorithm 2: from a trajectory to a class."""
 
     def classify(self, instance: Instance) -> Label | None:
-        """The class of the person seen, or the likelihood of each; None where the robot does not classify."""
+        """Return the person's class or the likelihood of each class; None if the robot does not classify."""
 
 
 class Reasoner(Protocol):
     """theta of Algorithm 2: from evidence to the marginal of an attribute."""
 
     def posterior(self, attribute: str, evidence: Mapping[str, Label]) -> Distribution | None:
-        """The marginal of `attribute` given the evidence (attribute -> value), or None without an opinion.
+        """Return the marginal of `attribute` given the evidence; None if the robot does not reason.
 
-        A likelihood in place of a value is soft evidence: it weighs the values of its attribute.
+        Args:
+            evidence: attribute -> value, or -> likelihood of its values (soft evidence).
 
         Raises:
             UndefinedError: the evidence is impossible.
@@ -36,13 +37,13 @@ class Planner(Protocol):
 
     @property
     def start(self) -> Belief:
-        """(S,) the belief to start from when nothing is known."""
+        """(S,) the model's initial belief, used without a prior."""
 
     def action(self, belief: Belief) -> str:
-        """The action of the policy at a belief (S,)."""
+        """Return the policy's action at a belief (S,)."""
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:
-        """(S,) the belief after an action and an observation, by Bayes' rule.
+        """Return the belief (S,) after an action and an observation, by Bayes' rule.
 
         Raises:
             ObservationError: the observation is impossible.
@@ -50,17 +51,17 @@ class Planner(Protocol):
 
 
 class World(Protocol):
-    """Where actions are taken and observations made: simulated people, a console, a robot."""
+    """Executes actions and returns observations: simulated people, a console, a robot."""
 
     def act(self, action: str) -> str:
-        """Do `action` and return what is observed."""
+        """Execute `action` and return the observation."""
 
     def report(self, action: str) -> None:
-        """Do the report action that ends the decision."""
+        """Execute the report action that ends the decision."""
 
 
-class Vocabulary(Protocol):
-    """What the words of one part mean to the next; a domain has it."""
+class DomainInterface(Protocol):
+    """Translates between the names of classifier, reasoner and planner; `domains.Domain` implements it."""
 
     @property
     def target(self) -> str:
@@ -71,22 +72,22 @@ class Vocabulary(Protocol):
         """The values of the target."""
 
     def evidence(self, context: Mapping[str, str], label: Label | None) -> Mapping[str, Label]:
-        """The observed facts and, where there is one, the classifier's label, for the reasoner."""
+        """Return the reasoner's evidence: the observed facts and the classifier's label, if any."""
 
-    def claim(self, evidence: Mapping[str, Label]) -> Label | None:
-        """What the label in the evidence says of the target's values, None without a label."""
+    def target_of_label(self, evidence: Mapping[str, Label]) -> Label | None:
+        """Return the target value (or likelihood of the values) of the label in the evidence, if any."""
 
     def prior(self, marginal: Distribution) -> Belief:
-        """(S,) the planner's belief that carries the reasoner's marginal."""
+        """Return the planner's belief (S,) with the reasoner's marginal over the target."""
 
     def marginal(self, belief: Belief) -> Distribution:
-        """What a planner's belief says of the target."""
+        """Return the target's distribution under a planner's belief (S,)."""
 
     def report(self, action: str) -> str | None:
-        """The value of the target that `action` reports, or None when it is no report."""
+        """Return the target value that `action` reports, None if `action` is no report."""
 
     def report_action(self, value: str) -> str:
-        """The action that reports `value`."""
+        """Return the action that reports `value`."""
 
     def finished(self, belief: Belief) -> bool:
-        """Whether the belief is certain that the terminal state is reached."""
+        """Return whether the terminal state has probability 1."""

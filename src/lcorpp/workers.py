@@ -1,4 +1,4 @@
-"""Worker processes that leave Ctrl-C to the process that started them."""
+"""Worker processes that leave Ctrl-C to their parent process."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def sheltered() -> Iterator[None]:
-    """Start worker processes inside of this: they ignore Ctrl-C, from their very first import on.
+def ignore_sigint() -> Iterator[None]:
+    """Ignore SIGINT while worker processes start, so that they ignore it from their first import on.
 
-    A new process goes on ignoring what its parent ignored. So does the parent itself meanwhile: a Ctrl-C in
-    the fraction of a second in which workers start has to be given again. (Blocking the signal would lose
-    none, but the resource trackers of multiprocessing and loky unblock it.)
+    A child process inherits ignored signals. The parent ignores SIGINT meanwhile, too: a Ctrl-C in the
+    fraction of a second in which workers start is lost. (A blocked signal would not be lost, but the
+    resource trackers of multiprocessing and loky unblock it.)
     """
-    if threading.current_thread() is not threading.main_thread():  # only there handlers can be set
+    if threading.current_thread() is not threading.main_thread():  # only the main thread sets handlers
         yield
         return
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -77,7 +77,7 @@ def test_cr_rules(lcorpp):
 
 @pytest.mark.parametrize("query", ["intention", "?{intention=interested}"])
 def test_too_large_a_program_is_estimated_aloud(lcorpp, monkeypatch, query):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.trellis.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (1,))
     ended = lcorpp("ask", PLOG / "lcorpp.plog", query)
     assert ended.code == 0
     assert "more than 1 edges in the circuit: estimated from 20000 worlds drawn at random" in ended.err

@@ -130,7 +130,7 @@ def test_what_makes_no_sense(lcorpp, tmp_path):
     refused(lcorpp("data", "describe", good, "--label", "1=one"), "a.csv:2:", "unknown label 'in'")
     refused(lcorpp("data", "describe", good, "--gap", "-1"), "the longest silence is -1.0 s")
     refused(lcorpp("data", "describe", good, "--report", tmp_path / "no" / "r.csv"), "cannot be written")
-    refused(lcorpp("data", "plot", good, tmp_path / "a.txt"), "not the name of a picture")
+    refused(lcorpp("data", "plot", good, tmp_path / "a.txt"), "not a figure file")
     refused(lcorpp("data", "fetch", "nothing"), "'nothing' is not the address of a file")
     refused(lcorpp("data", "fetch", "authors", "--sha256", "0" * 64), "--sha256 is for an address")
     (tmp_path / "few.csv").write_text("track,time,x,y\nc,0,1,1\n")

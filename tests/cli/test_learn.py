@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.experiments.run_store import Memory
-from lcorpp.learning.store import Layout, Store, read_store
+from lcorpp.experiments.run_store import RunStore
+from lcorpp.learning.store import Store, TrackSchema, read_store
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 OPTIONS = ("--tracks", 60, "--learner", "summaries", "--batch-size", 4, "--epsilon", 0, "--jobs", 1)
@@ -25,7 +25,7 @@ def stored(path):
 
 def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "lcorpp.experiments.active_learning.plot_batches", lambda *_: None
+        "lcorpp.experiments.active_learning.write_figure", lambda *_: []
     )  # takes half the time
     learn = ("learn", ROOMS, *OPTIONS, "--max-batches", 3)
     plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")
@@ -35,13 +35,13 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monk
         rows = list(csv.DictReader(file))
     assert [int(row["tracks"]) for row in rows] == [60, 64, 68, 72]
 
-    keep, save, calls = Memory.keep, Memory.save, []
+    keep, save, calls = RunStore.append_decision, RunStore.save_checkpoint, []
 
     def interrupted(original):
         """Ctrl-C after the first decision, the training of batch 1 and the last decision of batch 2."""
 
-        def call(memory, *arguments):
-            kept = original(memory, *arguments)
+        def call(run_store, *arguments):
+            kept = original(run_store, *arguments)
             calls.append(original)
             if len(calls) in (2, 7, 12):
                 raise KeyboardInterrupt
@@ -49,8 +49,8 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monk
 
         return call
 
-    monkeypatch.setattr(Memory, "keep", interrupted(keep))
-    monkeypatch.setattr(Memory, "save", interrupted(save))
+    monkeypatch.setattr(RunStore, "append_decision", interrupted(keep))
+    monkeypatch.setattr(RunStore, "save_checkpoint", interrupted(save))
     common = (*learn, "--store", tmp_path / "s.tracks", "--out", tmp_path / "out")
     outs = []
     while not outs or "stopped after 3 batches" not in outs[-1].out:
@@ -78,7 +78,7 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monk
 
 def test_what_a_store_cannot_be(lcorpp, tmp_path):
     (tmp_path / "text").write_text("hello")
-    Store(tmp_path / "other", Layout(("x", "y"), 0.033, ("a", "b"))).close()
+    Store(tmp_path / "other", TrackSchema(("x", "y"), 0.033, ("a", "b"))).close()
     for path, words in (
         (tmp_path, "is not a file; a store of tracks is one"),
         (tmp_path / "text", "not a store of tracks; expected a file that begins with 'lcorpp tracks '"),
@@ -87,7 +87,7 @@ def test_what_a_store_cannot_be(lcorpp, tmp_path):
     ):
         ended = lcorpp("learn", ROOMS, *OPTIONS, "--store", path)
         assert (ended.code, words in ended.err) == (2, True), ended.err
-    with Store(tmp_path / "s", Layout(("x", "y"), 0.033, ("lab", "office", "store"), 12)):
+    with Store(tmp_path / "s", TrackSchema(("x", "y"), 0.033, ("lab", "office", "store"), 12)):
         ended = lcorpp("learn", ROOMS, *OPTIONS, "--store", tmp_path / "s")
     assert ended.code == 2
     assert "is being written to already" in ended.err

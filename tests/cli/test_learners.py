@@ -10,7 +10,7 @@ from tests.cli.test_bad_input import refused
 
 ROOMS = Path(__file__).parents[1] / "domains/rooms"
 FEW = ("--trials", 60, "--tracks", 60, "--jobs", 1, "--strategy", "L+R")
-NAMES = ["summaries", "forest", "lstm", "fast"]
+NAMES = ["summaries", "forest", "lstm", "lstm-fast"]
 AEON = [
     pytest.mark.skipif(find_spec("aeon") is None, reason="aeon is not installed: pip install 'lcorpp[aeon]'"),
     pytest.mark.slow,
@@ -20,14 +20,14 @@ AEON = [
 @pytest.mark.parametrize("name", [*NAMES, pytest.param("minirocket", marks=AEON)])
 def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
     """Shows 6."""
-    passes = ("--epochs", 2) if name in ("lstm", "fast") else ()
+    passes = ("--epochs", 2) if name in ("lstm", "lstm-fast") else ()
     ended = lcorpp("run", *FEW, "--learner", name, *passes, "--out", tmp_path)
     assert ended.code == 0, ended.err
     for words in (f"{name}, five-fold on", "interested people (30) are called", "AUC", "best youden"):
         assert words in ended.out
     content = json.loads((tmp_path / "report.json").read_text())
     assert list(content["classes"]["interested"]) == [
-        *("cases", "auc", "roc", "said", "calibrated", "thresholds"),
+        *("cases", "auc", "roc", "raw", "calibrated", "thresholds"),
     ]
     assert content["classes"]["interested"]["thresholds"][0]["prevalence"] == pytest.approx(0.4)  # as known
     assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")

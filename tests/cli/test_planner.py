@@ -7,8 +7,7 @@ import re
 
 import pytest
 
-from lcorpp.planning import read_pomdp
-from lcorpp.planning.factored import Factored, given
+from lcorpp.planning import Factored, cpt, read_pomdp
 from lcorpp.planning.formats.pomdpx.writer import write_pomdpx
 from tests.cli.planner import AUTHORS, refused
 from tests.planning.models import shared_model
@@ -149,7 +148,7 @@ def test_show_refuses(lcorpp, solved, tmp_path):
     )
     refused(
         lcorpp("show", AUTHORS, solved, "--states", TURNED, "-o", tmp_path / "a.jpg"),
-        "not the name of a picture",
+        "not a figure file",
     )
     assert os.listdir(tmp_path) == []
 
@@ -161,8 +160,8 @@ def test_show_takes_semicolons_where_names_hold_commas(lcorpp, tmp_path):
         observations="o",
         start={"x": "uniform", "y": "uniform"},
         transition={"x": "same", "y": "same"},
-        observation=given("", "uniform"),
-        reward=given("action x", {"a 1": 1, "b 2": 1}),
+        observation=cpt("", "uniform"),
+        reward=cpt("action x", {"a 1": 1, "b 2": 1}),
         discount=0.5,
     )
     model, policy = tmp_path / "a.pomdpx", tmp_path / "a.policy"

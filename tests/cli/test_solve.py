@@ -83,7 +83,7 @@ def test_solve_refuses_outputs_before_it_searches(lcorpp, tmp_path):
     refused(lcorpp("solve", model, "-o", tmp_path, *hour), "cannot be written: Is a directory")
     refused(
         lcorpp("solve", model, "-o", tmp_path / "a.policy", "--plot", tmp_path / "a.gif", *hour),
-        "a.gif: not the name of a picture; expected one of .png, .svg, .pdf",
+        "a.gif: not a figure file; expected one of .png, .svg, .pdf",
     )
     refused(
         lcorpp("solve", model, "-o", tmp_path / "a.policy", "--plot", tmp_path / "no" / "a.png", *hour),

@@ -20,7 +20,7 @@ class Words:
     def evidence(self, context: Mapping[str, str], label: str | None) -> dict[str, str]:
         return {**context, **({} if label is None else {"label": label})}
 
-    def claim(self, evidence: Mapping[str, str]) -> str | None:
+    def target_of_label(self, evidence: Mapping[str, str]) -> str | None:
         return evidence.get("label")
 
     def prior(self, marginal: Distribution) -> Belief:

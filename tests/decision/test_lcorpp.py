@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from lcorpp.decision import Batch, Resumed, lcorpp
+from lcorpp.decision import Batch, ResumePoint, lcorpp
 from lcorpp.decision.lcorpp import ssub
 from lcorpp.errors import DecisionError
 from lcorpp.values import ConfusionMatrix, Dataset
@@ -87,7 +87,7 @@ def test_the_caller_may_stop_at_any_batch():
 
 
 def going_on(
-    resumed: Resumed | None, dataset: Dataset, matrices: list[list[list[float]]], line, epsilon=0.05
+    resumed: ResumePoint | None, dataset: Dataset, matrices: list[list[list[float]]], line, epsilon=0.05
 ):
     """Algorithm 1 from somewhere on: batches of four; the decisions are those of the people in `line`."""
     given = iter(matrices)
@@ -100,7 +100,7 @@ def going_on(
         collect=lambda: (seen(index := next(line)), Answers("nod" if index == 0 else "shake")),
         batch_size=4,
         epsilon=epsilon,
-        resumed=resumed,
+        resume_point=resumed,
     )
 
 
@@ -114,7 +114,7 @@ def test_a_run_that_goes_on_ends_as_if_it_had_never_stopped(decided):
     whole = list(itertools.islice(going_on(None, START, MATRICES, iter(LINE)), 3))
     stopped = whole[1]
     made = whole[2].dataset.take(range(len(stopped.dataset) + decided))
-    resumed = Resumed(1, stopped.classifier, stopped.confusion, stopped.change, decided)
+    resumed = ResumePoint(1, stopped.classifier, stopped.confusion, stopped.change, decided)
     again, last = itertools.islice(going_on(resumed, made, MATRICES[2:], iter(LINE[4 + decided :])), 2)
     assert (again.number, again.change, again.settled) == (1, stopped.change, False)
     assert again.confusion is stopped.confusion
@@ -125,7 +125,7 @@ def test_a_run_that_goes_on_ends_as_if_it_had_never_stopped(decided):
 
 def test_a_run_that_had_settled_does_nothing_more():
     matrix = ConfusionMatrix(VALUES, np.array(MATRICES[0]))
-    batches = list(going_on(Resumed(5, Eyes(), matrix, 0.01, 0), START, [], iter(())))
+    batches = list(going_on(ResumePoint(5, Eyes(), matrix, 0.01, 0), START, [], iter(())))
     assert [(batch.number, batch.settled, batch.episodes) for batch in batches] == [(5, True, ())]
 
 

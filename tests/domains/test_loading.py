@@ -8,7 +8,8 @@ import pytest
 
 from lcorpp.domains import load_domain, shipped_domains
 from lcorpp.errors import DomainError, FileError, LcorppError, ParseError
-from lcorpp.experiments.training import simulated_training
+from lcorpp.experiments.training_data import simulate_training_data
+from lcorpp.reasoning import Reasoner
 from lcorpp.values import ConfusionMatrix, Distribution, Likelihood
 
 ROOMS = Path(__file__).parent / "rooms"
@@ -68,15 +69,15 @@ def test_a_made_up_domain():
     rooms = load_domain(ROOMS)
     assert (rooms.values, rooms.terminal, rooms.preset) == (("lab", "office", "store"), 3, "calm")
     assert rooms.evidence({"badge": "staff"}, "store") == {"badge": "staff", "heading": "right"}
-    assert rooms.claim({"heading": "right"}) == "store"
-    assert rooms.claim({"badge": "staff"}) is None
+    assert rooms.target_of_label({"heading": "right"}) == "store"
+    assert rooms.target_of_label({"badge": "staff"}) is None
     likelihood = Likelihood(("store", "lab", "office"), [4, 2, 1])
     evidence = rooms.evidence({"badge": "staff"}, likelihood)
     assert dict(evidence["heading"]) == {"right": 1, "left": 0.5, "ahead": 0.25}
-    assert list(rooms.claim(evidence)) == [("lab", 0.5), ("office", 0.25), ("store", 1)]
+    assert list(rooms.target_of_label(evidence)) == [("lab", 0.5), ("office", 0.25), ("store", 1)]
     with pytest.raises(DomainError, match="a likelihood of a, b; expected one of lab, office, store"):
         rooms.evidence({}, Likelihood(("a", "b"), [1, 1]))
-    sure = rooms.soft_program.posterior("goal", {"badge": "staff", "heading": "right"})
+    sure = Reasoner(rooms.soft_program).posterior("goal", {"badge": "staff", "heading": "right"})
     assert sure["store"] == 1  # there the attribute stands for the truth
     assert (rooms.report("to_office"), rooms.report("point")) == ("office", None)
     assert rooms.report_action("store") == "to_store"
@@ -99,7 +100,7 @@ def test_a_new_confusion_matrix_gives_new_rules_and_leaves_the_old():
 
 
 def test_starts_cover_the_simplex_of_priors():
-    starts = load_domain(ROOMS).starts()
+    starts = load_domain(ROOMS).start_beliefs()
     np.testing.assert_allclose(starts.sum(axis=1), 1)
     assert len(starts) == 1 + 36  # the model's own start, and a lattice in sevenths
     for corner in np.eye(3, 4):
@@ -305,7 +306,7 @@ def test_the_spacing_of_simulated_tracks_is_the_domain_s(tmp_path):
     file = tmp_path / "rooms" / "domain.toml"
     file.write_text(file.read_text().replace("tracks = 60", "tracks = 60\ninterval = 0.4"))
     assert (load_domain(ROOMS).interval, load_domain(tmp_path / "rooms").interval) == (0.033, 0.4)
-    assert simulated_training(load_domain(tmp_path / "rooms"), 0).dataset.interval == 0.4
+    assert simulate_training_data(load_domain(tmp_path / "rooms"), 0).dataset.interval == 0.4
     file.write_text(file.read_text().replace("0.4", "0"))
     with pytest.raises(DomainError, match="interval"):
         load_domain(tmp_path / "rooms")

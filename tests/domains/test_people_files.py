@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
-from lcorpp.domains.plugin import People
+from lcorpp.domains.plugin import SimulationPlugin
 from lcorpp.errors import DomainError
 
 GOOD = """
@@ -22,9 +22,9 @@ def trajectory(person, rng):
 CROWD = [{"goal": "lab"}, {"goal": "store"}]
 
 
-def people(folder: Path, text: str) -> People:
+def people(folder: Path, text: str) -> SimulationPlugin:
     (folder / "people.py").write_text(text)
-    return People(folder / "people.py")
+    return SimulationPlugin(folder / "people.py")
 
 
 def test_recordings_of_a_plug_in(tmp_path):

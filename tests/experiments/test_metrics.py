@@ -5,55 +5,57 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.stats import binomtest
 
-from lcorpp.experiments.metrics import exact_scores, mean, scores, wilson
+from lcorpp.experiments.metrics import mean_interval, score_decisions, score_probabilities, wilson_interval
 
 VALUES = ("yes", "no")
 
 
 def of(counts: list[list[float]], positive: str | None = "yes"):
     n = int(np.sum(counts))
-    return scores("X", np.array(counts, float), np.zeros(n), np.zeros(n), values=VALUES, positive=positive)
+    return score_decisions(
+        "X", np.array(counts, float), np.zeros(n), np.zeros(n), values=VALUES, positive=positive
+    )
 
 
 def test_known_confusion():
     result = of([[30, 10, 0], [20, 40, 0]])
-    assert result.precision.value == 30 / 50
-    assert result.recall.value == 30 / 40
-    assert result.f1.value == pytest.approx(2 * 30 / (2 * 30 + 20 + 10))
-    assert result.accuracy.value == 0.7
+    assert result.precision.estimate == 30 / 50
+    assert result.recall.estimate == 30 / 40
+    assert result.f1.estimate == pytest.approx(2 * 30 / (2 * 30 + 20 + 10))
+    assert result.accuracy.estimate == 0.7
 
 
 def test_f1_is_the_harmonic_mean():
     result = of([[33, 7, 0], [12, 48, 0]])
-    p, r = result.precision.value, result.recall.value
-    assert result.f1.value == pytest.approx(2 * p * r / (p + r))
+    p, r = result.precision.estimate, result.recall.estimate
+    assert result.f1.estimate == pytest.approx(2 * p * r / (p + r))
 
 
 def test_no_report_counts_as_wrong_and_spoils_recall_not_precision():
     result = of([[30, 0, 10], [0, 60, 0]])
-    assert (result.precision.value, result.recall.value, result.accuracy.value) == (1.0, 0.75, 0.9)
+    assert (result.precision.estimate, result.recall.estimate, result.accuracy.estimate) == (1.0, 0.75, 0.9)
 
 
 def test_nothing_called_positive():
     result = of([[0, 40, 0], [0, 60, 0]])
-    assert (result.precision.value, result.recall.value, result.f1.value) == (0, 0, 0)
+    assert (result.precision.estimate, result.recall.estimate, result.f1.estimate) == (0, 0, 0)
     assert (result.precision.low, result.precision.high) == (0, 1)
 
 
 def test_average_over_all_values():
     result, mirrored = of([[30, 10, 0], [20, 40, 0]], None), of([[40, 20, 0], [10, 30, 0]], None)
-    assert result.recall.value == pytest.approx((30 / 40 + 40 / 60) / 2)
-    assert result.f1.value == pytest.approx(mirrored.f1.value)
+    assert result.recall.estimate == pytest.approx((30 / 40 + 40 / 60) / 2)
+    assert result.f1.estimate == pytest.approx(mirrored.f1.estimate)
 
 
 @given(hits=st.integers(0, 60), misses=st.integers(0, 60))
 def test_wilson_is_scipys(hits, misses):
     total = hits + misses
     if total == 0:
-        assert wilson(0, 0).high == 1
+        assert wilson_interval(0, 0).high == 1
         return
     expected = binomtest(hits, total).proportion_ci(method="wilson")
-    found = wilson(hits, total)
+    found = wilson_interval(hits, total)
     assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=1e-12)
 
 
@@ -65,36 +67,36 @@ def test_wilson_is_scipys(hits, misses):
 )
 def test_every_interval_holds_its_value(counts, positive):
     result = of(counts, positive)
-    for estimate in (result.f1, result.precision, result.recall, result.accuracy):
-        assert 0 <= estimate.low <= estimate.value <= estimate.high <= 1
+    for interval in (result.f1, result.precision, result.recall, result.accuracy):
+        assert 0 <= interval.low <= interval.estimate <= interval.high <= 1
 
 
 def test_intervals_hold_the_truth_about_95_times_in_100():
     """1000 experiments of 200 decisions: the number of hits is binomial(1000, .95), so 920 is 4 SD below."""
     rng = np.random.default_rng(7)
     joint = np.array([[0.3, 0.1, 0], [0.15, 0.45, 0]])
-    truth = exact_scores("X", joint, 0, 0, 0, values=VALUES, positive="yes")
+    truth = score_probabilities("X", joint, 0, 0, 0, values=VALUES, positive="yes")
     held = {"f1": 0, "precision": 0, "accuracy": 0}
     for _ in range(1000):
         counts = rng.multinomial(200, joint.ravel()).reshape(2, 3)
         result = of(counts.tolist())
         for name in held:
-            estimate = getattr(result, name)
-            held[name] += estimate.low <= getattr(truth, name).value <= estimate.high
+            interval = getattr(result, name)
+            held[name] += interval.low <= getattr(truth, name).estimate <= interval.high
     assert all(920 <= count <= 980 for count in held.values()), held
 
 
 def test_mean_has_the_normal_interval():
     figures = np.array([1.0, 2.0, 3.0, 4.0])
-    estimate = mean(figures)
+    interval = mean_interval(figures)
     half = 1.959964 * figures.std(ddof=1) / 2
-    assert (estimate.value, estimate.low, estimate.high) == pytest.approx((2.5, 2.5 - half, 2.5 + half))
-    assert mean(np.array([3.0])).low == 3.0
+    assert (interval.estimate, interval.low, interval.high) == pytest.approx((2.5, 2.5 - half, 2.5 + half))
+    assert mean_interval(np.array([3.0])).low == 3.0
 
 
 def test_exact_scores_have_no_width():
-    result = exact_scores(
+    result = score_probabilities(
         "X", np.array([[0.3, 0.1, 0], [0.2, 0.4, 0]]), 9.0, 50.0, 7.0, values=VALUES, positive="yes"
     )
-    assert result.f1.low == result.f1.value == result.f1.high == pytest.approx(0.6 / 0.9)
-    assert (result.cost.value, result.earned.value, result.cost_sd) == (9.0, 50.0, 7.0)
+    assert result.f1.low == result.f1.estimate == result.f1.high == pytest.approx(0.6 / 0.9)
+    assert (result.cost.estimate, result.return_.estimate, result.cost_sd) == (9.0, 50.0, 7.0)

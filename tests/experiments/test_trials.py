@@ -16,9 +16,11 @@ from lcorpp.errors import DataError, DecisionError, DomainError
 from lcorpp.experiments import trials
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.learning import TrainedClassifier, fit_calibration
-from lcorpp.reasoning import Enumeration
-from lcorpp.simulation.population import Channel, Motion, Population, Recorded, simulated_dataset
-from lcorpp.simulation.world import Stage
+from lcorpp.reasoning import Enumeration, Reasoner
+from lcorpp.simulation.channel import NoisyChannel
+from lcorpp.simulation.population import Population
+from lcorpp.simulation.trajectories import RecordedTrajectories, SimulatedTrajectories, simulate_dataset
+from lcorpp.simulation.world import SimulationModel
 from lcorpp.values import ConfusionMatrix, Dataset, Likelihood
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
@@ -27,8 +29,8 @@ ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 @pytest.fixture(scope="module")
 def rooms() -> Experiment:
     domain = load_domain(ROOMS)
-    channel = Channel.of(domain)
-    planner = planning.Planner(domain.pomdp, planning.solve(domain.pomdp, domain.starts()).policy)
+    channel = NoisyChannel.of(domain)
+    planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
     robot = Robot(channel, Enumeration(domain.program), planner, domain)
     return Experiment(domain, robot, channel, channel, STRATEGIES, 3)
 
@@ -38,7 +40,7 @@ def test_a_made_up_domain_runs_all_strategies(rooms):
     assert done == 300
     by_name = {result.strategy: result for result in results}
     assert list(by_name) == [row.name for row in STRATEGIES]
-    assert by_name["LCORPP"].earned.value > by_name["L+R"].earned.value
+    assert by_name["LCORPP"].return_.estimate > by_name["L+R"].return_.estimate
     assert all(np.sum(result.counts) == 300 for result in results)
 
 
@@ -48,14 +50,14 @@ def test_the_result_does_not_depend_on_the_processes(rooms):
     two, _ = run_trials(rooms, 350, jobs=2)
     for a, b in zip(one, two, strict=True):
         np.testing.assert_array_equal(a.counts, b.counts)
-        assert (a.cost, a.earned, a.cost_sd) == (b.cost, b.earned, b.cost_sd)
+        assert (a.cost, a.return_, a.cost_sd) == (b.cost, b.return_, b.cost_sd)
 
 
 @dataclass(frozen=True)
 class Column:
     """The channel as soft evidence: a label's likelihood is its column of the rates."""
 
-    channel: Channel
+    channel: NoisyChannel
 
     def classify(self, instance):
         return self.classify_many(instance.trajectory[None])[0]
@@ -72,14 +74,14 @@ class Column:
 def test_a_likelihood_that_is_the_label_s_column_decides_as_the_label(place):
     """Both go through the same program; the rules of the hard one hold the same rates."""
     domain = load_domain(place)
-    channel = Channel.of(domain)
-    planner = planning.Planner(domain.pomdp, planning.solve(domain.pomdp, domain.starts()).policy)
+    channel = NoisyChannel.of(domain)
+    planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
     rows = tuple(row for row in STRATEGIES if row.reasons)
     counts = []
     for reader, program in ((channel, domain.program), (Column(channel), domain.soft_program)):
-        robot = Robot(reader, program, planner, domain)
+        robot = Robot(reader, Reasoner(program), planner, domain)
         results, _ = run_trials(Experiment(domain, robot, reader, channel, rows, 3), 200)
-        counts.append([(result.counts.tolist(), result.cost.value) for result in results])
+        counts.append([(result.counts.tolist(), result.cost.estimate) for result in results])
     assert counts[0] == counts[1]
 
 
@@ -106,9 +108,9 @@ def test_an_interruption_keeps_what_is_done(rooms, monkeypatch):
 
     monkeypatch.setattr(trials, "run_chunk", tired)
     results, done = run_trials(rooms, 1000)
-    assert done == 2 * trials.CHUNK
+    assert done == 2 * trials.CHUNK_SIZE
     monkeypatch.undo()
-    whole, _ = run_trials(rooms, 2 * trials.CHUNK)
+    whole, _ = run_trials(rooms, 2 * trials.CHUNK_SIZE)
     np.testing.assert_array_equal(results[0].counts, whole[0].counts)
 
 
@@ -125,7 +127,7 @@ def test_nothing_done_is_nothing_to_keep(rooms, monkeypatch):
 
 def test_people_come_as_the_truth_program_says():
     """P(interested) = .4 (.3, .1 and .8 in equal parts); 4000 people, so 4 standard errors are .031."""
-    people = Population(load_domain("intention")).people(4000, np.random.default_rng(2))
+    people = Population(load_domain("intention")).sample(4000, np.random.default_rng(2))
     share = np.mean([person["intention"] == "interested" for person in people])
     assert abs(share - 0.4) < 0.031
     library = np.mean([p["location"] == "library" for p in people if p["identity"] == "visitor"])
@@ -133,13 +135,13 @@ def test_people_come_as_the_truth_program_says():
 
 
 def test_cells_are_exact():
-    cells = Population(load_domain("intention")).cells(("identity", "intention"))
+    cells = Population(load_domain("intention")).joint_distribution(("identity", "intention"))
     assert cells["visitor", "interested"] == pytest.approx(0.8 / 3)
     assert sum(cells.values()) == pytest.approx(1)
 
 
 def test_a_channel_errs_at_its_rates():
-    channel = Channel("wish", ("a", "b"), np.array([[0.76, 0.24], [0.29, 0.71]]))
+    channel = NoisyChannel("wish", ("a", "b"), np.array([[0.76, 0.24], [0.29, 0.71]]))
     people = [{"wish": "a"}] * 20_000 + [{"wish": "b"}] * 20_000
     said = np.array(channel.classify_many(channel.trajectories(people, np.random.default_rng(0))))
     # standard errors are .003
@@ -149,27 +151,27 @@ def test_a_channel_errs_at_its_rates():
 
 def test_answers_are_flipped_with_the_noise_and_scored_by_the_truth():
     domain = load_domain("intention")
-    stage, rng = Stage(domain), np.random.default_rng(1)
-    worlds = [stage.world({"intention": "interested"}, rng) for _ in range(5000)]
+    stage, rng = SimulationModel(domain), np.random.default_rng(1)
+    worlds = [stage.make_world({"intention": "interested"}, rng) for _ in range(5000)]
     answers = [world.act("greet") for world in worlds]
     assert set(answers) == {"pos", "neg"}
     assert np.mean(np.array(answers) == "pos") == pytest.approx(0.7, abs=0.026)  # 4 standard errors
     worlds[0].act("turn")
     worlds[0].report("report_interested")
-    assert (worlds[0].cost, worlds[0].earned) == (6.5, 73.5)
+    assert (worlds[0].cost, worlds[0].return_) == (6.5, 73.5)
     worlds[1].report("report_not_interested")
-    assert (worlds[1].cost, worlds[1].earned) == (2.0, -82.0)
+    assert (worlds[1].cost, worlds[1].return_) == (2.0, -82.0)
 
 
 def test_a_reaction_of_ones_own():
     domain = load_domain("intention")
     honest = replace(domain.simulation, reaction=lambda person, action, rng: "neg")
-    world = Stage(replace(domain, simulation=honest)).world(
+    world = SimulationModel(replace(domain, simulation=honest)).make_world(
         {"intention": "interested"}, np.random.default_rng(0)
     )
     assert world.act("greet") == "neg"
     odd = replace(domain.simulation, reaction=lambda person, action, rng: "perhaps")
-    world = Stage(replace(domain, simulation=odd)).world(
+    world = SimulationModel(replace(domain, simulation=odd)).make_world(
         {"intention": "interested"}, np.random.default_rng(0)
     )
     with pytest.raises(DomainError, match=r"reaction\(\) answered 'perhaps'; expected one of pos, neg, none"):
@@ -178,16 +180,16 @@ def test_a_reaction_of_ones_own():
 
 def test_recorded_people_are_of_the_right_kind():
     data = Dataset(np.arange(8.0).reshape(4, 1, 2), ("a", "b", "a", "b"), channels=("x",))
-    tracks = Recorded("wish", data).trajectories([{"wish": "b"}] * 20, np.random.default_rng(0))
+    tracks = RecordedTrajectories("wish", data).trajectories([{"wish": "b"}] * 20, np.random.default_rng(0))
     assert {float(track[0, 0]) for track in tracks} == {2.0, 6.0}
     with pytest.raises(DataError, match="no recorded track of class 'c' is left"):
-        Recorded("wish", data).trajectories([{"wish": "c"}], np.random.default_rng(0))
+        RecordedTrajectories("wish", data).trajectories([{"wish": "c"}], np.random.default_rng(0))
 
 
 def test_simulated_tracks_are_balanced_and_shuffled(rooms):
     assert rooms.domain.simulation.trajectories is not None
-    motion = Motion(rooms.domain.simulation.trajectories)
-    data = simulated_dataset(rooms.domain, motion, 31, np.random.default_rng(0))
+    motion = SimulatedTrajectories(rooms.domain.simulation.trajectories)
+    data = simulate_dataset(rooms.domain, motion, 31, np.random.default_rng(0))
     assert [data.labels.count(value) for value in rooms.domain.values] == [11, 11, 11]
     assert len(set(data.labels[:11])) > 1
 
@@ -201,7 +203,7 @@ def test_deciding_needs_no_torch_and_no_matplotlib():
 
 @dataclass(frozen=True)
 class Scores:
-    """Motion that is one number, normal around .6 for interested people and -.6 for others: AUC .80."""
+    """Trajectories of one number, normal around .6 for interested people and -.6 for others: AUC .80."""
 
     def trajectories(self, people, rng):
         means = [0.6 if person["intention"] == "interested" else -0.6 for person in people]
@@ -228,16 +230,16 @@ def test_soft_evidence_decides_better_than_the_label():
     counts = confusion_matrix(labels, Sigmoid.classes_[probabilities.argmax(axis=1)])
     calibration = fit_calibration(tuple(Sigmoid.classes_), probabilities, labels.tolist())
     trained = TrainedClassifier(Sigmoid(), ConfusionMatrix(tuple(Sigmoid.classes_), counts), calibration)
-    planner = planning.Planner(domain.pomdp, planning.solve(domain.pomdp, domain.starts()).policy)
+    planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
     found = []
     for reader, program in (
         (trained, domain.program_for(trained.confusion)),
         (trained.soft(), domain.soft_program),
     ):
-        robot = Robot(reader, program, planner, domain)
+        robot = Robot(reader, Reasoner(program), planner, domain)
         experiment = Experiment(domain, robot, reader, Scores(), strategies(["L+R", "LCORPP"]), 3)
         found.append(run_trials(experiment, 8000)[0])
     for hard, soft in zip(*found, strict=True):
-        assert soft.accuracy.value > hard.accuracy.value
-        assert soft.f1.value > hard.f1.value
-        assert soft.earned.value > hard.earned.value
+        assert soft.accuracy.estimate > hard.accuracy.estimate
+        assert soft.f1.estimate > hard.f1.estimate
+        assert soft.return_.estimate > hard.return_.estimate

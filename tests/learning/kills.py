@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.decision import lcorpp
-from lcorpp.experiments.run_store import Memory
+from lcorpp.experiments.run_store import RunStore
 from lcorpp.learning import train_and_validate
 from lcorpp.learning.classifiers.registry import learner
 from lcorpp.learning.store import read_store
@@ -67,14 +67,14 @@ def run(path: Path, tell, batches: int | None = None) -> None:
 
     def decided(instance: Instance, episode: Episode) -> None:
         belief = Distribution(VALUES, episode.steps[-1].belief)
-        tell(f"kept {memory.keep(instance, episode, belief, {})} {episode.report}")
+        tell(f"kept {run_store.append_decision(instance, episode, belief, {})} {episode.report}")
 
-    with Memory(path, data, VALUES, {"seed": 0}) as memory:
-        for note in memory.notes:
+    with RunStore(path, data, VALUES, {"seed": 0}) as run_store:
+        for note in run_store.notes:
             tell(f"note {note}")
-        line = itertools.count(memory.met)
+        line = itertools.count(run_store.n_people)
         loop = lcorpp(
-            memory.omega(),
+            run_store.dataset(),
             learn=learn,
             reason=lambda _: Mind(),
             planner=Plan(),
@@ -83,10 +83,10 @@ def run(path: Path, tell, batches: int | None = None) -> None:
             batch_size=BATCH,
             epsilon=0,
             listener=decided,
-            resumed=memory.resumed(learn),
+            resumed=run_store.resume(learn),
         )
         for batch in loop:
-            memory.save(batch, [])
+            run_store.save_checkpoint(batch, [])
             tell(f"batch {batch.number}")
             if batch.settled or batch.number == batches:
                 return

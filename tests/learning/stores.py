@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lcorpp.learning.store import Entry, Layout, Store
+from lcorpp.learning.store import NewTrack, Store, TrackSchema
 from lcorpp.values import Distribution
 
 CLASSES = ("interested", "not_interested")
-LAYOUT = Layout(("x", "y"), 0.033, CLASSES)
+SCHEMA = TrackSchema(("x", "y"), 0.033, CLASSES)
 
 
 def walk(row: int, points: int = 4) -> np.ndarray:
@@ -19,7 +19,7 @@ def walk(row: int, points: int = 4) -> np.ndarray:
     return np.arange(2.0 * points).reshape(2, points) / 100 + row
 
 
-def track(row: int, points: int = 4, **others: object) -> Entry:
+def track(row: int, points: int = 4, **others: object) -> NewTrack:
     """The row-th track: every third is labelled by a person, every seventh has no label."""
     label = None if row % 7 == 6 else CLASSES[row % 2]
     facts = {
@@ -30,11 +30,11 @@ def track(row: int, points: int = 4, **others: object) -> Entry:
         "time": datetime(2026, 1, 1, 12, 0, row % 60, tzinfo=UTC),
         "extra": {"row": row},
     }
-    return Entry(walk(row, points), **{"label": label, **facts, **others})  # type: ignore[arg-type]
+    return NewTrack(walk(row, points), **{"label": label, **facts, **others})  # type: ignore[arg-type]
 
 
-def filled(path: Path, rows: int, layout: Layout = LAYOUT, points: int = 4) -> bytes:
+def filled(path: Path, rows: int, schema: TrackSchema = SCHEMA, points: int = 4) -> bytes:
     """Make a store of the first tracks; its bytes."""
-    with Store(path, layout) as store:
+    with Store(path, schema) as store:
         store.extend([track(row, points) for row in range(rows)], durable=False)
     return path.read_bytes()

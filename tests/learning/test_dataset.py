@@ -19,7 +19,7 @@ def small(labels: str, groups: str = "") -> Dataset:
 
 def test_extended_adds_a_row_and_leaves_the_old_data():
     old = small("ab")
-    new = old.extended([(9 * np.ones((2, 5)), "b")], ["person 3"])
+    new = old.append([(9 * np.ones((2, 5)), "b")], ["person 3"])
     assert len(old) == 2
     assert len(new) == 3
     assert new.labels[-1] == "b"
@@ -30,11 +30,11 @@ def test_extended_adds_a_row_and_leaves_the_old_data():
 
 def test_extended_refuses_another_shape():
     with pytest.raises(DataError, match=r"shape \(2, 4\) does not fit .* \(2, 5\)"):
-        small("ab").extended([(np.ones((2, 4)), "a")], ["g"])
+        small("ab").append([(np.ones((2, 4)), "a")], ["g"])
 
 
 def test_extended_by_nothing_is_the_same():
-    assert small("ab").extended([], []).labels == ("a", "b")
+    assert small("ab").append([], []).labels == ("a", "b")
 
 
 def test_one_class_is_named():

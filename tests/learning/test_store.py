@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError, FileError
-from lcorpp.learning.store import Entry, Layout, Store, is_store, read_store
+from lcorpp.learning.store import NewTrack, Store, TrackSchema, is_store, read_store
 from lcorpp.values import Distribution
-from tests.learning.stores import CLASSES, LAYOUT, filled, track, walk
+from tests.learning.stores import CLASSES, SCHEMA, filled, track, walk
 
 
 @pytest.fixture
@@ -22,20 +22,20 @@ def path(tmp_path):
 def test_what_was_stored_is_read_again(path):
     before = datetime.now(UTC)
     belief = Distribution(CLASSES, np.array([0.9, 0.1]))
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         id = store.append(
-            Entry(walk(3), "interested", belief=belief, context={"time": "noon"}, extra={"batch": 2})
+            NewTrack(walk(3), "interested", belief=belief, context={"time": "noon"}, extra={"batch": 2})
         )
         assert (store.notes, len(store), id in store, "other" in store) == ((), 1, True, False)
-        (own,) = store.reading()
+        (own,) = store.snapshot()
     reading = read_store(path)
     (stored,) = reading
-    assert (reading.layout, reading.damage, reading.tail, reading.records) == (LAYOUT, (), 0, 1)
+    assert (reading.schema, reading.damage, reading.tail, reading.records) == (SCHEMA, (), 0, 1)
     assert (stored.id, stored.number, stored.label, stored.source) == (id, 1, "interested", "robot")
     assert before <= stored.time <= datetime.now(UTC)
     assert dict(stored.belief) == dict(belief)
     assert (dict(stored.context), dict(stored.extra), stored.points) == ({"time": "noon"}, {"batch": 2}, 4)
-    assert own.said[0].time == stored.time
+    assert own.label_history[0].time == stored.time
     assert np.array_equal(reading.trajectories(), [walk(3)])
 
 
@@ -48,7 +48,7 @@ json_values = st.recursive(
 )
 zones = st.sampled_from([UTC, timezone(timedelta(hours=-3, minutes=-30)), timezone(timedelta(seconds=1))])
 tracks = st.builds(
-    lambda points, numbers, share, **facts: Entry(
+    lambda points, numbers, share, **facts: NewTrack(
         np.resize(numbers, (2, points)),
         belief=share and Distribution(CLASSES, np.array([share, 1 - share])),
         **facts,
@@ -69,13 +69,17 @@ tracks = st.builds(
 @given(st.lists(tracks, max_size=4))
 def test_any_track_that_is_taken_is_read_as_it_was(tmp_path_factory, given):
     path = tmp_path_factory.mktemp("any") / "s"
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         ids = store.extend(given, durable=False)
-        written = store.reading()
+        written = store.snapshot()
     reading = read_store(path)
     assert (reading.damage, reading.tail, [stored.id for stored in reading]) == ((), 0, ids)
     for own, stored, one in zip(written, reading, given, strict=True):
-        assert (own.said[0].time, own.context, own.extra) == (stored.time, stored.context, stored.extra)
+        assert (own.label_history[0].time, own.context, own.extra) == (
+            stored.time,
+            stored.context,
+            stored.extra,
+        )
         assert (stored.label, stored.source, stored.time) == (one.label, one.source, one.time)
         assert (dict(stored.context), dict(stored.extra)) == (one.context, one.extra)
         assert one.group in (None, stored.group)
@@ -85,9 +89,9 @@ def test_any_track_that_is_taken_is_read_as_it_was(tmp_path_factory, given):
 
 def test_equal_tracks_are_a_group_of_their_own(path):
     """A recorded track that is met twice must not stand on both sides of a fold."""
-    with Store(path, LAYOUT) as store:
-        store.extend([Entry(walk(1), None), Entry(walk(2), None), Entry(walk(1), None)])
-        first, second, third = (stored.group for stored in store.reading())
+    with Store(path, SCHEMA) as store:
+        store.extend([NewTrack(walk(1), None), NewTrack(walk(2), None), NewTrack(walk(1), None)])
+        first, second, third = (stored.group for stored in store.snapshot())
     assert first == third != second
 
 
@@ -114,10 +118,10 @@ def test_equal_tracks_are_a_group_of_their_own(path):
     ],
 )
 def test_what_does_not_fit_is_refused_and_nothing_written(path, changed, words):
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         store.append(track(0, id="taken"))
         content = path.read_bytes()
-        bad = Entry(**{"trajectory": walk(1), "label": None, **changed})
+        bad = NewTrack(**{"trajectory": walk(1), "label": None, **changed})
         with pytest.raises(DataError, match=words):
             store.append(bad)
         with pytest.raises(DataError, match="track 1 of 2"):
@@ -128,25 +132,25 @@ def test_what_does_not_fit_is_refused_and_nothing_written(path, changed, words):
 
 
 def test_the_number_of_points_may_be_fixed(path):
-    with Store(path, Layout(("x", "y"), 0.1, CLASSES, points=5)) as store:
+    with Store(path, TrackSchema(("x", "y"), 0.1, CLASSES, points=5)) as store:
         with pytest.raises(DataError, match="4 time points; expected 5"):
             store.append(track(0))
         store.append(track(0, points=5))
 
 
 @pytest.mark.parametrize(
-    ("layout", "words"),
+    ("schema", "words"),
     [
-        (Layout(("y", "x"), 0.033, CLASSES), "its channels: x, y; the tracks to be stored have: y, x"),
-        (Layout(("x", "y"), 0.1, CLASSES), "its interval: 0.033 s; the tracks to be stored have: 0.1 s"),
-        (Layout(("x", "y"), 0.033, ("a", "b")), "its classes: interested, not_interested; .* a, b"),
-        (Layout(("x", "y"), 0.033, CLASSES, 30), "its time points of a track: any number; .* 30"),
+        (TrackSchema(("y", "x"), 0.033, CLASSES), "its channels: x, y; the tracks to be stored have: y, x"),
+        (TrackSchema(("x", "y"), 0.1, CLASSES), "its interval: 0.033 s; the tracks to be stored have: 0.1 s"),
+        (TrackSchema(("x", "y"), 0.033, ("a", "b")), "its classes: interested, not_interested; .* a, b"),
+        (TrackSchema(("x", "y"), 0.033, CLASSES, 30), "its time points of a track: any number; .* 30"),
     ],
 )
-def test_another_layout_is_refused(path, layout, words):
+def test_another_layout_is_refused(path, schema, words):
     content = filled(path, 2)
     with pytest.raises(DataError, match=words):
-        Store(path, layout)
+        Store(path, schema)
     assert path.read_bytes() == content
 
 
@@ -167,31 +171,31 @@ def test_another_layout_is_refused(path, layout, words):
 )
 def test_layouts_that_make_no_sense(arguments, words):
     with pytest.raises(DataError, match=words):
-        Layout(*arguments)
+        TrackSchema(*arguments)
 
 
 def test_a_head_that_would_be_too_long(path):
     with pytest.raises(DataError, match="too long"):
-        Store(path, Layout(("x",), 1, tuple("c" * 1000 + str(i) for i in range(600))))
+        Store(path, TrackSchema(("x",), 1, tuple("c" * 1000 + str(i) for i in range(600))))
 
 
 def test_a_closed_store_takes_nothing(path):
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         store.append(track(0))
     for act in (lambda: store.append(track(1)), store.sync):
         with pytest.raises(FileError, match="closed"):
             act()
-    assert len(store.reading().dataset()) == 1
+    assert len(store.snapshot().dataset()) == 1
 
 
 def test_a_file_that_another_program_touches_is_noticed(path):
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         store.append(track(0))
         with path.open("ab") as file:
             file.write(b"hello")
         with pytest.raises(FileError, match="has been changed"):
             store.append(track(1))
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         assert "moved to robot.tracks.cut-" in store.notes[0]
         path.unlink()
         with pytest.raises(FileError, match="has been deleted by another program"):
@@ -206,7 +210,7 @@ def test_a_full_disk_leaves_the_store_as_it_was(path, monkeypatch):
             raise OSError(28, "No space left on device")
         return write(file, content[:150])
 
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         store.append(track(0))
         content = path.read_bytes()
         monkeypatch.setattr("os.write", full)
@@ -219,7 +223,7 @@ def test_a_full_disk_leaves_the_store_as_it_was(path, monkeypatch):
 
 
 def test_a_disk_that_fails_closes_the_store(path, monkeypatch):
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
 
         def broken(file):
             raise OSError(5, "Input/output error")
@@ -233,7 +237,7 @@ def test_a_disk_that_fails_closes_the_store(path, monkeypatch):
 
 def test_not_every_append_has_to_wait_for_the_disk(path, monkeypatch):
     waited, fsync = [], os.fsync
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         monkeypatch.setattr("os.fsync", lambda file: waited.append(file) or fsync(file))
         store.append(track(0), durable=False)
         store.extend([track(1), track(2)], durable=False)
@@ -246,11 +250,11 @@ def test_not_every_append_has_to_wait_for_the_disk(path, monkeypatch):
 def test_paths_that_cannot_be_a_store(tmp_path):
     for path, words in ((tmp_path, "is not a file"), (tmp_path / "no" / "s", "No such file")):
         with pytest.raises(FileError, match=words):
-            Store(path, LAYOUT)
+            Store(path, SCHEMA)
         with pytest.raises(FileError, match=words):
             read_store(path)
     os.mkfifo(tmp_path / "pipe")
-    for act in (read_store, lambda path: Store(path, LAYOUT)):
+    for act in (read_store, lambda path: Store(path, SCHEMA)):
         with pytest.raises(FileError, match="is not a file"):
             act(tmp_path / "pipe")
     assert not is_store(tmp_path / "pipe")
@@ -259,7 +263,7 @@ def test_paths_that_cannot_be_a_store(tmp_path):
 @pytest.mark.parametrize("content", [b"hello", b"lcorpp\ntracks", b"lcorpp tracks 0\n", b"\x89PNG" * 99])
 def test_a_file_of_another_kind_is_refused_and_left_alone(path, content):
     path.write_bytes(content)
-    for act in (read_store, lambda path: Store(path, LAYOUT)):
+    for act in (read_store, lambda path: Store(path, SCHEMA)):
         with pytest.raises(DataError, match=r"not a store of tracks|whose head is damaged"):
             act(path)
     assert path.read_bytes() == content

@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings, strategies as st
 from lcorpp.errors import DataError
 from lcorpp.learning.store import Store, read_store
 from lcorpp.learning.store.frames import MARKER, Gap, framed, frames
-from tests.learning.stores import LAYOUT, filled, track, walk
+from tests.learning.stores import SCHEMA, filled, track, walk
 
 ROWS = 8
 
@@ -34,7 +34,7 @@ def opened_anew(path):
     """Open for writing and add a track, then read; what opening said, and the rows that are there."""
     for aside in path.parent.glob("s.cut-*"):
         aside.unlink()
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         store.append(track(99), durable=False)
     reading = read_store(path)
     rows = [stored.extra["row"] for stored in reading]
@@ -176,9 +176,9 @@ def test_what_is_lost_is_counted(whole, path):
 def test_a_label_of_a_lost_track_is_told(tmp_path):
     path = tmp_path / "s"
     filled(path, 2)
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         store.relabel("t0", "interested")
-        place = store.reading().tracks[0].place
+        place = store.snapshot().tracks[0].place
     content = bytearray(path.read_bytes())
     content[place + 60] ^= 1
     path.write_bytes(content)
@@ -193,7 +193,7 @@ def test_damage_in_the_middle_stays_where_it_is(whole, path):
     damaged = content[: places[3] + 50] + b"?" + content[places[3] + 51 :]
     path.write_bytes(damaged)
     for _ in range(2):
-        with Store(path, LAYOUT) as store:
+        with Store(path, SCHEMA) as store:
             (note,) = store.notes
             assert note.endswith("(before record 5); 1 record lost")
     assert path.read_bytes() == damaged
@@ -220,10 +220,10 @@ def test_a_crash_while_the_rest_is_moved_aside(whole, path, monkeypatch):
 
     monkeypatch.setattr("os.ftruncate", crash)
     with pytest.raises(KeyboardInterrupt):
-        Store(path, LAYOUT)
+        Store(path, SCHEMA)
     monkeypatch.undo()
     assert path.read_bytes() == content[:-5]
-    Store(path, LAYOUT).close()
+    Store(path, SCHEMA).close()
     asides = [file for file in path.parent.glob("s.cut-*") if file.read_bytes() == content[places[-2] : -5]]
     assert len(asides) == 1
     assert path.read_bytes() == content[: places[-2]]

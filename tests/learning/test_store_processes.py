@@ -12,14 +12,14 @@ import pytest
 
 from lcorpp.errors import FileError
 from lcorpp.learning.store import Store, read_store
-from tests.learning.stores import LAYOUT, filled, track, walk
+from tests.learning.stores import SCHEMA, filled, track, walk
 
 ROOT = Path(__file__).parents[2]
 
 OPEN = """
 import os, sys, time
 from lcorpp.learning.store import Store, read_store
-from tests.learning.stores import LAYOUT, track
+from tests.learning.stores import SCHEMA, track
 """
 
 
@@ -47,7 +47,7 @@ def started(path):
 
 
 HOLDS = (
-    "store = Store(sys.argv[1], LAYOUT); store.append(track(0)); print('open', flush=True); time.sleep(600)"
+    "store = Store(sys.argv[1], SCHEMA); store.append(track(0)); print('open', flush=True); time.sleep(600)"
 )
 
 
@@ -55,24 +55,24 @@ def test_a_second_writer_is_refused_until_the_first_is_gone_however_it_went(path
     first = started(HOLDS)
     assert first.stdout.readline() == "open\n"
     with pytest.raises(FileError, match="is being written to already, by another process or by this one"):
-        Store(path, LAYOUT)
+        Store(path, SCHEMA)
     assert len(read_store(path)) == 1
     first.send_signal(signal.SIGKILL)
     first.wait()
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         store.append(track(1))
         assert len(store) == 2
 
 
 def test_nor_may_this_process_write_twice(path):
-    with Store(path, LAYOUT), pytest.raises(FileError, match="or by this one"):
-        Store(path, LAYOUT)
-    Store(path, LAYOUT).close()
+    with Store(path, SCHEMA), pytest.raises(FileError, match="or by this one"):
+        Store(path, SCHEMA)
+    Store(path, SCHEMA).close()
 
 
 def test_a_forked_child_that_outlives_the_writer_keeps_no_lock(path, started):
     parent = started(
-        "store = Store(sys.argv[1], LAYOUT)\n"
+        "store = Store(sys.argv[1], SCHEMA)\n"
         "if os.fork():\n    os._exit(0)\n"
         "time.sleep(.1)\n"
         "try:\n    store.append(track(0))\n"
@@ -83,7 +83,7 @@ def test_a_forked_child_that_outlives_the_writer_keeps_no_lock(path, started):
     child, _, words = parent.stdout.readline().partition(" ")
     try:
         assert "this store is closed" in words
-        with Store(path, LAYOUT) as store:
+        with Store(path, SCHEMA) as store:
             store.append(track(1))
         os.kill(int(child), 0)  # it lives
     finally:
@@ -93,7 +93,7 @@ def test_a_forked_child_that_outlives_the_writer_keeps_no_lock(path, started):
 def test_a_system_without_flock_says_so(path, monkeypatch):
     monkeypatch.setattr("lcorpp.learning.store.locking.fcntl", None)
     monkeypatch.setattr("lcorpp.learning.store.writing.GUARDED", False)
-    with Store(path, LAYOUT) as store, Store(path, LAYOUT) as other:
+    with Store(path, SCHEMA) as store, Store(path, SCHEMA) as other:
         assert "has no flock: that nobody else writes to the store is not checked" in store.notes[0]
         store.append(track(0))
         with pytest.raises(FileError, match="has been changed"):  # in most cases it is noticed all the same
@@ -103,7 +103,7 @@ def test_a_system_without_flock_says_so(path, monkeypatch):
 
 def test_readers_see_whole_records_while_they_are_written(path, started):
     writer = started(
-        "with Store(sys.argv[1], LAYOUT) as store:\n"
+        "with Store(sys.argv[1], SCHEMA) as store:\n"
         "    print('open', flush=True)\n"
         "    for row in range(400):\n"
         "        store.append(track(row, points=40), durable=row % 10 == 0)\n"
@@ -127,7 +127,7 @@ def test_many_readers_at_once(path, started):
     """Eight threads of readers; none opens the file for writing, so none needs the lock."""
     filled(path, 50)
     counts = []
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         threads = [
             threading.Thread(target=lambda: counts.append(len(read_store(path).dataset()))) for _ in range(8)
         ]

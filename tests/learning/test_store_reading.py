@@ -9,9 +9,9 @@ import pytest
 
 from lcorpp.errors import DataError
 from lcorpp.learning import read_data, read_recording, write_recording
-from lcorpp.learning.store import Entry, Layout, Store, is_store, read_store
+from lcorpp.learning.store import NewTrack, Store, TrackSchema, is_store, read_store
 from lcorpp.values import Dataset, Distribution
-from tests.learning.stores import CLASSES, LAYOUT, filled, track, walk
+from tests.learning.stores import CLASSES, SCHEMA, filled, track, walk
 
 
 @pytest.fixture
@@ -28,9 +28,9 @@ def test_data_sets_of_those_that_are_trusted(path):
     assert np.array_equal(dataset.trajectories, [walk(row) for row in rows])
     assert (dataset.interval, dataset.channels, dataset.source) == (0.033, ("x", "y"), str(path))
 
-    persons = reading.chosen(sources=("person",))
+    persons = reading.select(sources=("person",))
     assert [stored.extra["row"] for stored in persons] == [row for row in rows if row % 3 == 2]
-    sure = reading.chosen(above=0.8, labels=("interested",))
+    sure = reading.select(min_confidence=0.8, labels=("interested",))
     assert [stored.extra["row"] for stored in sure] == [r for r in rows if r % 2 == 0 and r % 5 >= 3]
     assert np.allclose(reading.weights(sure), [0.5 + row % 5 / 10 for row in (4, 8, 14, 18)])
     assert reading.dataset(sure).labels == ("interested",) * 4
@@ -40,24 +40,24 @@ def test_data_sets_of_those_that_are_trusted(path):
     for wrong, words in (
         ({"sources": ["me"]}, "source"),
         ({"labels": ["a"]}, "class"),
-        ({"above": 2}, "0 to 1"),
+        ({"min_confidence": 2}, "0 to 1"),
     ):
         with pytest.raises(DataError, match=words):
-            reading.chosen(**wrong)
+            reading.select(**wrong)
 
 
 def test_a_label_without_a_belief(path):
-    with Store(path, LAYOUT) as store:
-        store.extend([Entry(walk(1), "interested"), Entry(walk(2), "interested", source="person")])
-        reading = store.reading()
-    assert [stored.source for stored in reading.chosen(above=0.5)] == ["person"]
+    with Store(path, SCHEMA) as store:
+        store.extend([NewTrack(walk(1), "interested"), NewTrack(walk(2), "interested", source="person")])
+        reading = store.snapshot()
+    assert [stored.source for stored in reading.select(min_confidence=0.5)] == ["person"]
     assert reading.weights().tolist() == [1, 1]
 
 
 def test_tracks_of_different_length(path):
-    with Store(path, LAYOUT) as store:
+    with Store(path, SCHEMA) as store:
         store.extend([track(row, points=3 + row) for row in range(4)])
-        reading = store.reading()
+        reading = store.snapshot()
     with pytest.raises(DataError, match="'t1' has 4 time points and 't0' 3"):
         reading.dataset()
     dataset = reading.dataset(points=5)
@@ -68,27 +68,27 @@ def test_tracks_of_different_length(path):
 
 
 def test_a_persons_word_holds_over_the_robots(path):
-    with Store(path, LAYOUT) as store:
-        store.append(Entry(walk(1), "interested", id="a"))
+    with Store(path, SCHEMA) as store:
+        store.append(NewTrack(walk(1), "interested", id="a"))
         store.relabel("a", "not_interested")
         store.relabel("a", "interested", source="robot", belief=Distribution(CLASSES, np.array([0.7, 0.3])))
         for bad in ({"id": "b", "label": None}, {"id": "a", "label": "bored"}):
             with pytest.raises(DataError, match=r"no track 'b'|'a' not labelled: unknown class"):
                 store.relabel(**bad)
-        own = store.reading()
+        own = store.snapshot()
     for reading in (own, read_store(path)):
         (stored,) = reading
         assert (stored.label, stored.source, reading.records) == ("not_interested", "person", 3)
-        assert [j.label for j in stored.said] == ["interested", "not_interested", "interested"]
+        assert [j.label for j in stored.label_history] == ["interested", "not_interested", "interested"]
         assert reading.dataset().labels == ("not_interested",)
         assert reading.counts() == {("not_interested", "person"): 1}
 
 
 def test_a_data_set_can_be_taken_in_and_given_back(path):
     data = Dataset(np.random.default_rng(0).normal(size=(5, 2, 7)), ("a", "b", "a", "a", "b"), tuple("12345"))
-    with Store(path, Layout.of(data, ("a", "b"))) as store:
+    with Store(path, TrackSchema.of(data, ("a", "b"))) as store:
         store.extend(
-            Entry(t, label, "person", group=g)
+            NewTrack(t, label, "person", group=g)
             for t, label, g in zip(data.trajectories, data.labels, data.groups, strict=True)
         )
     back = read_store(path).dataset()

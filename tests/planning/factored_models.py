@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from lcorpp.planning import Factored, given
-from lcorpp.planning.factored import Table, Variable
+from lcorpp.planning import Factored, Table, Variable, cpt
 
 # The 1 x 3 rock sample of PomdpX's documentation: the exit is east of the middle, the rock in the west.
 ROVER: dict[str, object] = {
@@ -16,7 +15,7 @@ ROVER: dict[str, object] = {
     "observations": {"sensor": "good bad"},
     "start": {"rover": "middle", "rock": "uniform"},
     "transition": {
-        "rover": given(
+        "rover": cpt(
             "action rover",
             {
                 "* *": "same",
@@ -27,9 +26,9 @@ ROVER: dict[str, object] = {
                 "sample middle": "exit",
             },
         ),
-        "rock": given("action rover rock", {"* * *": "same", "sample left *": "bad"}),
+        "rock": cpt("action rover rock", {"* * *": "same", "sample left *": "bad"}),
     },
-    "observation": given(
+    "observation": cpt(
         "action rover' rock'",
         {
             "* * *": "good",
@@ -38,8 +37,8 @@ ROVER: dict[str, object] = {
         },
     ),
     "reward": {
-        "moving": given("action rover", {"east middle": 10, "west left": -100}),
-        "sampling": given(
+        "moving": cpt("action rover", {"east middle": 10, "west left": -100}),
+        "sampling": cpt(
             "action rover rock",
             {"sample middle *": -100, "sample left good": 10, "sample left bad": -10},
         ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from lcorpp.planning import Policy, Pomdp, update
+from lcorpp.planning import BatchPolicy, Policy, Pomdp, update
 from lcorpp.planning.belief import observation_probabilities
 from lcorpp.values import Array
 
@@ -59,7 +59,7 @@ def earned(pomdp: Pomdp, policy: Policy, steps: int, belief: Array | None = None
     at = pomdp.start if belief is None else belief
     if steps == 0:
         return 0.0
-    action = int(policy.batch(at[None])[1][0])
+    action = int(BatchPolicy(policy).values_and_actions(at[None])[1][0])
     total = float(pomdp.reward[action] @ at)
     for o, chance in enumerate(observation_probabilities(pomdp, at, action)):
         if chance > 0:

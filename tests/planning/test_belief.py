@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 
 from lcorpp.errors import ModelError, ObservationError
-from lcorpp.planning import checked_belief, observation_probabilities, parse_pomdp, update
+from lcorpp.planning import check_belief, observation_probabilities, parse_pomdp, update
 from tests.planning.models import LCORPP, TIGER, pomdps
 
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
@@ -45,4 +45,4 @@ def test_update_is_bayes_rule(pomdp):
 @pytest.mark.parametrize("belief", [[1.0], [0.5, 0.4], [1.5, -0.5], [float("nan"), 1.0], ["a", "b"]])
 def test_what_is_no_belief(belief):
     with pytest.raises(ModelError):
-        checked_belief(tiger, belief)
+        check_belief(tiger, belief)

@@ -17,23 +17,23 @@ LISTENED = np.array([[0.5, 0.5], [0.85, 0.15], [0.15, 0.85], [0.97, 0.03], [0.03
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
 
-def claimed(policy, lower, upper):
-    return Solution(policy, lower, upper, 1.0, "time limit", (), 0, 0)
+def claimed(pomdp, policy, lower, upper):
+    return Solution(pomdp, policy, lower, upper, 1.0, "time limit", (), 0, 0)
 
 
 @pytest.mark.parametrize("pomdp", [tiger, lcorpp], ids=["tiger", "the authors' model"])
 def test_vectors_that_back_each_other_are_confirmed(pomdp):
     policy = backed_up(pomdp, 8)
-    found = certificate(pomdp, claimed(policy, policy.value(pomdp.start), 1000.0))
+    found = certificate(claimed(pomdp, policy, policy.value(pomdp.start), 1000.0))
     assert (found.verdict, found.certain) == ("confirmed", True)
     assert found.evaluation.lower >= policy.value(pomdp.start) - found.tolerance
-    assert "verdict: confirmed: the policy earns what is claimed (tolerance" in found.told()
-    assert "checked exactly on" in found.told()
+    assert "verdict: confirmed: the policy earns what is claimed (tolerance" in found.text
+    assert "checked exactly on" in found.text
 
 
 @pytest.mark.parametrize("pomdp", [tiger, lcorpp], ids=["tiger", "the authors' model"])
 def test_what_the_solver_says_is_confirmed(pomdp):
-    found = certificate(pomdp, solve(pomdp, precision=1e-3, time_limit=10))
+    found = certificate(solve(pomdp, precision=1e-3, time_limit=10))
     assert (found.verdict, found.certain) == ("confirmed", True)
 
 
@@ -42,7 +42,7 @@ def test_a_vector_that_others_needed_is_missed():
     policy = backed_up(tiger, 8, LISTENED)
     best = int((policy.vectors @ tiger.start).argmax())
     torn = Policy.of(tiger, policy.vectors[[best]], policy.actions[[best]])
-    found = certificate(tiger, claimed(torn, policy.value(tiger.start), 1000.0))
+    found = certificate(claimed(tiger, torn, policy.value(tiger.start), 1000.0))
     assert (found.verdict, found.certain) == ("refuted", True)
     assert "the policy earns less than is claimed; most is lost in belief {" in found.reason
     assert "where 'listen' promises" in found.reason
@@ -51,11 +51,11 @@ def test_a_vector_that_others_needed_is_missed():
 def test_crossed_bounds_and_a_low_upper_bound():
     policy = backed_up(tiger, 8)
     value = policy.value(tiger.start)
-    crossed = certificate(tiger, claimed(policy, value, value - 1))
+    crossed = certificate(claimed(tiger, policy, value, value - 1))
     assert (crossed.verdict, crossed.reason) == ("refuted", "the upper bound is below the lower one")
-    low = certificate(tiger, claimed(policy, -200.0, -100.0))
+    low = certificate(claimed(tiger, policy, -200.0, -100.0))
     assert (low.verdict, low.reason) == ("refuted", "the policy earns more than any is said to")
-    above = certificate(tiger, claimed(policy, value + 1, value + 2))
+    above = certificate(claimed(tiger, policy, value + 1, value + 2))
     assert above.verdict == "refuted"
     assert "most is lost" not in above.reason  # the vectors never promised it
 
@@ -63,22 +63,22 @@ def test_crossed_bounds_and_a_low_upper_bound():
 def test_trials_decide_where_there_are_too_many_beliefs():
     policy = backed_up(lcorpp, 8)
     value = policy.value(lcorpp.start)
-    few = {"most_nodes": 2, "trials": 300}
-    fine = certificate(lcorpp, claimed(policy, value - 5, 1000.0), **few)
+    few = {"max_nodes": 2, "trials": 300}
+    fine = certificate(claimed(lcorpp, policy, value - 5, 1000.0), **few)
     assert (fine.verdict, fine.certain) == ("confirmed", False)
     assert "with confidence 99%" in fine.reason
-    assert "checked by 300 trials beyond 1 beliefs" in fine.told()
-    wrong = certificate(lcorpp, claimed(policy, value + 5, 1000.0), **few)
+    assert "checked by 300 trials beyond 1 beliefs" in fine.text
+    wrong = certificate(claimed(lcorpp, policy, value + 5, 1000.0), **few)
     assert (wrong.verdict, wrong.certain) == ("refuted", False)
-    unsure = certificate(lcorpp, claimed(policy, value - 5, 1000.0), most_nodes=2, trials=0)
+    unsure = certificate(claimed(lcorpp, policy, value - 5, 1000.0), max_nodes=2, trials=0)
     assert unsure.verdict == "open"
-    assert "more trials or beliefs would tell" in unsure.told()
+    assert "more trials or beliefs would tell" in unsure.text
 
 
 def test_another_start_has_its_own_claims():
     policy = backed_up(tiger, 8, LISTENED)
     start = LISTENED[3]
-    found = certificate(tiger, claimed(policy, 0.0, 1.0), start)
+    found = certificate(claimed(tiger, policy, 0.0, 1.0), start)
     assert (found.lower, found.upper) == (policy.value(start), np.inf)
     assert found.verdict == "confirmed"
 
@@ -86,10 +86,10 @@ def test_another_start_has_its_own_claims():
         def value(self, belief):
             return 30.0
 
-    bounded = claimed(replace(policy, upper_bound=Flat()), 0.0, 1.0)
-    assert certificate(tiger, bounded, start).upper == 30
+    bounded = claimed(tiger, replace(policy, upper_bound=Flat()), 0.0, 1.0)
+    assert certificate(bounded, start).upper == 30
 
 
 def test_the_tolerance_is_positive():
     with pytest.raises(ModelError, match="the tolerance must be positive, not 0"):
-        certificate(tiger, claimed(backed_up(tiger, 1), 0.0, 1.0), tolerance=0)
+        certificate(claimed(tiger, backed_up(tiger, 1), 0.0, 1.0), tolerance=0)

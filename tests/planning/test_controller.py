@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, PolicyError
-from lcorpp.planning import Policy, Pomdp, observation_probabilities, parse_pomdp, update
+from lcorpp.planning import BatchPolicy, Policy, Pomdp, observation_probabilities, parse_pomdp, update
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from lcorpp.planning.evaluation.policy_graph import policy_graph
 from tests.planning.models import LCORPP, TIGER, pomdps
@@ -44,11 +44,11 @@ def test_the_graph_of_the_tiger(merge):
 @settings(max_examples=25, deadline=None)
 def test_a_graph_of_beliefs_is_the_policy(pomdp, data):
     policy = data.draw(policies(pomdp))
-    graph = policy_graph(pomdp, policy, merge="belief", most_nodes=25)
+    graph = policy_graph(pomdp, policy, merge="belief", max_nodes=25)
     assert graph.belief(0) == pytest.approx(pomdp.start)
     for node in range(len(graph)):
         belief, action = graph.belief(node), int(graph.actions[node])
-        assert policy.batch(belief[None])[1][0] == action
+        assert BatchPolicy(policy).values_and_actions(belief[None])[1][0] == action
         mine = np.flatnonzero(graph.sources == node)
         chances = observation_probabilities(pomdp, belief, action)
         assert graph.probabilities[mine] == pytest.approx(chances[graph.observations[mine]])
@@ -86,15 +86,15 @@ def test_a_closed_graph_earns_what_the_policy_does():
 
 
 def test_limits_leave_edges_out():
-    shallow = policy_graph(tiger, WAIT, most_depth=1)
+    shallow = policy_graph(tiger, WAIT, max_depth=1)
     assert shallow.whole.tolist() == [True, False, False]
     assert len(shallow.sources) == 2
-    few = policy_graph(tiger, WAIT, most_nodes=2)
+    few = policy_graph(tiger, WAIT, max_nodes=2)
     assert few.whole.tolist() == [False, False]
-    likely = policy_graph(tiger, WAIT, least_probability=0.3)
+    likely = policy_graph(tiger, WAIT, min_probability=0.3)
     assert likely.whole.tolist() == [True, False, False, True, True]
     assert (likely.probabilities >= 0.3).all()
-    alone = policy_graph(tiger, WAIT, most_depth=0)
+    alone = policy_graph(tiger, WAIT, max_depth=0)
     assert (len(alone), len(alone.sources), alone.dot().count("->")) == (1, 0, 0)
 
 
@@ -103,7 +103,7 @@ def test_another_start():
 
 
 def test_dot():
-    text = policy_graph(tiger, WAIT, most_depth=1).dot()
+    text = policy_graph(tiger, WAIT, max_depth=1).dot()
     assert text.startswith("digraph policy {\n")
     assert text.endswith("}\n")
     assert '  n0 [label="listen\\ntiger-left 0.5", peripheries=2];\n' in text
@@ -131,9 +131,9 @@ def test_names_are_escaped_in_dot():
     ("changes", "words"),
     [
         ({"merge": "state"}, "merged by 'vector' or by 'belief', not by 'state'"),
-        ({"most_nodes": 0}, "most_nodes 0 is from 1"),
-        ({"most_depth": -1}, "most_depth -1 from 0"),
-        ({"least_probability": 1.5}, r"1.5 between 0 and 1"),
+        ({"max_nodes": 0}, "max_nodes 0 is from 1"),
+        ({"max_depth": -1}, "max_depth -1 from 0"),
+        ({"min_probability": 1.5}, r"1.5 between 0 and 1"),
         ({"start": [1.0]}, "cannot have shape"),
     ],
 )

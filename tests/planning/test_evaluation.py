@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Policy, Pomdp, parse_pomdp
-from lcorpp.planning.evaluation.mdp_bounds import value_range
+from lcorpp.planning.evaluation.mdp_bounds import mdp_value_bounds
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from tests.planning.models import LCORPP, TIGER, pomdps
 from tests.planning.policies import backed_up, blind, earned, policies
@@ -48,7 +48,7 @@ def test_the_bounds_hold_what_all_histories_earn(pomdp, data):
     steps = 5
     beyond = 0.5**steps * float(np.abs(pomdp.reward).max()) / 0.5
     exact = earned(pomdp, policy, steps)
-    found = evaluate(pomdp, policy, precision=1e-6, most_nodes=300, trials=0)
+    found = evaluate(pomdp, policy, precision=1e-6, max_nodes=300, trials=0)
     assert found.lower - beyond - 1e-9 <= exact <= found.upper + beyond + 1e-9
     assert found.exact == (found.upper - found.lower <= 1e-6 + 1e-9)
 
@@ -65,7 +65,7 @@ def test_what_blind_policies_earn_is_a_linear_system(pomdp, data):
 @given(pomdps(), st.data())
 @settings(max_examples=30, deadline=None)
 def test_the_range_holds_every_policy(pomdp, data):
-    low, high = value_range(pomdp)
+    low, high = mdp_value_bounds(pomdp)
     value = np.zeros(len(pomdp.states))
     for _ in range(400):
         value = (pomdp.reward + pomdp.discount * np.asarray(pomdp.transition) @ value).max(axis=0)
@@ -82,9 +82,7 @@ def test_few_beliefs_leave_bounds_and_an_estimate():
     exact = evaluate(lcorpp, policy, precision=1e-7)
     assert exact.exact
     for seed in range(3):
-        found = evaluate(
-            lcorpp, policy, precision=1e-7, most_nodes=2, trials=400, confidence=0.999, seed=seed
-        )
+        found = evaluate(lcorpp, policy, precision=1e-7, max_nodes=2, trials=400, confidence=0.999, seed=seed)
         assert not found.exact
         assert (found.trials, found.confidence) == (400, 0.999)
         assert found.lower < exact.estimate < found.upper
@@ -98,17 +96,17 @@ def test_the_estimate_is_right_whatever_the_vectors_promise():
     doors = Policy.of(tiger, [[7.0, 7.0], [-70.0, 30.0], [30.0, -70.0]], [0, 1, 2])
     exact = evaluate(tiger, doors, precision=1e-7)
     assert exact.exact
-    found = evaluate(tiger, doors, precision=1e-7, most_nodes=1, trials=1_500, confidence=0.9999)
+    found = evaluate(tiger, doors, precision=1e-7, max_nodes=1, trials=1_500, confidence=0.9999)
     assert found.trials == 1_500
     assert found.interval[0] <= exact.estimate <= found.interval[1]
-    again = evaluate(tiger, doors, precision=1e-7, most_nodes=1, trials=1_500, confidence=0.9999)
+    again = evaluate(tiger, doors, precision=1e-7, max_nodes=1, trials=1_500, confidence=0.9999)
     assert again.interval == found.interval
 
 
 def test_vectors_that_back_each_other_leave_the_estimate_no_noise():
     # listening for ever earns -20 everywhere: a promise that is the truth explains all there is
     listen = Policy.of(tiger, [[-20.0, -20.0]], [0])
-    found = evaluate(tiger, listen, precision=1e-9, most_nodes=2, trials=10)
+    found = evaluate(tiger, listen, precision=1e-9, max_nodes=2, trials=10)
     assert found.interval == pytest.approx((-20, -20), abs=1e-7)
 
 
@@ -136,7 +134,7 @@ def test_a_long_way_is_walked_to_its_end():
 
 @pytest.mark.parametrize(
     "changes",
-    [{"precision": 0.0}, {"confidence": 1.0}, {"most_nodes": 0}, {"trials": -1}, {"trials": 3}],
+    [{"precision": 0.0}, {"confidence": 1.0}, {"max_nodes": 0}, {"trials": -1}, {"trials": 3}],
 )
 def test_numbers_out_of_range(changes):
     with pytest.raises(ModelError, match="must be positive"):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import Factored, Pomdp, given as table, parse_pomdp, solve
+from lcorpp.planning import Factored, Pomdp, cpt as table, flatten, parse_pomdp, solve, start_beliefs
 from tests.planning.factored_models import factored_models, rover
 from tests.planning.models import LCORPP
 
@@ -16,13 +16,13 @@ from tests.planning.models import LCORPP
 def test_the_rover_earns_what_is_known_by_hand():
     """West, look at the rock for nothing, sample it if it is good (10), then out (10)."""
     known = (10 * 0.95**2 + 10 * 0.95**4) / 2 + 10 * 0.95**3 / 2
-    solution = solve(rover().flat(), precision=1e-4)
+    solution = solve(flatten(rover()), precision=1e-4)
     assert solution.lower == pytest.approx(known, abs=1e-4)
     assert solution.lower - 1e-9 <= known <= solution.upper + 1e-9
 
 
 def test_names_say_what_they_mean():
-    flat = rover().flat()
+    flat = flatten(rover())
     assert flat.states[:3] == ("rover=left,rock=good", "rover=left,rock=bad", "rover=middle,rock=good")
     assert flat.actions == ("west", "east", "check", "sample")
     # the exit and a bad reading never come together
@@ -36,7 +36,7 @@ def test_names_say_what_they_mean():
 
 
 def test_flat_tables_by_hand():
-    flat = rover().flat()
+    flat = flatten(rover())
     check, sample = flat.action_index("check"), flat.action_index("sample")
     middle = flat.state_index("rover=middle,rock=bad")
     assert flat.observation[check, middle].tolist() == [0, 0, 0.2, 0.8, 0]
@@ -55,7 +55,7 @@ def test_one_variable_alone_keeps_the_names_of_its_values():
         reward=-1,
         discount=0.5,
     )
-    flat = problem.flat()
+    flat = flatten(problem)
     assert (flat.states, flat.actions, flat.observations) == (("0", "1"), ("wait",), ("none",))
     assert flat.reward.tolist() == [[-1, -1]]
     assert flat.start.tolist() == [0.25, 0.75]
@@ -76,7 +76,7 @@ def test_several_action_and_observation_variables():
         reward={"both": table("arm base", {"up go": 1})},
         discount=0.9,
     )
-    flat = problem.flat()
+    flat = flatten(problem)
     assert flat.actions == ("arm=up,base=stay", "arm=up,base=go", "arm=down,base=stay", "arm=down,base=go")
     assert flat.observations == ("eye=a,ear=a", "eye=b,ear=a", "eye=b,ear=b")
     assert flat.observation[0, 1] == pytest.approx([0.1, 0.45, 0.45])
@@ -98,7 +98,7 @@ def test_rewards_may_depend_on_what_comes_of_it():
         discount=0.9,
     )
     # from a: 8 * 3/4 - 16 * 3/4 * 1/2 + 4 * 1/4; from b without the first
-    assert problem.flat().reward.tolist() == [[1.0, -5.0]]
+    assert flatten(problem).reward.tolist() == [[1.0, -5.0]]
 
 
 def test_variables_may_share_a_table():
@@ -110,11 +110,11 @@ def test_variables_may_share_a_table():
         reward={"none": 0},
         discount=0.9,
     )
-    flat = problem.flat()
+    flat = flatten(problem)
     assert flat.states == ("x=a,y=c", "x=a,y=d", "x=b,y=c", "x=b,y=d")
     assert flat.start.tolist() == [0.5, 0, 0, 0.5]
     assert flat.transition[0].argmax(axis=1).tolist() == [3, 1, 2, 3]
-    assert problem.flat(reachable=True).states == ("x=a,y=c", "x=b,y=d")
+    assert flatten(problem, reachable=True).states == ("x=a,y=c", "x=b,y=d")
 
 
 def test_a_value_may_have_the_name_of_a_keyword():
@@ -126,7 +126,7 @@ def test_a_value_may_have_the_name_of_a_keyword():
         reward={"none": 0},
         discount=0.9,
     )
-    assert problem.flat().transition[0].tolist() == [[1, 0], [1, 0]]
+    assert flatten(problem).transition[0].tolist() == [[1, 0], [1, 0]]
 
 
 def dense(problem: Factored) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -172,7 +172,7 @@ def dense(problem: Factored) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
 @given(factored_models())
 def test_flat_is_the_product_of_the_tables(problem):
     T, Z, R, start = dense(problem)
-    flat = problem.flat()
+    flat = flatten(problem)
     # 1e-12: sums of some dozen products
     assert np.abs(np.asarray(flat.transition) - T).max() < 1e-12
     occurring = Z.any(axis=(0, 1)) if len(problem.observed) + len(problem.observations) > 1 else slice(None)
@@ -184,7 +184,7 @@ def test_flat_is_the_product_of_the_tables(problem):
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(factored_models())
 def test_reachable_is_a_part_of_the_whole(problem):
-    whole, part = problem.flat(), problem.flat(reachable=True)
+    whole, part = flatten(problem), flatten(problem, reachable=True)
     leads = (np.asarray(whole.transition) > 0).any(axis=0)
     known = whole.start > 0
     while (grown := known | leads[known].any(axis=0)).sum() > known.sum():
@@ -203,8 +203,8 @@ def test_reachable_is_a_part_of_the_whole(problem):
 @settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 @given(factored_models())
 def test_starts_are_what_the_start_belief_is_made_of(problem):
-    flat = problem.flat()
-    starts = problem.starts(flat)
+    flat = flatten(problem)
+    starts = start_beliefs(problem, flat)
     assert starts.sum(axis=1) == pytest.approx(1)
     share = np.array([(flat.start[belief > 0]).sum() for belief in starts])
     assert (np.diff(share) <= 1e-12).all()
@@ -217,8 +217,8 @@ def test_starts_are_what_the_start_belief_is_made_of(problem):
 
 def test_seeing_first_is_worth_something():
     problem = rover(start={"rover": {"left": 0.5, "middle": 0.5}, "rock": "good"})
-    flat = problem.flat()
-    starts = problem.starts(flat)
+    flat = flatten(problem)
+    starts = start_beliefs(problem, flat)
     assert [[flat.states[s] for s in np.flatnonzero(b)] for b in starts] == [
         ["rover=left,rock=good"],
         ["rover=middle,rock=good"],
@@ -230,7 +230,7 @@ def test_seeing_first_is_worth_something():
 
 def test_a_flat_problem_in_parts_is_the_same():
     pomdp = parse_pomdp(LCORPP)
-    back = Factored.of_pomdp(pomdp).flat()
+    back = flatten(Factored.of_pomdp(pomdp))
     assert back.fingerprint == pomdp.fingerprint
     assert (back.start == pomdp.start).all()
 
@@ -263,7 +263,7 @@ def test_a_large_grid_is_held_sparsely():
         discount=0.99,
     )
     tracemalloc.start()
-    flat = problem.flat()
+    flat = flatten(problem)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len(flat.transition.values) == 2 * (2 * side * side - side)
@@ -286,12 +286,12 @@ def test_states_that_cannot_be_reached_need_no_room():
     with pytest.raises(
         ModelError, match="1099511627776 states are too many to be written out; see `reachable`"
     ):
-        problem.flat()
-    assert len(problem.flat(reachable=True).states) == 2
+        flatten(problem)
+    assert len(flatten(problem, reachable=True).states) == 2
 
 
 def test_a_flat_model_is_an_ordinary_one():
-    assert isinstance(rover().flat(), Pomdp)
+    assert isinstance(flatten(rover()), Pomdp)
     assert rover().same(rover())
     assert not rover().same(rover(discount=0.9))
     assert not rover().same(rover(start={"rover": "left", "rock": "uniform"}))

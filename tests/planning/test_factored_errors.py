@@ -7,8 +7,7 @@ import dataclasses
 import pytest
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import Factored, given as table
-from lcorpp.planning.factored import Table, Variable
+from lcorpp.planning import Factored, Table, Variable, cpt as table, flatten
 from tests.planning.factored_models import rover
 
 
@@ -18,7 +17,7 @@ def test_the_parts_are_frozen():
         problem.discount = 0.5
     with pytest.raises(TypeError):
         problem.reward["moving"] = None
-    assert dataclasses.replace(problem, discount=0.5).flat().discount == 0.5
+    assert flatten(dataclasses.replace(problem, discount=0.5)).discount == 0.5
 
 
 BAD = [
@@ -113,7 +112,7 @@ BAD = [
 @pytest.mark.parametrize(("changes", "message"), BAD, ids=[message[:40] for _, message in BAD])
 def test_what_is_wrong_is_said(changes, message):
     with pytest.raises(ModelError) as caught:
-        rover(**changes).flat()
+        flatten(rover(**changes))
     assert message in str(caught.value)
 
 

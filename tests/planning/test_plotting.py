@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import Piece, Policy, Pomdp, parse_pomdp, solve
+from lcorpp.planning import AlphaVectors, BatchPolicy, Policy, Pomdp, parse_pomdp, solve
 from lcorpp.planning.plots import draw_bounds, draw_line, draw_triangle
 from lcorpp.planning.plots.belief_regions import Slice, area, grid, slice_of
 from lcorpp.plot_style import Fill
@@ -85,7 +85,7 @@ def test_a_triangle_does_what_the_policy_does(drawn):
         best = policy.value(triangle.belief(middle))
         assert best == pytest.approx(triangle.values[region.vector] @ middle)
         assert policy.action(triangle.belief(middle)) == region.action
-    values, _ = policy.batch(grid(7) @ triangle.corners)
+    values, _ = BatchPolicy(policy).values_and_actions(grid(7) @ triangle.corners)
     assert triangle.value(grid(7)) == pytest.approx(values)
 
 
@@ -124,10 +124,10 @@ def test_other_states_keep_what_a_belief_gives_them(authors):
 def test_a_policy_in_pieces_is_asked_of_those_that_hold_all_states():
     pomdp = model(5)
     pieces = [
-        Piece(np.array([0, 1, 2]), np.array([[1.0, 0, 0], [0, 1, 0]]), np.array([0, 1])),
-        Piece(np.array([2, 3, 4]), np.array([[9.0, 9, 9]]), np.array([2])),
+        AlphaVectors(np.array([0, 1, 2]), np.array([[1.0, 0, 0], [0, 1, 0]]), np.array([0, 1])),
+        AlphaVectors(np.array([2, 3, 4]), np.array([[9.0, 9, 9]]), np.array([2])),
     ]
-    policy = Policy.of_pieces(pomdp, pieces)
+    policy = Policy.of_sets(pomdp, pieces)
     inside = slice_of(pomdp, policy, ["s0", "s1"])
     assert [region.action for region in inside.regions()] == [0, 1]
     across = slice_of(pomdp, policy, ["s1", "s3"])
@@ -184,7 +184,7 @@ def test_a_line_names_all_actions_and_the_gap(authors):
 
 def replace_bound(policy: Policy) -> Policy:
     """The same policy, as one that was read from a file."""
-    return Policy(policy.pieces, policy.state_names, policy.action_names)
+    return Policy(policy.vector_sets, policy.state_names, policy.action_names)
 
 
 def test_a_triangle_names_actions_and_corners(authors):

@@ -17,7 +17,7 @@ def test_the_best_vector_decides():
 
 
 def test_the_planner_speaks_names():
-    planner = Planner(tiger, policy)
+    planner = Planner(policy, tiger)
     assert planner.action(planner.start) == "listen"
     belief = planner.update(planner.start, "listen", "tiger-right")
     assert belief == pytest.approx([0.15, 0.85])
@@ -27,9 +27,9 @@ def test_the_planner_speaks_names():
 
 def test_a_planner_refuses_a_policy_for_another_model():
     with pytest.raises(PolicyError, match="another model"):
-        Planner(parse_pomdp(LCORPP), policy)
+        Planner(policy, parse_pomdp(LCORPP))
     with pytest.raises(PolicyError, match="have changed since"):
-        Planner(parse_pomdp(TIGER.replace("-1\n", "-2\n")), policy)
+        Planner(policy, parse_pomdp(TIGER.replace("-1\n", "-2\n")))
 
 
 @pytest.mark.parametrize(

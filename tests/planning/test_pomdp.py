@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import Pomdp, Rows, parse_pomdp, solve, update
+from lcorpp.planning import Pomdp, SparseTables, parse_pomdp, solve, update
 from tests.planning.models import TIGER
 
 tiger = parse_pomdp(TIGER)
@@ -86,8 +86,8 @@ def test_a_hundred_thousand_states():
         tuple(map(str, range(size))),
         ("on",),
         ("seen",),
-        Rows((1, size, size), *ring),
-        Rows((1, size, 1), np.arange(size + 1), np.zeros(size), np.ones(size)),
+        SparseTables((1, size, size), *ring),
+        SparseTables((1, size, 1), np.arange(size + 1), np.zeros(size), np.ones(size)),
         np.ones((1, size)),
         0.9,
         np.eye(1, size)[0],

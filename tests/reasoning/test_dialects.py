@@ -64,8 +64,8 @@ def test_sort_algebra(sort: str, expected: str) -> None:
             "1:20",
             "the records f(...) are 1000000000; a sort has at most",
         ),
-        ("#s = f({a}(X)) : X < Y.", "1:22", "variable Y stands for no argument of the record"),
-        ("#s = f({a}(X), {b}(X)).", "1:6", "a variable stands for two arguments"),
+        ("#s = f({a}(X)) : X < Y.", "1:22", "variable Y is not an argument of the record"),
+        ("#s = f({a}(X), {b}(X)).", "1:6", "a variable names two arguments"),
         ("#s = {a} + .", "1:12", "unexpected '.'; expected '(' or '{'"),
         ("#s = " + "{a} + " * 200 + "{a}.", "1:", "a sort made of more than 100 sorts in one expression"),
         ("#boolean = {yes, no}.", "1:1", "built in as {true, false} and cannot be declared otherwise"),
@@ -74,10 +74,10 @@ def test_sort_algebra(sort: str, expected: str) -> None:
         ("#const n = 1. #const n = 2.", "1:22", "the constant n is declared twice"),
         ("#semantics 2012.", "1:12", "unknown semantics 2012; expected 2009 or 2018"),
         ("p : boolean. random(p). do(p) :- p.", "1:31", "an intervention has no body"),
-        ("p : boolean. random(p). do(r, p, true).", "1:28", "do() of a named rule is not read"),
+        ("p : boolean. random(p). do(r, p, true).", "1:28", "do() of a named rule is not supported"),
         ("p : boolean. random(p). [r] p :- p.", "1:26", "only random selections, pr-atoms and cr-rules have"),
         ("p : boolean. q : boolean. random(q) :- not obs(p, _).", "1:40", "'_' under 'not'"),
-        ("p : boolean. p :- do(p, true).", "1:19", "do(...) in the body of a rule is not read"),
+        ("p : boolean. p :- do(p, true).", "1:19", "do(...) is not supported in the body of a rule"),
         ("p : boolean. random(p). p :- 'x'.", "1:30", 'unexpected character "\'"'),
     ],
 )
@@ -169,7 +169,7 @@ def test_undeclared_attributes_of_plog_1() -> None:
 def test_formulas_of_plog_1_queries() -> None:
     program = parse_plog("a, b : boolean. random(a). random(b).")
     assert probability(program, "?{(a and !b)}") == Fraction(1, 4)
-    with pytest.raises(ParseError, match="'or' is not read"):
+    with pytest.raises(ParseError, match="'or' is not supported"):
         parse_query("?{(a or b)}", program)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lcorpp.reasoning import Enumeration, ask, parse_plog, parse_query, program_text, read_plog
-from lcorpp.reasoning.reasoner import Engine
+from lcorpp.reasoning.reasoner import Reasoner
 
 PROGRAMS = sorted((Path(__file__).parent.parent / "plog").glob("*.plog"))
 
@@ -36,7 +36,7 @@ def test_program_answers_as_it_says(path: Path) -> None:
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
 def test_the_compiled_engine_gives_the_same_fractions(path: Path) -> None:
     program = read_plog(path)
-    worlds, engine = Enumeration(program), Engine(program)
+    worlds, engine = Enumeration(program), Reasoner(program)
     for text, _ in expectations(path):
         query = parse_query(text, program)
         expected = worlds.ask(query)

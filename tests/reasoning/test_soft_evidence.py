@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, ProgramError, UndefinedError
-from lcorpp.reasoning import Enumeration, parse_plog, read_plog
+from lcorpp.reasoning import Enumeration, Reasoner, parse_plog, read_plog
 from lcorpp.values import Likelihood
 
 PROGRAM = read_plog(Path(__file__).parent.parent / "plog" / "lcorpp.plog")
+REASONER = Reasoner(PROGRAM)
 WORLDS = Enumeration(PROGRAM).worlds
 WEIGHT = st.floats(0, 5).filter(lambda w: w == 0 or w > 1e-3)
 
@@ -44,7 +45,7 @@ def test_every_world_has_its_weight(classifier, time, asked, facts):
         "time": Likelihood(("morning", "afternoon", "evening"), time),
     }
     try:
-        found = dict(PROGRAM.posterior(asked, {**facts, **soft}))
+        found = dict(REASONER.posterior(asked, {**facts, **soft}))
     except UndefinedError:  # weights that the facts rule out altogether
         assert not sum(
             float(w.measure) * dict(soft["time"])[w.values["time"]]
@@ -58,24 +59,26 @@ def test_every_world_has_its_weight(classifier, time, asked, facts):
 
 def test_certainty_is_a_fact_and_indifference_nothing():
     facts = {"time": "afternoon", "location": "classroom"}
-    sure = PROGRAM.posterior("intention", {**facts, "classifier": Likelihood(("one", "zero"), [0, 3])})
-    hard = PROGRAM.posterior("intention", {**facts, "classifier": "zero"})
+    sure = REASONER.posterior("intention", {**facts, "classifier": Likelihood(("one", "zero"), [0, 3])})
+    hard = REASONER.posterior("intention", {**facts, "classifier": "zero"})
     np.testing.assert_allclose(sure.probabilities, hard.probabilities, atol=1e-15)
-    open_minded = PROGRAM.posterior("intention", {**facts, "classifier": Likelihood(("one", "zero"), [2, 2])})
-    nothing = PROGRAM.posterior("intention", facts)
+    open_minded = REASONER.posterior(
+        "intention", {**facts, "classifier": Likelihood(("one", "zero"), [2, 2])}
+    )
+    nothing = REASONER.posterior("intention", facts)
     np.testing.assert_allclose(open_minded.probabilities, nothing.probabilities, atol=1e-12)
 
 
 def test_only_ratios_matter_and_the_order_of_values_does_not():
-    one = PROGRAM.posterior("intention", {"classifier": Likelihood(("one", "zero"), [0.2, 0.7])})
-    other = PROGRAM.posterior("intention", {"classifier": Likelihood(("zero", "one"), [700, 200])})
+    one = REASONER.posterior("intention", {"classifier": Likelihood(("one", "zero"), [0.2, 0.7])})
+    other = REASONER.posterior("intention", {"classifier": Likelihood(("zero", "one"), [700, 200])})
     np.testing.assert_allclose(one.probabilities, other.probabilities, atol=1e-12)
 
 
 def test_interventions_go_with_it():
     soft = {"classifier": Likelihood(("one", "zero"), [1, 3])}
-    done = PROGRAM.posterior("identity", soft, {"intention": "interested"})
-    alone = PROGRAM.posterior("identity", {})
+    done = REASONER.posterior("identity", soft, {"intention": "interested"})
+    alone = REASONER.posterior("identity", {})
     np.testing.assert_allclose(done.probabilities, alone.probabilities, atol=1e-12)  # it was not their wish
 
 
@@ -96,7 +99,7 @@ def test_interventions_go_with_it():
 )
 def test_what_it_is_not_about(evidence, words):
     with pytest.raises(ProgramError, match=words):
-        PROGRAM.posterior("intention", evidence)
+        REASONER.posterior("intention", evidence)
 
 
 def test_weights_that_the_facts_rule_out():
@@ -104,14 +107,14 @@ def test_weights_that_the_facts_rule_out():
         "s={a,b}. x:s. y:s. [r] random(x). [q] random(y). [q] pr(y=a|x=a)=1. [q] pr(y=a|x=b)=0."
     )
     with pytest.raises(UndefinedError, match=r"no possible world has x=a and weight from y: a:b as 0:1"):
-        certain.posterior("x", {"x": "a", "y": Likelihood(("a", "b"), [0, 1])})
-    assert certain.posterior("x", {"y": Likelihood(("a", "b"), [1, 3])})["b"] == pytest.approx(0.75)
+        Reasoner(certain).posterior("x", {"x": "a", "y": Likelihood(("a", "b"), [0, 1])})
+    assert Reasoner(certain).posterior("x", {"y": Likelihood(("a", "b"), [1, 3])})["b"] == pytest.approx(0.75)
 
 
 def test_a_program_whose_evidence_makes_worlds_has_no_soft_one():
     program = parse_plog("s={a,b}. x:s. x=a :- not x=b. [c] x=b +-.")
     with pytest.raises(ProgramError, match="no meaning for a program with cr-rules"):
-        program.posterior("x", {"x": Likelihood(("a", "b"), [1, 1])})
+        Reasoner(program).posterior("x", {"x": Likelihood(("a", "b"), [1, 1])})
 
 
 @pytest.mark.parametrize("weights", [[0, 0], [-1, 2], [np.nan, 1], [np.inf, 1], [1]])
@@ -125,5 +128,5 @@ def test_weights_that_are_none(weights):
 def test_a_likelihood_says_what_it_is():
     likelihood = Likelihood(("a", "b"), [1, 4])
     assert (str(likelihood), likelihood.most_likely()) == ("a:b as 0.25:1", "b")
-    assert dict(likelihood.renamed({"a": "x", "b": "y"})) == {"x": 0.25, "y": 1.0}
+    assert dict(likelihood.rename({"a": "x", "b": "y"})) == {"x": 0.25, "y": 1.0}
     assert dict(pickle.loads(pickle.dumps(likelihood))) == {"a": 0.25, "b": 1.0}

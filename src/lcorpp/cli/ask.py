@@ -13,8 +13,8 @@ from lcorpp.errors import ProgramError
 
 if TYPE_CHECKING:
     from lcorpp.reasoning.explanation import Result
+    from lcorpp.reasoning.language.program import Program
     from lcorpp.reasoning.language.syntax import Query
-    from lcorpp.reasoning.program import Program
     from lcorpp.reasoning.reasoner import Answer
 
 
@@ -72,9 +72,9 @@ def ask(
 
 
 def _ask(program: Program, query: Query, exact: bool) -> Result:
-    from lcorpp.reasoning.reasoner import Engine
+    from lcorpp.reasoning.reasoner import Reasoner
 
-    return Engine(program).ask(query, exact=exact)
+    return Reasoner(program).ask(query, exact=exact)
 
 
 def _answer(answer: Result, exact: bool) -> None:

@@ -69,10 +69,10 @@ def _store(path: Path) -> None:
     from lcorpp.learning.store import read_store
 
     store = read_store(path)
-    points = f"{store.layout.points} time points of " if store.layout.points else ""
+    points = f"{store.schema.points} time points of " if store.schema.points else ""
     show.console.print(
-        f"{path}: {store.summary()}; {points}{', '.join(store.layout.channels)} every"
-        f" {store.layout.interval:g} s{'' if store.damage else ': right'}"
+        f"{path}: {store.summary()}; {points}{', '.join(store.schema.channels)} every"
+        f" {store.schema.interval:g} s{'' if store.damage else ': right'}"
     )
     if store.tail:
         show.console.print(
@@ -99,10 +99,10 @@ def _domain(folder: Path) -> None:
 
 
 def _program(path: Path) -> None:
-    from lcorpp.reasoning import Engine, read_plog
+    from lcorpp.reasoning import Reasoner, read_plog
 
     program = read_plog(path)
-    worlds = Engine(program).count()
+    worlds = Reasoner(program).count()
     show.console.print(f"{path}: {len(program.attributes)} attributes, {worlds} possible worlds: right")
 
 

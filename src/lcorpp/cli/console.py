@@ -70,7 +70,7 @@ LearnerOption = Annotated[
     str | None,
     typer.Option(
         "--learner",
-        help="What learns to classify: lstm, fast, summaries, forest, minirocket, or one of your own as"
+        help="What learns to classify: lstm, lstm-fast, summaries, forest, minirocket, or one of your own as"
         " MODULE:FUNCTION or FILE.py:FUNCTION.",
     ),
 ]

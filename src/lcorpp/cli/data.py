@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import console as show, model_files as models
-from lcorpp.errors import DataError, FileError, expected
+from lcorpp.errors import DataError, FileError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.learning.data.tracks import Recording
@@ -77,7 +77,7 @@ def make(
 ) -> None:
     """Simulate people of a domain and write their tracks: by default 2286, 63 of them positive."""
     if out.suffix.lower() not in SUFFIXES:
-        raise FileError(f"{out}: not the name of a recording; {expected(SUFFIXES)} at its end")
+        raise FileError(f"{out}: not the name of a recording; {expected_one_of(SUFFIXES)} at its end")
     models.check_writable(out)
     if positives is not None and positives > tracks:
         raise DataError(f"--positives {positives} is more than --tracks {tracks}")
@@ -85,15 +85,15 @@ def make(
     import numpy as np
 
     from lcorpp.domains import load_domain
-    from lcorpp.learning import dataset_of, save_dataset, write_recording
-    from lcorpp.simulation.recordings import simulated_recording
+    from lcorpp.learning import save_dataset, to_dataset, write_recording
+    from lcorpp.simulation.recordings import simulate_recording
 
     rng = np.random.default_rng(seed)
-    recording = simulated_recording(
+    recording = simulate_recording(
         load_domain(domain), rng, tracks=tracks, positives=positives, seconds=seconds
     )
     if out.suffix.lower() == ".npz":
-        dataset = dataset_of(recording)
+        dataset = to_dataset(recording)
         save_dataset(dataset, out)
         labels, notes = list(dataset.labels), dataset.notes
     else:
@@ -158,12 +158,12 @@ def describe(
 
     from lcorpp.cli import describe as data_report
     from lcorpp.files import write_atomically
-    from lcorpp.learning.data.writing import mends_table
+    from lcorpp.learning.data.writing import repairs_to_csv
 
     data_report.tell(recording, path, seed)
     if report is not None:
-        write_atomically(report, mends_table(recording.mends))
-        show.console.print(f"wrote {report}: {len(recording.mends)} repairs")
+        write_atomically(report, repairs_to_csv(recording.repairs))
+        show.console.print(f"wrote {report}: {len(recording.repairs)} repairs")
 
 
 @app.command()
@@ -180,10 +180,10 @@ def plot(
     models.check_picture(out)
     recording = _read(path, label, label_file, repair, robot, gap)
 
-    from lcorpp.learning.data.plots import draw_tracks
-    from lcorpp.plot_style import save
+    from lcorpp.learning.data.plots import plot_tracks
+    from lcorpp.plot_style import save_figure
 
-    save(draw_tracks(recording, title=path.name), out)
+    save_figure(plot_tracks(recording, title=path.name), out)
     show.console.print(f"wrote {out}")
 
 

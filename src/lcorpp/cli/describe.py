@@ -6,10 +6,10 @@ from pathlib import Path
 
 from lcorpp.cli import console as show
 from lcorpp.errors import DataError
-from lcorpp.learning.data.describe import Class, Description, Spread, describe, told
+from lcorpp.learning.data.describe import ClassSummary, Description, Quantiles, describe, join_pairs
 from lcorpp.learning.data.repairs import REPAIRS
-from lcorpp.learning.data.tracks import Recording, mended_rows
-from lcorpp.learning.evaluation.leakage import SUSPICIOUS, check_leakage
+from lcorpp.learning.data.tracks import Recording, count_repairs
+from lcorpp.learning.evaluation.leakage import MIN_SUSPICIOUS_AUC, check_leakage
 
 
 def tell(recording: Recording, path: Path, seed: int) -> None:
@@ -40,19 +40,19 @@ def tell(recording: Recording, path: Path, seed: int) -> None:
         say(f"note: {note}", style="yellow")
 
 
-def _name(part: Class) -> str:
+def _name(part: ClassSummary) -> str:
     return part.name or "without a label"
 
 
-def _range(spread: Spread, digits: int) -> str:
+def _range(spread: Quantiles, digits: int) -> str:
     """The median with the extremes."""
-    return f"{spread.median:.{digits}f} [{spread.least:.{digits}f}, {spread.most:.{digits}f}]"
+    return f"{spread.median:.{digits}f} [{spread.min:.{digits}f}, {spread.max:.{digits}f}]"
 
 
 def _sampling(found: Description) -> None:
     steps = found.interval
     show.console.print(
-        f"sampling: every {steps.median:.4g} s [{steps.least:.4g}, {steps.most:.4g}],"
+        f"sampling: every {steps.median:.4g} s [{steps.min:.4g}, {steps.max:.4g}],"
         f" jitter {100 * found.jitter:.1f} %"
     )
     speed, track = found.fastest
@@ -61,7 +61,7 @@ def _sampling(found: Description) -> None:
 
 def _twice(found: Description) -> None:
     parts = [
-        f"{kind} tracks: {len(pairs)} pairs ({told(pairs)})" if pairs else f"{kind} tracks: none"
+        f"{kind} tracks: {len(pairs)} pairs ({join_pairs(pairs)})" if pairs else f"{kind} tracks: none"
         for kind, pairs in (("identical", found.identical), ("near-identical", found.near))
     ]
     reused = found.reused
@@ -75,11 +75,11 @@ def _twice(found: Description) -> None:
 
 
 def _repairs(recording: Recording) -> None:
-    if not recording.mends:
+    if not recording.repairs:
         return
     show.console.print("repaired:")
-    for reason, (rows, places) in mended_rows(recording.mends).items():
-        first = next(mend for mend in recording.mends if mend.reason == reason)
+    for reason, (rows, places) in count_repairs(recording.repairs).items():
+        first = next(repair for repair in recording.repairs if repair.reason == reason)
         whose = f" (track {first.track})" if first.track else ""
         show.console.print(
             f"  {reason}: {rows} rows in {places} places ({REPAIRS[reason]});"
@@ -94,8 +94,8 @@ def _leaks(recording: Recording, seed: int) -> None:
     except DataError as error:
         say(f"leak check: not possible: {error}")
         return
-    say(f"leak check: AUC of the label from what is not motion; {SUSPICIOUS:g} or more is a leak")
+    say(f"leak check: AUC of the label from what is not motion; {MIN_SUSPICIOUS_AUC:g} or more is a leak")
     for leak in leaks:
         verdict = "LEAK" if leak.flagged else "no leak"
         style = "bold red" if leak.flagged else ""
-        say(f"  {leak.name:<12}  {leak.auc:.3f} [{leak.low:.3f}, {leak.high:.3f}]  {verdict}", style=style)
+        say(f"  {leak.name:<12}  {leak.auc}  {verdict}", style=style)

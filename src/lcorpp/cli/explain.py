@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import console as show
-from lcorpp.errors import DecisionError, DomainError, expected
+from lcorpp.errors import DecisionError, DomainError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.decision import Robot
@@ -54,8 +54,9 @@ def explain(
     from lcorpp.cli.eyes import channel_eyes
     from lcorpp.decision.dt_control import act_until_report
     from lcorpp.domains import load_domain
-    from lcorpp.simulation.population import Channel, Population
-    from lcorpp.simulation.world import Stage
+    from lcorpp.simulation.channel import NoisyChannel
+    from lcorpp.simulation.population import Population
+    from lcorpp.simulation.world import SimulationModel
     from lcorpp.worlds.console import ConsoleWorld
 
     if interactive and sys.stdin is None:
@@ -76,13 +77,13 @@ def explain(
         facts, given = _asked(loaded, facts, given)
         world = ConsoleWorld(loaded.pomdp.observations, tell=show.console.print)
     else:
-        person = Population(loaded).people(1, rng, facts)[0]
+        person = Population(loaded).sample(1, rng, facts)[0]
         facts = {name: person[name] for name in loaded.observed}
         truth = person[loaded.target]
         if given is None:
-            channel = Channel.of(loaded)
+            channel = NoisyChannel.of(loaded)
             given = channel.classify_many(channel.trajectories([person], rng))[0]
-        world = Stage(loaded).world(person, rng)
+        world = SimulationModel(loaded).make_world(person, rng)
         hidden = ", ".join(f"{k}={v}" for k, v in person.items() if k not in (*facts, loaded.attribute))
         show.console.print(f"somebody is there; hidden from the robot: {hidden}", style="dim")
     evidence = loaded.evidence(facts, given)
@@ -137,7 +138,7 @@ def _claimed(domain: Domain, label: str, option: str = "--label") -> str:
     for value, word in domain.label_of.items():
         if label in (word, value):
             return value
-    raise DomainError(f"{option} {label!r}: {expected(tuple(domain.label_of.values()))}")
+    raise DomainError(f"{option} {label!r}: {expected_one_of(tuple(domain.label_of.values()))}")
 
 
 def _likelihood(domain: Domain, pairs: list[str]) -> Likelihood:

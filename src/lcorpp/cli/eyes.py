@@ -12,8 +12,9 @@ import numpy as np
 from lcorpp.cli import console as show, report_table
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
-from lcorpp.reasoning import Program
-from lcorpp.simulation.population import Appearance, Channel, Reader
+from lcorpp.reasoning import Program, Reasoner
+from lcorpp.simulation.channel import BatchClassifier, NoisyChannel
+from lcorpp.simulation.trajectories import SimulatedTrajectories, TrajectorySource
 from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset
 
 if TYPE_CHECKING:
@@ -33,8 +34,8 @@ class Eyes:
     notes: what the user has to know about the data.
     """
 
-    reader: Reader
-    appearance: Appearance
+    reader: BatchClassifier
+    appearance: TrajectorySource
     program: Program
     rates: dict[str, dict[str, float]]
     tracks: int | None
@@ -50,7 +51,7 @@ class Wanted:
     threshold: from which probability on the positive class is called: a number, a goal to choose it for, or
         the costs of a missed case and of a false alarm with a colon; None calls the most probable class.
     prevalence: how common the positive class is where the robot works; None asks the domain's knowledge.
-    channels: what the classifier sees of the motion.
+    features: the motion features that the classifier uses.
     """
 
     learner: str = "lstm"
@@ -58,7 +59,7 @@ class Wanted:
     device: str = "cpu"
     threshold: str | None = None
     prevalence: float | None = None
-    channels: tuple[str, ...] = ("x", "y")
+    features: tuple[str, ...] = ("x", "y")
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class Trust:
 
 def channel_eyes(domain: Domain) -> Eyes:
     """The classifier as the domain's channel; the rules stay as they are written."""
-    channel = Channel.of(domain)
+    channel = NoisyChannel.of(domain)
     rates = _table(domain.values, channel.rates)
     show.console.print("the classifier is a channel")
     for actual, row in rates.items():
@@ -100,36 +101,42 @@ def trained_eyes(
         data: recorded tracks for training and trials, in place of simulated ones.
         tracks: simulated tracks to train on; None takes the domain's number.
     """
-    from lcorpp.experiments.training import estimator_for, learn, recorded_training, simulated_training
-    from lcorpp.learning import learner, build_report
+    from lcorpp.experiments.training_data import (
+        FOLDS,
+        make_estimator,
+        read_training_data,
+        simulate_training_data,
+    )
+    from lcorpp.learning import build_report, learner, train_and_validate
     from lcorpp.learning.evaluation.thresholds import apply_threshold
 
     positive = domain.positive or max(domain.values)
     goal = None if wanted.threshold is None else _goal(domain, positive, wanted.threshold)
     learner(wanted.learner, epochs=wanted.epochs, device=wanted.device)  # mistakes are told before the work
     training = (
-        recorded_training(domain, data, seed, channels=wanted.channels)
+        read_training_data(domain, data, seed, features=wanted.features)
         if data
-        else simulated_training(domain, seed, tracks=tracks)
+        else simulate_training_data(domain, seed, tracks=tracks)
     )
-    estimator = estimator_for(
+    estimator = make_estimator(
         training,
         wanted.learner,
         epochs=wanted.epochs,
         seed=seed,
         device=wanted.device,
-        channels=wanted.channels,
+        features=wanted.features,
     )
     with show.progress(f"cross-validating and training: {wanted.learner}") as advance:
-        trained, validation = learn(
-            training.dataset, estimator=estimator, seed=seed, jobs=jobs, progress=advance
+        trained, validation = train_and_validate(
+            estimator, training.dataset, folds=FOLDS, seed=seed, jobs=jobs, progress=advance
         )
     common = _prevalence(domain, positive, wanted.prevalence)
     if goal is not None:
-        cut = _cut(validation, positive, common[positive], goal)
-        recalled = validation.with_predictions(apply_threshold(validation.classes, validation.probabilities, cut))
-        trained = replace(trained, confusion=recalled.confusion, cut=cut)
-        validation = recalled
+        threshold = _threshold(validation, positive, common[positive], goal)
+        validation = validation.with_predictions(
+            apply_threshold(validation.classes, validation.probabilities, threshold)
+        )
+        trained = replace(trained, confusion=validation.confusion, threshold=threshold)
     report = build_report(
         validation,
         positive=positive,
@@ -145,9 +152,9 @@ def trained_eyes(
     rates = _told(validation.confusion, trust)
     show.console.print(f"  accuracy {report.accuracy}", markup=False)
     show.console.print(report_table.table(report))
-    if trained.cut is not None:
-        show.console.print(f"{positive} people are called so from {trained.cut.probability:.3f} on")
-    appearance, notes = training.appearance, training.dataset.notes
+    if trained.threshold is not None:
+        show.console.print(f"{positive} people are called so from {trained.threshold.probability:.3f} on")
+    appearance, notes = training.trajectories, training.dataset.notes
     reader, program = _evidence(domain, trained, validation.confusion, trust)
     return Eyes(reader, appearance, program, rates, len(training.dataset), report, notes)
 
@@ -158,22 +165,22 @@ def stored_eyes(domain: Domain, file: Path, trust: Trust, *, data: Path | None, 
     Args:
         data: recorded tracks for the trials, in place of simulated ones.
     """
-    from lcorpp.experiments.training import motion_of, recorded_training
+    from lcorpp.experiments.training_data import read_training_data
 
     trained, confusion = _loaded(domain, file)
     inputs = getattr(trained.estimator.steps[0][1], "inputs", ("x", "y"))
-    recorded = recorded_training(domain, data, seed, channels=inputs) if data else None
+    recorded = read_training_data(domain, data, seed, features=inputs) if data else None
     if recorded is not None:
         _check_motion(file, trained, recorded.dataset)
     rates = _told(confusion, trust)
     reader, program = _evidence(domain, trained, confusion, trust)
-    appearance = recorded.appearance if recorded else motion_of(domain)
+    appearance = recorded.trajectories if recorded else SimulatedTrajectories.of(domain)
     return Eyes(reader, appearance, program, rates, None, None, recorded.dataset.notes if recorded else ())
 
 
 def _evidence(
     domain: Domain, trained: TrainedClassifier, confusion: ConfusionMatrix, trust: Trust
-) -> tuple[Reader, Program]:
+) -> tuple[BatchClassifier, Program]:
     """Who reads the tracks, and the rules that say how far to trust that."""
     if trust.soft:
         show.console.print("the reasoner is told likelihoods in place of labels")
@@ -186,7 +193,7 @@ def _prevalence(domain: Domain, positive: str, given: float | None) -> dict[str,
 
     A class that the knowledge rules out counts as one in a thousand, so that thresholds exist.
     """
-    told = dict(domain.program.posterior(domain.target, {}))
+    told = dict(Reasoner(domain.program).posterior(domain.target, {}))
     raised = {value: max(share, RAREST) for value, share in told.items()}
     common = {value: share / sum(raised.values()) for value, share in raised.items()}
     if given is not None:
@@ -214,7 +221,7 @@ def _goal(domain: Domain, positive: str, threshold: str) -> str | tuple[float, f
     return goal
 
 
-def _cut(
+def _threshold(
     validation: Validation, positive: str, prevalence: float, goal: str | tuple[float, float] | float
 ) -> DecisionThreshold:
     """The threshold itself, or the one that is best for a goal."""
@@ -260,8 +267,8 @@ def _told(confusion: ConfusionMatrix, trust: Trust) -> dict[str, dict[str, float
     from lcorpp.learning import estimate_rates
 
     for row in estimate_rates(confusion, smoothing=trust.smoothing):
-        said = ", ".join(f"{r.called} {r.value:.3f} [{r.low:.3f}, {r.high:.3f}]" for r in row)
-        show.console.print(f"  {row[0].given} people ({row[0].cases}) are called: {said}")
+        said = ", ".join(f"{r.predicted} {r.interval}" for r in row)
+        show.console.print(f"  {row[0].true} people ({row[0].cases}) are called: {said}")
     smoothed = [[float(rate) for rate in row] for row in confusion.rates(trust.smoothing)]
     return _table(confusion.classes, np.array(smoothed))
 

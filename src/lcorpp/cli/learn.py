@@ -11,9 +11,8 @@ import typer
 from lcorpp.cli import console as show
 
 if TYPE_CHECKING:
-    from lcorpp.experiments.run_store import Memory
+    from lcorpp.experiments.run_store import RunStore
     from lcorpp.protocols import Classifier
-    from lcorpp.reasoning import Program
     from lcorpp.values import ConfusionMatrix, Dataset, Episode, Instance
 
 
@@ -57,40 +56,44 @@ def learn(
     from lcorpp.decision import lcorpp
     from lcorpp.domains import load_domain
     from lcorpp.experiments import active_learning as augmentation
-    from lcorpp.experiments.run_store import Memory
-    from lcorpp.experiments.training import (
-        estimator_for,
-        learn as train,
-        recorded_training,
-        simulated_training,
+    from lcorpp.experiments.run_store import RunStore
+    from lcorpp.experiments.training_data import (
+        FOLDS,
+        make_estimator,
+        read_training_data,
+        simulate_training_data,
     )
     from lcorpp.files import make_folder
+    from lcorpp.learning import train_and_validate
+    from lcorpp.reasoning import Reasoner
 
     loaded = load_domain(domain, preset=preset)
     preparation.introduce(loaded)
     if out is not None:
         make_folder(out)
     training = (
-        recorded_training(loaded, data, seed) if data else simulated_training(loaded, seed, tracks=tracks)
+        read_training_data(loaded, data, seed)
+        if data
+        else simulate_training_data(loaded, seed, tracks=tracks)
     )
     for note in training.dataset.notes:
         show.console.print(f"note: {note}", style="yellow", markup=False)
     name = learner or (loaded.classifier if loaded.classifier != "channel" else "lstm")
-    estimator = estimator_for(training, name, epochs=epochs, seed=seed, device=device)
+    estimator = make_estimator(training, name, epochs=epochs, seed=seed, device=device)
     soft = evidence is show.Evidence.soft
 
     def learned(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
         with show.progress(f"training on {len(dataset)} tracks") as advance:
-            trained, validation = train(
-                dataset, estimator=estimator, seed=seed, jobs=show.cores(jobs), progress=advance
+            trained, validation = train_and_validate(
+                estimator, dataset, folds=FOLDS, seed=seed, jobs=show.cores(jobs), progress=advance
             )
         return (trained.soft() if soft else trained), validation.confusion
 
-    def program(confusion: ConfusionMatrix) -> Program:
-        return loaded.soft_program if soft else loaded.program_for(confusion)
+    def reasoner(confusion: ConfusionMatrix) -> Reasoner:
+        return Reasoner(loaded.soft_program if soft else loaded.program_for(confusion))
 
     with ExitStack() as opened:
-        memory, resumed = None, None
+        run_store, resumed = None, None
         if store is not None:
             settings = {
                 "domain": loaded.name,
@@ -100,31 +103,37 @@ def learn(
                 "seed": seed,
                 "epochs": epochs,
             }
-            memory = opened.enter_context(Memory(store, training.dataset, loaded.values, settings))
-            resumed = memory.resumed(learned)
-            _introduce(memory)
-        crowd = augmentation.Crowd(loaded, training.appearance, seed, met=memory.met if memory else 0)
-        before = [augmentation.Outcome.of(decision) for decision in memory.pending] if memory else []
-        log = augmentation.Log(loaded, out, memory.rows if memory else [], [o for o in before if o])
+            run_store = opened.enter_context(RunStore(store, training.dataset, loaded.values, settings))
+            resumed = run_store.resume(learned)
+            _introduce(run_store)
+        crowd = augmentation.PeopleStream(
+            loaded, training.trajectories, seed, met=run_store.n_people if run_store else 0
+        )
+        before = (
+            [augmentation.DecisionResult.from_stored(decision) for decision in run_store.pending]
+            if run_store
+            else []
+        )
+        log = augmentation.Log(loaded, out, run_store.rows if run_store else [], [o for o in before if o])
 
         def decided(instance: Instance, episode: Episode) -> None:
             outcome = crowd.outcome(episode)
             log.decided(outcome)
-            if memory is not None:
+            if run_store is not None:
                 belief = loaded.marginal(episode.steps[-1].belief if episode.steps else episode.prior)
-                memory.keep(instance, episode, belief, outcome.as_extra())
+                run_store.append_decision(instance, episode, belief, outcome.to_extra())
 
         batches = lcorpp(
-            memory.omega() if memory else training.dataset,
+            run_store.dataset() if run_store else training.dataset,
             learn=learned,
-            reason=program,
+            reason=reasoner,
             planner=preparation.planner(loaded),
             domain=loaded,
             collect=crowd.next,
             batch_size=batch_size,
             epsilon=epsilon,
             listener=decided,
-            resumed=resumed,
+            resume_point=resumed,
         )
         try:
             for position, batch in enumerate(batches):
@@ -133,8 +142,8 @@ def learn(
                     log.write(batch)
                 else:
                     show.console.print(log.add(batch))
-                if memory is not None:
-                    memory.save(batch, log.rows)
+                if run_store is not None:
+                    run_store.save_checkpoint(batch, log.rows)
                 if batch.settled:
                     show.console.print(
                         f"settled: the confusion matrix changed by {batch.change:.3f}, at most {epsilon:g}"
@@ -152,12 +161,12 @@ def learn(
         show.console.print(f"wrote {', '.join(str(path) for path in log.written)}", markup=False)
 
 
-def _introduce(memory: Memory) -> None:
+def _introduce(run_store: RunStore) -> None:
     """Say what is in the store, where the run goes on, and what was lost."""
-    path = memory.store.path
-    show.console.print(f"{path}: {memory.store.reading().summary()}", markup=False)
-    for note in memory.notes:
+    path = run_store.store.path
+    show.console.print(f"{path}: {run_store.store.snapshot().summary()}", markup=False)
+    for note in run_store.notes:
         show.console.print(f"note: {note}", style="yellow", markup=False)
-    if memory.number is not None:
-        made = f", {len(memory.pending)} decisions of the next are made" if memory.pending else ""
-        show.console.print(f"goes on after batch {memory.number}{made}")
+    if run_store.number is not None:
+        made = f", {len(run_store.pending)} decisions of the next are made" if run_store.pending else ""
+        show.console.print(f"goes on after batch {run_store.number}{made}")

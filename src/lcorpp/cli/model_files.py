@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.errors import FileError, ModelError, expected
+from lcorpp.errors import FileError, ModelError, expected_one_of
 
 if TYPE_CHECKING:
-    from lcorpp.planning import Policy, Pomdp
-    from lcorpp.planning.factored import Factored
+    from lcorpp.planning import Factored, Policy, Pomdp
     from lcorpp.planning.policy import Indices
 
 MODELS = (".pomdp", ".pomdpx")
@@ -34,7 +33,7 @@ def read_model(path: Path) -> tuple[Pomdp, Factored | None]:
 
     problem = read_factored(path)
     try:
-        return problem.flat(), problem
+        return planning.flatten(problem), problem
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
 
@@ -69,7 +68,7 @@ def policy_writer(path: Path) -> Callable[[Policy], None]:
 
     suffix = path.suffix.lower()
     if suffix not in ("", *POLICIES):
-        raise FileError(f"{path}: not the name of a policy; {expected(POLICIES)} at its end")
+        raise FileError(f"{path}: not the name of a policy; {expected_one_of(POLICIES)} at its end")
     check_writable(path)
     write = planning.write_alphas if suffix == ".alpha" else planning.write_policy
     return lambda policy: write(policy, path)
@@ -101,5 +100,5 @@ def check_picture(path: Path, *others: str) -> None:
     """
     suffixes = (*PICTURES, *others)
     if path.suffix.lower() not in suffixes:
-        raise FileError(f"{path}: not the name of a picture; {expected(suffixes)} at its end")
+        raise FileError(f"{path}: not a figure file; {expected_one_of(suffixes)} as its suffix")
     check_writable(path)

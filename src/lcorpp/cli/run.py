@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from lcorpp.domains import Domain
-    from lcorpp.experiments.metrics import Estimate, Scores
+    from lcorpp.experiments.metrics import Scores
+    from lcorpp.values import Interval
 
 
 def run(
@@ -74,9 +75,9 @@ def run(
     from lcorpp.cli import eyes as looking, preparation
     from lcorpp.decision import strategies
     from lcorpp.domains import load_domain
-    from lcorpp.experiments.exact_evaluation import exact as exact_scores
+    from lcorpp.experiments.exact_evaluation import evaluate_exactly
     from lcorpp.experiments.trials import Experiment, run_trials
-    from lcorpp.simulation.population import Channel
+    from lcorpp.simulation.channel import NoisyChannel
     from lcorpp.values import JEFFREYS, LAPLACE
 
     rows = strategies(strategy or [])
@@ -118,7 +119,7 @@ def run(
         eyes = looking.stored_eyes(loaded, Path(classifier or ""), trust, data=data, seed=seed)
     else:
         seen = tuple(name.strip() for name in channels.split(","))
-        wanted = looking.Wanted(chosen, epochs, device, threshold, prevalence, seen)
+        wanted = looking.Wanted(chosen, epochs, device, threshold, prevalence, features=seen)
         eyes = looking.trained_eyes(
             loaded, wanted, trust, data=data, tracks=tracks, seed=seed, jobs=show.cores(jobs)
         )
@@ -142,8 +143,8 @@ def run(
         "seed": seed,
     }
     if exact:
-        assert isinstance(eyes.reader, Channel)
-        results = exact_scores(loaded, robot, eyes.reader, rows)
+        assert isinstance(eyes.reader, NoisyChannel)
+        results = evaluate_exactly(loaded, robot, eyes.reader, rows)
     else:
         experiment = Experiment(loaded, robot, eyes.reader, eyes.appearance, rows, seed)
         with show.progress("deciding", trials) as advance:
@@ -195,25 +196,25 @@ def _table(results: list[Scores], positive: str | None, trials: int | str) -> Ta
         table.add_row(
             result.strategy,
             *(_cell(e, 3) for e in (result.f1, result.precision, result.recall, result.accuracy)),
-            *(_cell(e, 2) for e in (result.cost, result.earned)),
+            *(_cell(e, 2) for e in (result.cost, result.return_)),
         )
     return table
 
 
-def _cell(estimate: Estimate, digits: int) -> str:
-    half = (estimate.high - estimate.low) / 2
-    return f"{estimate.value:.{digits}f}" + (f"\n[dim]±{half:.{digits}f}[/dim]" if half else "")
+def _cell(interval: Interval, digits: int) -> str:
+    half = (interval.high - interval.low) / 2
+    return f"{interval.estimate:.{digits}f}" + (f"\n[dim]±{half:.{digits}f}[/dim]" if half else "")
 
 
 def _write(out: Path, results: list[Scores], configuration: dict[str, Any], eyes: Any) -> None:
-    from lcorpp.experiments.plotting import plot_comparison
+    from lcorpp.experiments.figures.files import write_figure
+    from lcorpp.experiments.figures.strategies import plot_strategies
     from lcorpp.experiments.results import write_comparison
     from lcorpp.learning import SoftClassifier, TrainedClassifier, plot_report, save_classifier, write_report
 
     written = list(write_comparison(out, results, configuration))
     title = f"{configuration['domain']}, {configuration['classifier']}, {configuration['trials']} decisions"
-    plot_comparison(results, title, out / "results.png")
-    written.append(out / "results.png")
+    written += write_figure(plot_strategies(results, title), out, "results", ("png",))
     if eyes.report is not None:
         written += write_report(eyes.report, out)
         plot_report(eyes.report, out / "report.png")

@@ -13,8 +13,7 @@ from lcorpp.errors import FileError, ModelError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lcorpp.planning import Policy, Pomdp
-    from lcorpp.planning.factored import Factored
+    from lcorpp.planning import Factored, Policy, Pomdp
 
 NAMED = 8
 """Up to so many states, actions or observations are named."""
@@ -106,7 +105,7 @@ def _start(pomdp: Pomdp) -> str:
 def _policy_facts(policy: Path, pomdp: Pomdp, drawn: Policy) -> None:
     used = sorted(set(drawn.actions.tolist()))
     typer.echo(f"{policy}")
-    _say("vectors", f"{len(drawn)}" + ("" if drawn.is_flat else f" in {len(drawn.pieces)} pieces"))
+    _say("vectors", f"{len(drawn)}" + ("" if drawn.is_flat else f" in {len(drawn.vector_sets)} pieces"))
     names = [pomdp.actions[action] for action in used]
     more = f", ... ({len(names)} in all)" if len(names) > NAMED else ""
     _say("actions", ", ".join(names[:NAMED]) + more)
@@ -141,10 +140,10 @@ def _chosen(pomdp: Pomdp, states: str | None) -> tuple[str, ...]:
 
 def _draw(pomdp: Pomdp, policy: Policy, states: tuple[str, ...], title: str, out: Path) -> None:
     from lcorpp.planning.plots import draw_line, draw_triangle
-    from lcorpp.plot_style import save
+    from lcorpp.plot_style import save_figure
 
     draw = draw_line if len(states) == 2 else draw_triangle
-    save(draw(pomdp, policy, states, title=title), out)
+    save_figure(draw(pomdp, policy, states, title=title), out)
 
 
 def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:
@@ -157,8 +156,8 @@ def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:
         write_atomically(out, graph.dot())
     else:
         from lcorpp.planning.plots import draw_graph
-        from lcorpp.plot_style import save
+        from lcorpp.plot_style import save_figure
 
-        save(draw_graph(graph, title=title), out)
+        save_figure(draw_graph(graph, title=title), out)
     more = "" if graph.whole.all() else ", and more beyond them"
     typer.echo(f"wrote the policy's graph to {out}: {len(graph)} nodes{more}")

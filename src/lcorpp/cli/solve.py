@@ -62,15 +62,15 @@ def solve(
     typer.echo(f"{solution.reason} after {solution.seconds:.2f} s; wrote {solution.vectors} vectors to {out}")
     if plot is not None:
         from lcorpp.planning.plots import draw_bounds
-        from lcorpp.plot_style import save
+        from lcorpp.plot_style import save_figure
 
-        save(draw_bounds(solution.history, title=problem.name), plot)
+        save_figure(draw_bounds(solution.history, title=problem.name), plot)
         typer.echo(f"drew the bounds in {plot}")
     if check:
         from lcorpp.planning import certificate
 
-        found = certificate(pomdp, solution)
-        typer.echo(found.told())
+        found = certificate(solution)
+        typer.echo(found.text)
         if found.verdict == "refuted":
             raise typer.Exit(1)
 

@@ -1,4 +1,4 @@
-"""The two algorithms of the paper, over protocols only: any parts that fit can take part."""
+"""Algorithms 1 and 2 of the paper and the six strategies, written against `lcorpp.protocols` only."""
 
 import lazy_loader as _lazy
 

@@ -1,3 +1,3 @@
 from .dt_control import Robot as Robot, dt_control as dt_control
-from .lcorpp import Batch as Batch, Resumed as Resumed, lcorpp as lcorpp
+from .lcorpp import Batch as Batch, ResumePoint as ResumePoint, lcorpp as lcorpp
 from .strategies import STRATEGIES as STRATEGIES, Strategy as Strategy, strategies as strategies

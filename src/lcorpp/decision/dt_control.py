@@ -1,4 +1,4 @@
-"""Algorithm 2, decision-theoretic control: from one instance to one label."""
+"""Algorithm 2, decision-theoretic control: from an instance to a reported label."""
 
 from __future__ import annotations
 
@@ -6,21 +6,29 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from lcorpp.errors import DecisionError
-from lcorpp.protocols import Classifier, Planner, Reasoner, Vocabulary, World
+from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
 from lcorpp.values import Belief, Episode, Instance, Step
 
 MAX_STEPS = 500
-"""A decision longer than this is taken for a policy that never reports."""
+"""Maximum number of actions in one decision; a longer one indicates a policy that never reports."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot:
-    """The parts of a deciding robot: rho, theta, pi (with its model M) and the words between them."""
+    """The parts of a deciding robot.
+
+    classifier: rho. reasoner: theta. planner: pi, with its model M. domain: translates between them.
+    """
 
     classifier: Classifier
     reasoner: Reasoner
     planner: Planner
-    domain: Vocabulary
+    domain: DomainInterface
+
+    def __repr__(self) -> str:
+        parts = {"classifier": self.classifier, "reasoner": self.reasoner, "planner": self.planner}
+        names = ", ".join(f"{part}: {type(value).__name__}" for part, value in parts.items())
+        return f"Robot({names}, target: {self.domain.target})"
 
 
 def dt_control(robot: Robot, instance: Instance, world: World, *, max_steps: int = MAX_STEPS) -> Episode:
@@ -28,20 +36,20 @@ def dt_control(robot: Robot, instance: Instance, world: World, *, max_steps: int
 
     Args:
         robot: the parts.
-        instance: what is perceived of the person before any action.
-        world: where the actions are done.
-        max_steps: actions after which the policy is taken for one that never reports.
+        instance: what the robot perceives of the person before any action.
+        world: executes the actions.
+        max_steps: maximum number of actions.
 
     Returns:
         The episode, with every intermediate result.
 
     Raises:
         UndefinedError: the reasoner's evidence is impossible.
-        ObservationError: the world returned an observation that the model calls impossible.
+        ObservationError: the world returned an observation that is impossible in the planner's model.
         DecisionError: no report within `max_steps` actions.
 
     Source: Algorithm 2. Line 1 is `classify`, 2 `evidence`, 3 to 6 `posterior` of the shared variable,
-    7 `prior`, 8 to 12 `act_until_report`, 13 the value that the last action reports.
+    7 `prior`, 8 to 12 `act_until_report`, 13 the value reported by the last action.
     """
     domain = robot.domain
     label = robot.classifier.classify(instance)
@@ -60,14 +68,14 @@ def act_until_report(
     max_steps: int = MAX_STEPS,
     listener: Callable[[Step], None] = lambda _: None,
 ) -> tuple[tuple[Step, ...], str | None]:
-    """The loop of Algorithm 2, lines 8 to 13.
+    """Run the loop of Algorithm 2, lines 8 to 13.
 
     Args:
-        prior: (S,) the belief to start from.
+        prior: (S,) the initial belief.
         listener: called after every step.
 
     Returns:
-        The steps and the value reported; None where the terminal state was reached without a report.
+        The steps and the reported value; None if the terminal state was reached without a report.
     """
     belief, steps = prior, list[Step]()
     while not robot.domain.finished(belief):

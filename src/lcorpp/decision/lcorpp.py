@@ -1,4 +1,4 @@
-"""Algorithm 1, LCORPP: decide, store what was reported, retrain, until the classifier settles."""
+"""Algorithm 1, LCORPP: decide, add the reported labels to the data, retrain, until convergence."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 
 from lcorpp.decision.dt_control import Robot, dt_control
 from lcorpp.errors import DecisionError
-from lcorpp.protocols import Classifier, Planner, Reasoner, Vocabulary, World
-from lcorpp.values import ConfusionMatrix, Dataset, Episode, Instance, fingerprint
+from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
+from lcorpp.values import Array, ConfusionMatrix, Dataset, Episode, Instance, track_hash
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Batch:
-    """What stands after one (re)training of Algorithm 1.
+    """State of Algorithm 1 after one (re)training.
 
     number: 0 for the initial training, then one more for every K decisions.
-    dataset: Omega, grown by the reported labels. classifier: rho. confusion: C.
-    change: SSUB, the sum of absolute differences between this confusion matrix and the one before.
-    episodes: the decisions of this batch, with the instances in `instances`; those of this run alone.
-    settled: whether `change` is at most epsilon, so that the loop ends here.
+    dataset: Omega with the reported labels so far. classifier: rho. confusion: C.
+    change: SSUB, the sum of absolute differences between this confusion matrix and the previous one.
+    instances, episodes: the decisions of this batch, without those of an earlier (resumed) run.
+    settled: whether `change` is at most epsilon, which ends the loop.
     """
 
     number: int
@@ -33,13 +33,19 @@ class Batch:
     episodes: tuple[Episode, ...]
     settled: bool
 
+    def __repr__(self) -> str:
+        return (
+            f"Batch({self.number}: {len(self.dataset)} cases, {len(self.episodes)} decisions,"
+            f" change {self.change:.4g}, {'settled' if self.settled else 'not settled'}, {self.confusion})"
+        )
+
 
 @dataclass(frozen=True, eq=False)
-class Resumed:
-    """Where an earlier run of Algorithm 1 came to its end, however it did.
+class ResumePoint:
+    """State in which an earlier run of Algorithm 1 ended or was interrupted.
 
-    number, classifier, confusion, change: of the last batch it completed, as in `Batch`.
-    decided: the decisions it had made since; their tracks are in the data set.
+    number, classifier, confusion, change: of the last complete batch, as in `Batch`.
+    decided: number of decisions after that batch; the data set contains their tracks.
     """
 
     number: int
@@ -55,50 +61,50 @@ def lcorpp(
     learn: Callable[[Dataset], tuple[Classifier, ConfusionMatrix]],
     reason: Callable[[ConfusionMatrix], Reasoner],
     planner: Planner,
-    domain: Vocabulary,
+    domain: DomainInterface,
     collect: Callable[[], tuple[Instance, World]],
     batch_size: int,
     epsilon: float,
     listener: Callable[[Instance, Episode], None] = lambda _instance, _episode: None,
-    resumed: Resumed | None = None,
+    resume_point: ResumePoint | None = None,
 ) -> Iterator[Batch]:
     """Run the outer loop; every training yields a batch, so the caller may stop at any of them.
 
-    A run that is to survive a crash keeps each decision in its listener and each batch when it is yielded,
-    and the next run is given both: `experiments.memory` does.
+    To survive a crash, store each decision in `listener` and each batch when it is yielded, and pass both to
+    the next run, as `experiments.run_store` does.
 
     Args:
-        dataset: Omega, the training data to begin with.
+        dataset: Omega, the initial training data.
         learn: trains and cross-validates: lines 1 and 2, and again 14 and 15.
-        reason: the reasoner whose rules hold a confusion matrix: lines 3 and 16.
+        reason: returns a reasoner whose rules contain a confusion matrix: lines 3 and 16.
         planner: pi with its model M: line 4.
-        domain: the words between the parts.
-        collect: a new instance and the world in which to act on it: line 8.
-        batch_size: K, decisions between two trainings.
+        domain: translates between the parts.
+        collect: returns a new instance and the world in which to act on it: line 8.
+        batch_size: K, the number of decisions between two trainings.
         epsilon: the loop ends when the confusion matrix changes by at most this much.
         listener: called after every decision.
-        resumed: where an earlier run ended, `dataset` being Omega as it was then. The first batch yielded
-            is the one completed there, without a training; its decisions are not repeated.
+        resume_point: state in which an earlier run ended; `dataset` is Omega as of then. The first batch
+            yielded is the last complete one of that run, without a training; its decisions are not repeated.
 
     Raises:
         DecisionError: K < 1 or epsilon < 0; and whatever the parts raise.
 
     Source: Algorithm 1. As printed, line 17 sets C to C_hat in the same step that computes C_hat, and
-    the test of line 7 would read 0 after the first batch; meant, and done here, is to compare the new
-    matrix with the one before it. C_hat starts uniform (line 5), as printed.
+    the test of line 7 would read 0 after the first batch. The intended comparison, implemented here, is of
+    the new matrix with the previous one. C_hat starts uniform (line 5), as printed.
     """
     if batch_size < 1:
         raise DecisionError(f"the batch size K must be at least 1, not {batch_size}")
     if not epsilon >= 0:
         raise DecisionError(f"the threshold epsilon must be at least 0, not {epsilon}")
-    if resumed is None:
+    if resume_point is None:
         classifier, confusion = learn(dataset)
         n = len(confusion.classes)
         number, decided = 0, 0
         change = ssub(np.full((n, n), 1 / n), confusion.probabilities)
     else:
-        classifier, confusion, change = resumed.classifier, resumed.confusion, resumed.change
-        number, decided = resumed.number, resumed.decided
+        classifier, confusion = resume_point.classifier, resume_point.confusion
+        number, change, decided = resume_point.number, resume_point.change, resume_point.decided
     yield Batch(number, dataset, classifier, confusion, change, (), (), change <= epsilon)
     while change > epsilon:
         number += 1
@@ -111,7 +117,7 @@ def lcorpp(
             episodes.append(episode)
             listener(instance, episode)
         decided = 0
-        dataset = augmented(dataset, instances, episodes)
+        dataset = augment(dataset, instances, episodes)
         previous = confusion
         classifier, confusion = learn(dataset)
         change = ssub(previous.probabilities, confusion.probabilities)
@@ -121,18 +127,18 @@ def lcorpp(
         )
 
 
-def ssub(first: np.ndarray, second: np.ndarray) -> float:
-    """Sum of the absolute element-wise differences of two matrices of one shape; SSUB of Algorithm 1."""
+def ssub(first: Array, second: Array) -> float:
+    """Return the sum of absolute differences of two matrices of equal shape: SSUB of Algorithm 1."""
     return float(np.abs(first - second).sum())
 
 
-def augmented(dataset: Dataset, instances: list[Instance], episodes: list[Episode]) -> Dataset:
-    """Omega with the (instance, reported label) pairs added.
+def augment(dataset: Dataset, instances: list[Instance], episodes: list[Episode]) -> Dataset:
+    """Return Omega with the (instance, reported label) pairs appended.
 
-    Each new case is a group of its own, but equal trajectories share one: a recorded track that is met twice
-    must not stand on both sides of a fold. A decision that ended without a report adds nothing.
+    Each new case is its own group, but equal trajectories share a group: a repeated track must not be in
+    both the training and the test part of a fold. A decision without a report adds nothing.
     """
     pairs = [
         (i.trajectory, e.report) for i, e in zip(instances, episodes, strict=True) if e.report is not None
     ]
-    return dataset.extended(pairs, [fingerprint(trajectory) for trajectory, _ in pairs])
+    return dataset.append(pairs, [track_hash(trajectory) for trajectory, _ in pairs])

@@ -1,4 +1,4 @@
-"""The six strategies of the paper's experiments: a table of which parts are on."""
+"""The six strategies of the paper's experiments: a table of the parts that each one uses."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from lcorpp.decision.dt_control import Robot
-from lcorpp.errors import DecisionError, expected
-from lcorpp.protocols import Planner, Vocabulary
+from lcorpp.errors import DecisionError, expected_one_of
+from lcorpp.protocols import DomainInterface, Planner
 from lcorpp.values import Belief, Distribution, Instance, Label, Likelihood
 
 
 @dataclass(frozen=True)
 class Strategy:
-    """A row of the table: a name and which of the three parts it uses."""
+    """One row of the table: a name, and whether the robot learns, reasons and plans."""
 
     name: str
     learns: bool
@@ -21,11 +21,11 @@ class Strategy:
     plans: bool
 
     def robot(self, full: Robot) -> Robot:
-        """`full` with the parts that are off replaced by what stands in for them."""
+        """The robot `full` with each unused part replaced by its trivial substitute."""
         return Robot(
-            classifier=full.classifier if self.learns else NoClassifier(),
-            reasoner=full.reasoner if self.reasons else NoKnowledge(full.domain),
-            planner=full.planner if self.plans else ReportAtOnce(full.planner, full.domain),
+            classifier=full.classifier if self.learns else NullClassifier(),
+            reasoner=full.reasoner if self.reasons else LabelOnlyReasoner(full.domain),
+            planner=full.planner if self.plans else ImmediateReport(full.planner, full.domain),
             domain=full.domain,
         )
 
@@ -38,54 +38,53 @@ STRATEGIES = (
     Strategy("R+P", learns=False, reasons=True, plans=True),
     Strategy("LCORPP", learns=True, reasons=True, plans=True),
 )
-"""Section "Experimental Results" of the paper, in its order."""
+"""The strategies of section "Experimental Results" of the paper, in its order."""
 
 
 def strategies(names: Iterable[str]) -> tuple[Strategy, ...]:
-    """The rows of the table with these names, in the order of the table; all of them for no names.
+    """The rows with the given names, in the order of the table; all rows if no name is given.
 
     Raises:
-        DecisionError: a name that is not in the table.
+        DecisionError: an unknown name.
     """
-    wanted = [name.upper() for name in names]
+    selected = [name.upper() for name in names]
     known = [row.name for row in STRATEGIES]
-    for name in wanted:
+    for name in selected:
         if name not in known:
-            raise DecisionError(f"unknown strategy {name!r}; {expected(known)}")
-    return tuple(row for row in STRATEGIES if not wanted or row.name in wanted)
+            raise DecisionError(f"unknown strategy {name!r}; {expected_one_of(known)}")
+    return tuple(row for row in STRATEGIES if not selected or row.name in selected)
 
 
-class NoClassifier:
-    """In place of a classifier: says nothing."""
+class NullClassifier:
+    """A classifier that never returns a label."""
 
     def classify(self, instance: Instance) -> str | None:
         return None
 
 
 @dataclass(frozen=True, eq=False)
-class NoKnowledge:
-    """In place of a reasoner: takes a label at its word and has no opinion without one.
+class LabelOnlyReasoner:
+    """A reasoner without knowledge: its posterior is the classifier's label.
 
-    A likelihood it takes for a distribution, as if all values were equally common.
-
-    Without an opinion the planner starts from the start belief of its own model (strategy P).
+    A hard label gets probability 1; a likelihood is normalised, i.e. combined with a uniform prior. Without a
+    label there is no posterior, and the planner starts from its model's initial belief (strategy P).
     """
 
-    domain: Vocabulary
+    domain: DomainInterface
 
     def posterior(self, attribute: str, evidence: Mapping[str, Label]) -> Distribution | None:
-        claim = self.domain.claim(evidence)
-        if isinstance(claim, Likelihood):
-            return Distribution(claim.values, claim.weights / claim.weights.sum())
-        return None if claim is None else Distribution.certain(claim, self.domain.values)
+        label = self.domain.target_of_label(evidence)
+        if isinstance(label, Likelihood):
+            return Distribution(label.values, label.weights / label.weights.sum())
+        return None if label is None else Distribution.certain(label, self.domain.values)
 
 
 @dataclass(frozen=True, eq=False)
-class ReportAtOnce:
-    """In place of a policy: reports the most likely value without asking."""
+class ImmediateReport:
+    """A planner that reports the most likely value without asking."""
 
     planner: Planner
-    domain: Vocabulary
+    domain: DomainInterface
 
     @property
     def start(self) -> Belief:

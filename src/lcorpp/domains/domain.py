@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lcorpp.errors import DomainError, expected
+from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program, with_classifier
 from lcorpp.values import JEFFREYS, Array, Belief, ConfusionMatrix, Distribution, Label, Likelihood
@@ -104,22 +104,24 @@ class Domain:
         """
         for name, value in context.items():
             if name not in self.observed:
-                raise DomainError(f"{name!r} is not observed in {self.name}; {expected(self.observed)}")
+                raise DomainError(
+                    f"{name!r} is not observed in {self.name}; {expected_one_of(self.observed)}"
+                )
             known = self.program.attributes[name].values
             if value not in known:
-                raise DomainError(f"{name} cannot be {value!r}; {expected(known)}")
+                raise DomainError(f"{name} cannot be {value!r}; {expected_one_of(known)}")
         if label is None:
             return dict(context)
         if isinstance(label, Likelihood):
             if set(label.values) != set(self.label_of):
                 classes = ", ".join(self.label_of)
                 raise DomainError(f"a likelihood of {', '.join(label.values)}; expected one of {classes}")
-            return {**context, self.attribute: label.renamed(self.label_of)}
+            return {**context, self.attribute: label.rename(self.label_of)}
         if label not in self.label_of:
-            raise DomainError(f"unknown class {label!r}; {expected(tuple(self.label_of))}")
+            raise DomainError(f"unknown class {label!r}; {expected_one_of(tuple(self.label_of))}")
         return {**context, self.attribute: self.label_of[label]}
 
-    def claim(self, evidence: Mapping[str, Label]) -> Label | None:
+    def target_of_label(self, evidence: Mapping[str, Label]) -> Label | None:
         """The target value that the label in the evidence stands for, None without a label.
 
         A likelihood comes back as one of the target's values, in their order.
@@ -134,7 +136,7 @@ class Domain:
         """(S,) the marginal spread over the planner's states, its own variables where they start."""
         return marginal.probabilities @ self.entry
 
-    def starts(self) -> Array:
+    def start_beliefs(self) -> Array:
         """(N, S) beliefs to solve the model for: its own start, and priors all over the target's simplex.
 
         Each person brings another prior, and a policy is only good where it was solved for; on a lattice of
@@ -163,7 +165,7 @@ class Domain:
         for action, reported in self.reports.items():
             if reported == value:
                 return action
-        raise DomainError(f"no action reports {value!r}; {expected(tuple(self.reports.values()))}")
+        raise DomainError(f"no action reports {value!r}; {expected_one_of(tuple(self.reports.values()))}")
 
     def finished(self, belief: Belief) -> bool:
         """Whether a belief (S,) is certain of the terminal state."""

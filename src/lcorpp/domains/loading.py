@@ -9,7 +9,7 @@ from lcorpp.domains.sections.planning import read_planning
 from lcorpp.domains.sections.reasoning import read_knowledge, read_learning
 from lcorpp.domains.sections.simulation import read_simulation
 from lcorpp.domains.toml import read_settings
-from lcorpp.errors import DomainError, expected
+from lcorpp.errors import DomainError, expected_one_of
 
 SHIPPED = Path(__file__).parent
 
@@ -34,7 +34,8 @@ def load_domain(place: str | Path, *, preset: str | None = None) -> Domain:
     if not (folder / "domain.toml").is_file():
         if str(place) not in shipped_domains():
             raise DomainError(
-                f"{place}: no folder with a domain.toml, and no shipped domain; {expected(shipped_domains())}"
+                f"{place}: no folder with a domain.toml, and no shipped domain;"
+                f" {expected_one_of(shipped_domains())}"
             )
         folder = SHIPPED / str(place)
     settings, chosen = read_settings(folder / "domain.toml", preset)

@@ -1,37 +1,36 @@
-"""Loading of a domain's own `people.py`, the plug-in that says how people move and react."""
+"""The domain's own `people.py`: simulated motion and reactions of people."""
 
 from __future__ import annotations
 
-import importlib.util
-import traceback
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from lcorpp.errors import DomainError
+from lcorpp.user_code import describe_failure, load_file
 from lcorpp.values import Array
 
-NAMES = ("trajectory", "trajectories", "reaction")
+FUNCTIONS = ("trajectory", "trajectories", "reaction")
+"""Functions of a plug-in, of which it defines at least one."""
 
 
-class People:
-    """What a `people.py` defines; a call that fails or returns the wrong thing is a `DomainError`.
+class SimulationPlugin:
+    """A `people.py`; a call that fails or returns a wrong type raises `DomainError`.
 
-    It may define ``trajectory(person, rng)`` -> (channels, time points), its batch form
+    The file may define ``trajectory(person, rng)`` -> (channels, time points), its batch form
     ``trajectories(people, rng)`` -> (people, channels, time points), and ``reaction(person, action, rng)``
-    -> observation; besides these ``recordings(people, rng, *, seconds)`` -> one array (samples, columns) for
-    each person, with COLUMNS, the names of the columns, "time" the first. A person is a mapping from the
-    attributes of the truth program to values.
+    -> observation; also ``recordings(people, rng, *, seconds)`` -> one array (samples, columns) for each
+    person, with COLUMNS, the names of the columns, "time" first. A person is a mapping from the attributes
+    of the truth program to values.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._module = _load(path)
-        if not any(hasattr(self._module, name) for name in NAMES):
-            raise DomainError(f"{path}: defines none of {', '.join(NAMES)}")
+        self._module = load_file(path, f"lcorpp_people_{path.parent.name}", DomainError)
+        if not any(hasattr(self._module, name) for name in FUNCTIONS):
+            raise DomainError(f"{path}: defines none of {', '.join(FUNCTIONS)}")
 
     @property
     def has_motion(self) -> bool:
@@ -47,7 +46,7 @@ class People:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The names of the columns of a recording, () without recordings."""
+        """The column names of a recording, () without recordings."""
         if not self.has_recordings:
             return ()
         columns = getattr(self._module, "COLUMNS", None)
@@ -64,7 +63,7 @@ class People:
         return columns
 
     def trajectories(self, people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
-        """(people, channels, time points) how they move."""
+        """Return simulated trajectories (people, channels, time points)."""
         if hasattr(self._module, "trajectories"):
             tracks = self._call("trajectories", people, rng)
         else:
@@ -89,15 +88,15 @@ class People:
         *,
         seconds: tuple[float, float] | None = None,
     ) -> list[Array]:
-        """One array (samples, columns) for each person, as a tracker records them.
+        """Return one array (samples, columns) for each person, as a tracker records it.
 
         Args:
-            seconds: the shortest and the longest duration; None takes what the domain has.
+            seconds: shortest and longest duration; None for the plug-in's default.
         """
         options = {} if seconds is None else {"seconds": seconds}
-        found = self._call("recordings", people, rng, **options)
+        returned = self._call("recordings", people, rng, **options)
         try:
-            tables = [np.array(table, dtype=np.float64) for table in found]
+            tables = [np.array(table, dtype=np.float64) for table in returned]
         except (TypeError, ValueError):
             tables = []
         width = len(self.columns)
@@ -115,7 +114,7 @@ class People:
         return tables
 
     def reaction(self, person: Mapping[str, str], action: str, rng: np.random.Generator) -> str:
-        """What a person answers to an action."""
+        """Return a person's reaction to an action, an observation."""
         answer = self._call("reaction", person, action, rng)
         if not isinstance(answer, str):
             raise DomainError(f"{self.path}: reaction() returned {answer!r}, expected an observation")
@@ -126,31 +125,8 @@ class People:
         try:
             return function(*arguments, **options)
         except (Exception, SystemExit) as error:
-            raise _blamed(self.path, f"{name}() failed", error) from error
+            message = describe_failure(error, str(self.path), self._module, f"{name}() failed")
+            raise DomainError(message) from error
 
-    def __reduce__(self) -> tuple[type[People], tuple[Path]]:
-        return People, (self.path,)  # a plug-in module is loaded again in another process, not sent
-
-
-def _load(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(f"lcorpp_people_{path.parent.name}", path)
-    if spec is None or spec.loader is None or not path.is_file():
-        raise DomainError(f"{path}: not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
-        raise _blamed(path, "cannot be loaded", error) from error
-    return module
-
-
-def _blamed(path: Path, what: str, error: BaseException) -> DomainError:
-    """The user's own error, told with the deepest line of the user's own file."""
-    if isinstance(error, SyntaxError) and error.filename and Path(error.filename).resolve() == path.resolve():
-        return DomainError(f"{path}:{error.lineno}: {what}: SyntaxError: {error.msg}")
-    frames = traceback.extract_tb(error.__traceback__)
-    line = next(
-        (frame.lineno for frame in reversed(frames) if Path(frame.filename).resolve() == path.resolve()), None
-    )
-    where = f"{path}:{line}" if line else str(path)
-    return DomainError(f"{where}: {what}: {type(error).__name__}: {error}")
+    def __reduce__(self) -> tuple[type[SimulationPlugin], tuple[Path]]:
+        return SimulationPlugin, (self.path,)  # another process loads the file again

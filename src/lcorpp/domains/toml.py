@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from lcorpp.errors import DomainError, ParseError, expected
+from lcorpp.errors import DomainError, ParseError, expected_one_of
 from lcorpp.files import read_text
 
 Keys = tuple[str, ...]
@@ -87,7 +87,7 @@ class Settings:
         """Complain about keys that nobody asked for."""
         for key in self._table:
             if key not in self._taken:
-                raise DomainError(f"{self.place(key)}: unknown key; {expected(list(self._taken))}")
+                raise DomainError(f"{self.place(key)}: unknown key; {expected_one_of(list(self._taken))}")
 
     def _take(self, key: str, default: Any) -> Any:
         self._taken[key] = None
@@ -118,7 +118,7 @@ def read_settings(path: Path, preset: str | None) -> tuple[Settings, str | None]
     if preset is None:
         preset = next(iter(presets), None)
     elif preset not in presets:
-        raise DomainError(f"{path}: unknown preset {preset!r}; {expected(list(presets))}")
+        raise DomainError(f"{path}: unknown preset {preset!r}; {expected_one_of(list(presets))}")
     over = dict(presets.get(preset, {})) if preset else {}
     over.pop("description", None)
     return Settings(_merged(table, over), _Places(str(path), text, preset)), preset

@@ -1,7 +1,7 @@
-"""The exact scores of the strategies: people and answers enumerated, not drawn.
+"""Exact scores of the strategies, by enumeration of people and answers.
 
-This is the reference that simulation is held against. It needs a classifier that is a channel and reactions
-that the domain gives as probabilities.
+These scores are the reference for the simulated trials. They need a noisy channel as the classifier and a
+feedback model in probabilities.
 """
 
 from __future__ import annotations
@@ -15,57 +15,74 @@ import numpy as np
 from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
 from lcorpp.errors import DomainError
-from lcorpp.experiments.metrics import Scores, exact_scores
-from lcorpp.simulation.population import Channel, Population
+from lcorpp.experiments.metrics import Scores, score_probabilities
+from lcorpp.simulation.channel import NoisyChannel
+from lcorpp.simulation.population import Population
 from lcorpp.values import Belief
 
-LOST = 1e-12
-"""Branches of an episode less likely than this are dropped; what is dropped is part of the total checked."""
+MIN_PROBABILITY = 1e-12
+"""Branches of an episode less likely than this are pruned."""
 
 
-def exact(domain: Domain, robot: Robot, channel: Channel, rows: tuple[Strategy, ...]) -> list[Scores]:
-    """The exact scores of some strategies.
+def evaluate_exactly(
+    domain: Domain, robot: Robot, channel: NoisyChannel, strategies: tuple[Strategy, ...]
+) -> list[Scores]:
+    """Compute the exact scores of some strategies.
 
     Args:
-        robot: the full robot; its classifier is not asked, the channel stands for it.
-        rows: the strategies, in the order of the result.
+        robot: the full robot; `channel` replaces its classifier.
+        strategies: the strategies, in the order of the result.
 
     Raises:
-        DomainError: the domain's `people.py` draws reactions, whose probabilities are not known.
+        DomainError: the domain's `people.py` draws reactions, whose probabilities are unknown.
     """
     if domain.simulation.reaction is not None:
         raise DomainError(f"{domain.folder}: people.py draws its reactions, so only simulation can score it")
-    cells = Population(domain).cells((*domain.observed, domain.target))
-    return [_strategy(domain, row.robot(robot), row, channel, cells) for row in rows]
+    people = Population(domain).joint_distribution((*domain.observed, domain.target))
+    return [
+        _score_strategy(domain, strategy.robot(robot), strategy, channel, people) for strategy in strategies
+    ]
 
 
-def _strategy(
-    domain: Domain, robot: Robot, row: Strategy, channel: Channel, cells: Mapping[tuple[str, ...], float]
+def _score_strategy(
+    domain: Domain,
+    robot: Robot,
+    strategy: Strategy,
+    channel: NoisyChannel,
+    people: Mapping[tuple[str, ...], float],
 ) -> Scores:
-    starts = _starts(domain, robot, row, channel, cells)
-    tree = _Tree(domain, robot)
+    priors = _prior_probabilities(domain, robot, strategy, channel, people)
+    tree = _EpisodeTree(domain, robot)
     joint = np.zeros((len(domain.values), len(domain.values) + 1))
-    cost = square = earned = 0.0
-    for (key, v), mass in starts.items():
-        for end in tree.ends(np.frombuffer(key), v):
-            p = mass * end.probability
-            joint[v, end.reported] += p
-            cost += p * end.cost
-            square += p * end.cost**2
-            earned += p * (end.reward - end.cost)
-    sd = float(np.sqrt(max(square - cost**2, 0.0)))
-    return exact_scores(row.name, joint, cost, earned, sd, values=domain.values, positive=domain.positive)
+    cost = squared_cost = return_ = 0.0
+    for (key, v), mass in priors.items():
+        for leaf in tree.leaves(np.frombuffer(key), v):
+            p = mass * leaf.probability
+            joint[v, leaf.reported] += p
+            cost += p * leaf.cost
+            squared_cost += p * leaf.cost**2
+            return_ += p * (leaf.reward - leaf.cost)
+    sd = float(np.sqrt(max(squared_cost - cost**2, 0.0)))
+    return score_probabilities(
+        strategy.name, joint, cost, return_, sd, values=domain.values, positive=domain.positive
+    )
 
 
-def _starts(
-    domain: Domain, robot: Robot, row: Strategy, channel: Channel, cells: Mapping[tuple[str, ...], float]
+def _prior_probabilities(
+    domain: Domain,
+    robot: Robot,
+    strategy: Strategy,
+    channel: NoisyChannel,
+    people: Mapping[tuple[str, ...], float],
 ) -> dict[tuple[bytes, int], float]:
-    """How likely each (prior belief, true value) is."""
-    starts: dict[tuple[bytes, int], float] = defaultdict(float)
-    for (*context, value), mass in cells.items():
+    """Return the probability of each pair of a prior belief (as bytes) and a true value's index."""
+    priors: dict[tuple[bytes, int], float] = defaultdict(float)
+    for (*context, value), mass in people.items():
         v = domain.values.index(value)
         labels = (
-            dict(zip(channel.classes, channel.rates[v].tolist(), strict=True)) if row.learns else {None: 1.0}
+            dict(zip(channel.classes, channel.rates[v].tolist(), strict=True))
+            if strategy.learns
+            else {None: 1.0}
         )
         for label, rate in labels.items():
             if mass * rate == 0:
@@ -73,13 +90,13 @@ def _starts(
             evidence = domain.evidence(dict(zip(domain.observed, context, strict=True)), label)
             marginal = robot.reasoner.posterior(domain.target, evidence)
             prior = robot.planner.start if marginal is None else domain.prior(marginal)
-            starts[prior.tobytes(), v] += mass * rate
-    return starts
+            priors[prior.tobytes(), v] += mass * rate
+    return priors
 
 
 @dataclass(frozen=True)
-class _End:
-    """One way an episode may end."""
+class _Leaf:
+    """The end of an episode. reported: index of the reported value, V for no report."""
 
     probability: float
     reported: int
@@ -87,62 +104,62 @@ class _End:
     reward: float
 
 
-class _Tree:
-    """The episodes that may follow a belief; what the robot does at a belief is asked once."""
+class _EpisodeTree:
+    """All episodes from a belief; actions, transitions and belief updates are cached."""
 
     def __init__(self, domain: Domain, robot: Robot) -> None:
         self._domain, self._robot = domain, robot
         self._actions: dict[bytes, str] = {}
-        self._followed: dict[tuple[int, int], list[tuple[int, str, float]]] = {}
+        self._transitions: dict[tuple[int, int], list[tuple[int, str, float]]] = {}
         self._updates: dict[tuple[bytes, str, str], Belief] = {}
 
-    def ends(self, prior: Belief, v: int) -> list[_End]:
-        """How an episode about somebody of true value v ends, from a prior belief (S,)."""
+    def leaves(self, prior: Belief, v: int) -> list[_Leaf]:
+        """Return the leaves of all episodes from a prior belief (S,) with a person of true value v."""
         domain, pomdp = self._domain, self._domain.pomdp
-        ends: list[_End] = []
+        leaves: list[_Leaf] = []
         frontier: dict[tuple[bytes, int, float], float] = {}
         beliefs = {prior.tobytes(): prior}
         for first in np.flatnonzero(domain.entry[v]):
             frontier[prior.tobytes(), int(first), 0.0] = float(domain.entry[v, first])
         while frontier:
-            following: dict[tuple[bytes, int, float], float] = defaultdict(float)
+            successors: dict[tuple[bytes, int, float], float] = defaultdict(float)
             for (key, s, cost), mass in frontier.items():
                 belief = beliefs[key]
                 if domain.finished(belief):
-                    ends.append(_End(mass, len(domain.values), cost, 0.0))
+                    leaves.append(_Leaf(mass, len(domain.values), cost, 0.0))
                     continue
-                action = self._action(key, belief)
+                action = self._select_action(key, belief)
                 a = pomdp.actions.index(action)
                 reward = float(pomdp.reward[a, s])
                 value = domain.report(action)
                 if value is not None:
-                    ends.append(_End(mass, domain.values.index(value), cost, reward))
+                    leaves.append(_Leaf(mass, domain.values.index(value), cost, reward))
                     continue
-                paid = round(cost - reward, 9)
-                for s_next, heard, chance in self._moves(a, s):
-                    p = mass * chance
-                    if p < LOST:
+                next_cost = round(cost - reward, 9)
+                for s_next, observation, probability in self._step(a, s):
+                    p = mass * probability
+                    if p < MIN_PROBABILITY:
                         continue
-                    belief_next = self._update(key, belief, action, heard)
+                    belief_next = self._update(key, belief, action, observation)
                     key_next = belief_next.tobytes()
                     beliefs[key_next] = belief_next
-                    following[key_next, s_next, paid] += p
-            frontier = following
-        return ends
+                    successors[key_next, s_next, next_cost] += p
+            frontier = successors
+        return leaves
 
-    def _moves(self, action: int, state: int) -> list[tuple[int, str, float]]:
-        """What may come of an action in a state: the next state, what is observed then, the probability."""
-        if (action, state) not in self._followed:
-            pomdp, reactions = self._domain.pomdp, self._domain.simulation.reactions
-            states, chances = pomdp.transition.row(action, state)
-            self._followed[action, state] = [
-                (s, pomdp.observations[o], p * float(reactions[action, s, o]))
-                for s, p in zip(states.tolist(), chances.tolist(), strict=True)
-                for o in np.flatnonzero(reactions[action, s])
+    def _step(self, action: int, state: int) -> list[tuple[int, str, float]]:
+        """Return the possible (next state, observation, probability) of an action in a state."""
+        if (action, state) not in self._transitions:
+            pomdp, feedback = self._domain.pomdp, self._domain.simulation.reactions
+            states, probabilities = pomdp.transition.row(action, state)
+            self._transitions[action, state] = [
+                (s, pomdp.observations[o], p * float(feedback[action, s, o]))
+                for s, p in zip(states.tolist(), probabilities.tolist(), strict=True)
+                for o in np.flatnonzero(feedback[action, s])
             ]
-        return self._followed[action, state]
+        return self._transitions[action, state]
 
-    def _action(self, key: bytes, belief: Belief) -> str:
+    def _select_action(self, key: bytes, belief: Belief) -> str:
         if key not in self._actions:
             self._actions[key] = self._robot.planner.action(belief)
         return self._actions[key]
@@ -150,6 +167,6 @@ class _Tree:
     def _update(self, key: bytes, belief: Belief, action: str, observation: str) -> Belief:
         step = (key, action, observation)
         if step not in self._updates:
-            # rounded, so that one belief reached on two ways is one belief
+            # rounding merges beliefs that different paths reach
             self._updates[step] = np.round(self._robot.planner.update(belief, action, observation), 12)
         return self._updates[step]

@@ -1,4 +1,4 @@
-"""Scores of many decisions, each with a 95% interval."""
+"""Scores of many decisions, each with a 95 % confidence interval."""
 
 from __future__ import annotations
 
@@ -8,128 +8,117 @@ from statistics import NormalDist
 
 import numpy as np
 
-from lcorpp.values import Array
+from lcorpp.values import Array, Interval
 
 Z95 = NormalDist().inv_cdf(0.975)
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A figure with the ends of its 95% interval."""
-
-    value: float
-    low: float
-    high: float
-
-
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """What a strategy achieved.
+    """The scores of a strategy.
 
-    counts: (V, V + 1) decisions of true value i that reported value j; the last column holds those
-        without a report.
-    cost: what the actions before the report cost. earned: the return, report reward minus cost, undiscounted.
-    cost_sd: standard deviation of the cost over single decisions.
+    counts: (V, V + 1) counts[i, j] decisions with true value i and reported value j; the last column counts
+        decisions without a report.
+    cost: mean cost of the actions before the report.
+    return_: mean return: reward of the report minus cost, undiscounted.
+    cost_sd: standard deviation of the cost of single decisions.
     """
 
     strategy: str
     counts: Array
-    f1: Estimate
-    precision: Estimate
-    recall: Estimate
-    accuracy: Estimate
-    cost: Estimate
-    earned: Estimate
+    f1: Interval
+    precision: Interval
+    recall: Interval
+    accuracy: Interval
+    cost: Interval
+    return_: Interval
     cost_sd: float
 
 
-def scores(
-    strategy: str, counts: Array, cost: Array, earned: Array, *, values: Sequence[str], positive: str | None
+def score_decisions(
+    strategy: str, counts: Array, cost: Array, return_: Array, *, values: Sequence[str], positive: str | None
 ) -> Scores:
-    """The scores of simulated decisions.
+    """Score simulated decisions.
 
     Args:
         counts: (V, V + 1) as in `Scores`.
-        cost, earned: (n,) one figure a decision.
+        cost, return_: (n,) one number per decision.
         values: the V target values.
-        positive: the value that F1, precision and recall are about; None averages them over all values
-            (macro average), and their intervals' ends as well, which makes those wide rather than narrow.
+        positive: the positive class of F1, precision and recall; None takes the macro average over all
+            values. The ends of the intervals are averaged as well, which makes them wide.
 
-    The intervals of accuracy, precision and recall are Wilson's. F1 = 2p / (1 + p) for the share p of true
-    positives among all cases that are positive or called so, and grows with p: its interval is
-    Wilson's for p, carried over. Those of cost and return are the normal ones for a mean.
+    Accuracy, precision and recall have Wilson intervals. F1 = 2p / (1 + p) grows with p, the share of true
+    positives among all decisions that are positive or reported as positive, so its interval is the
+    transformed Wilson interval of p. Cost and return have normal intervals of the mean.
     """
-    confusion = _classification(counts, values, positive, wilson)
-    return Scores(strategy, counts, *confusion, mean(cost), mean(earned), _sd(cost))
+    confusion = _classification(counts, values, positive, wilson_interval)
+    return Scores(strategy, counts, *confusion, mean_interval(cost), mean_interval(return_), _sd(cost))
 
 
-def exact_scores(
+def score_probabilities(
     strategy: str,
     joint: Array,
     cost: float,
-    earned: float,
+    return_: float,
     cost_sd: float,
     *,
     values: Sequence[str],
     positive: str | None,
 ) -> Scores:
-    """The scores of probabilities in place of counts: intervals of no width.
+    """Score exact probabilities instead of counts; the intervals have zero width.
 
     Args:
-        joint: (V, V + 1) probability of true value i and report j.
+        joint: (V, V + 1) probability of true value i and reported value j.
     """
-    confusion = _classification(joint, values, positive, _ratio)
-    return Scores(
-        strategy, joint, *confusion, Estimate(cost, cost, cost), Estimate(earned, earned, earned), cost_sd
-    )
+    confusion = _classification(joint, values, positive, _proportion)
+    return Scores(strategy, joint, *confusion, Interval.exact(cost), Interval.exact(return_), cost_sd)
 
 
-def wilson(hits: float, total: float) -> Estimate:
-    """A share with Wilson's interval; nothing seen is 0 with the interval [0, 1]."""
+def wilson_interval(hits: float, total: float) -> Interval:
+    """Return a proportion with its Wilson interval; without cases 0 with [0, 1]."""
     if total == 0:
-        return Estimate(0.0, 0.0, 1.0)
+        return Interval(0.0, 0.0, 1.0)
     p, z2 = hits / total, Z95**2 / total
     middle = (p + z2 / 2) / (1 + z2)
     half = float(np.sqrt(z2 * (p * (1 - p) + z2 / 4))) / (1 + z2)
-    return Estimate(p, min(p, max(0.0, middle - half)), max(p, min(1.0, middle + half)))
+    return Interval(p, min(p, max(0.0, middle - half)), max(p, min(1.0, middle + half)))
 
 
-def mean(figures: Array) -> Estimate:
-    """The mean of figures (n,) with the normal interval."""
-    middle = float(np.mean(figures))
-    half = Z95 * _sd(figures) / float(np.sqrt(len(figures)))
-    return Estimate(middle, middle - half, middle + half)
+def mean_interval(numbers: Array) -> Interval:
+    """Return the mean of numbers (n,) with the normal interval."""
+    middle = float(np.mean(numbers))
+    half = Z95 * _sd(numbers) / float(np.sqrt(len(numbers)))
+    return Interval(middle, middle - half, middle + half)
 
 
-def _sd(figures: Array) -> float:
-    return float(np.std(figures, ddof=1)) if len(figures) > 1 else 0.0
+def _sd(numbers: Array) -> float:
+    return float(np.std(numbers, ddof=1)) if len(numbers) > 1 else 0.0
 
 
-def _ratio(hits: float, total: float) -> Estimate:
-    share = hits / total if total else 0.0
-    return Estimate(share, share, share)
+def _proportion(hits: float, total: float) -> Interval:
+    return Interval.exact(hits / total if total else 0.0)
 
 
 def _classification(
-    counts: Array, values: Sequence[str], positive: str | None, share: Callable[[float, float], Estimate]
-) -> tuple[Estimate, Estimate, Estimate, Estimate]:
-    """F1, precision, recall and accuracy."""
+    counts: Array, values: Sequence[str], positive: str | None, share: Callable[[float, float], Interval]
+) -> tuple[Interval, Interval, Interval, Interval]:
+    """Return F1, precision, recall and accuracy."""
     rows = range(len(values)) if positive is None else [list(values).index(positive)]
     f1, precision, recall = [], [], []
     for i in rows:
-        hit, called, meant = counts[i, i], counts[:, i].sum(), counts[i].sum()
-        either = share(hit, called + meant - hit)
-        f1.append(Estimate(*(2 * p / (1 + p) for p in (either.value, either.low, either.high))))
-        precision.append(share(hit, called))
-        recall.append(share(hit, meant))
+        hits, reported, actual = counts[i, i], counts[:, i].sum(), counts[i].sum()
+        either = share(hits, reported + actual - hits)
+        f1.append(Interval(*(2 * p / (1 + p) for p in (either.estimate, either.low, either.high))))
+        precision.append(share(hits, reported))
+        recall.append(share(hits, actual))
     square = counts[:, : len(values)]
     accuracy = share(float(np.trace(square)), float(counts.sum()))
     return _average(f1), _average(precision), _average(recall), accuracy
 
 
-def _average(estimates: Sequence[Estimate]) -> Estimate:
-    return Estimate(
-        float(np.mean([e.value for e in estimates])),
+def _average(estimates: Sequence[Interval]) -> Interval:
+    return Interval(
+        float(np.mean([e.estimate for e in estimates])),
         float(np.mean([e.low for e in estimates])),
         float(np.mean([e.high for e in estimates])),
     )

@@ -1,4 +1,4 @@
-"""The table of a comparison as files: CSV, and JSON with the configuration, seed and versions."""
+"""Result files: CSV tables, and JSON with the configuration and the package versions."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from typing import Any
 from lcorpp.experiments.metrics import Scores
 from lcorpp.files import make_folder, write_atomically
 
-FIGURES = ("f1", "precision", "recall", "accuracy", "cost", "return")
-COLUMNS = ("strategy", *(f"{name}{end}" for name in FIGURES for end in ("", "_low", "_high")))
+METRICS = ("f1", "precision", "recall", "accuracy", "cost", "return")
+COLUMNS = ("strategy", *(f"{name}{end}" for name in METRICS for end in ("", "_low", "_high")))
 PACKAGES = ("lcorpp", "numpy", "scipy", "clingo", "scikit-learn", "torch")
 
 
-def row(result: Scores) -> dict[str, str | float]:
-    """One strategy as a row with the columns `COLUMNS`."""
+def to_row(result: Scores) -> dict[str, str | float]:
+    """Return the scores of a strategy as a row with the columns `COLUMNS`."""
     cells: dict[str, str | float] = {"strategy": result.strategy}
-    for name in FIGURES:
-        estimate = getattr(result, "earned" if name == "return" else name)
-        cells |= {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
+    for name in METRICS:
+        interval = getattr(result, "return_" if name == "return" else name)
+        cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
     return cells
 
 
-def versions() -> dict[str, str]:
-    """The versions that a result depends on."""
+def find_versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that determine a result."""
     found = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
@@ -40,7 +40,7 @@ def versions() -> dict[str, str]:
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows as a CSV file with a header."""
+    """Write a CSV file with a header."""
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
@@ -49,8 +49,8 @@ def write_csv(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, An
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a JSON file with the versions added."""
-    write_atomically(path, json.dumps({**content, "versions": versions()}, indent=2) + "\n")
+    """Write a JSON file and add the package versions."""
+    write_atomically(path, json.dumps({**content, "versions": find_versions()}, indent=2) + "\n")
 
 
 def write_comparison(
@@ -59,14 +59,14 @@ def write_comparison(
     """Write results.csv and results.json.
 
     Args:
-        folder: made if missing.
-        configuration: what was run: domain, preset, trials, seed and so on.
+        folder: created if missing.
+        configuration: the options of the run: domain, preset, trials, seed and so on.
 
     Returns:
-        The two paths.
+        The paths of both files.
     """
     make_folder(folder)
-    rows = [row(result) for result in results]
+    rows = [to_row(result) for result in results]
     write_csv(folder / "results.csv", COLUMNS, rows)
     detailed = [
         {**cells, "cost_sd": result.cost_sd, "counts": result.counts.tolist()}

@@ -18,14 +18,14 @@ from uuid import uuid4
 
 import numpy as np
 
-from lcorpp.decision import Batch, Resumed
+from lcorpp.decision import Batch, ResumePoint
 from lcorpp.decision.lcorpp import ssub
 from lcorpp.errors import DataError, FileError
 from lcorpp.files import make_folder, read_bytes, read_text, sync_folder, write_atomically
 from lcorpp.learning import SoftClassifier, TrainedClassifier, load_classifier, save_classifier
-from lcorpp.learning.store import Entry, Layout, Reading, Store, Stored
+from lcorpp.learning.store import NewTrack, Snapshot, Store, StoredTrack, TrackSchema
 from lcorpp.protocols import Classifier
-from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance, fingerprint
+from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance, track_hash
 
 FORMAT, VERSION = "lcorpp checkpoint", 1
 
@@ -51,7 +51,7 @@ class Checkpoint:
     classifier: Classifier | None
 
 
-class Memory:
+class RunStore:
     """The store and the checkpoint beside it, in the folder `<store>.checkpoint`; one process at a time.
 
     store: open for writing. notes: what opening found, in words.
@@ -71,18 +71,18 @@ class Memory:
         Raises:
             FileError, DataError: as `Store`.
         """
-        self.store = Store(path, Layout.of(dataset, classes))
+        self.store = Store(path, TrackSchema.of(dataset, classes))
         self._initial = dataset
         self._settings = {**settings, "data": _digest(dataset)}
         self._folder = self.store.path.with_name(f"{self.store.path.name}.checkpoint")
         self.notes = list(self.store.notes)
         try:
-            reading = self.store.reading()
+            reading = self.store.snapshot()
             self._checkpoint = self._found(reading)
             self._run = self._checkpoint.run if self._checkpoint else uuid4().hex[:12]
             self._number = self._checkpoint.number if self._checkpoint else 0
             self.pending = tuple(stored for stored in reading if self._is_pending(stored))
-            self.met = 1 + max((_whole(stored.extra.get("met")) for stored in reading), default=-1)
+            self.n_people = 1 + max((_whole(stored.extra.get("met")) for stored in reading), default=-1)
         except BaseException:
             self.store.close()
             raise
@@ -97,11 +97,11 @@ class Memory:
         """What the run that is gone on with has told of its batches."""
         return list(self._checkpoint.rows) if self._checkpoint else []
 
-    def omega(self) -> Dataset:
+    def dataset(self) -> Dataset:
         """The data to begin with and all that is stored with a label: Omega."""
         return self._extended(())
 
-    def resumed(self, learn: Learn) -> Resumed | None:
+    def resume(self, learn: Learn) -> ResumePoint | None:
         """Where the earlier run ended; None where there is none to go on with.
 
         Args:
@@ -118,15 +118,17 @@ class Memory:
                 if since > 0
                 else f"{-since} records that the last training knew are lost: trained anew"
             )
-            classifier, confusion = learn(self.omega())
+            classifier, confusion = learn(self.dataset())
             change = ssub(checkpoint.confusion.probabilities, confusion.probabilities)
-            return Resumed(checkpoint.number, classifier, confusion, change, len(self.pending))
+            return ResumePoint(checkpoint.number, classifier, confusion, change, len(self.pending))
         trained = checkpoint.classifier
         if trained is None:
             trained, _ = learn(self._extended(self.pending))
-        return Resumed(checkpoint.number, trained, checkpoint.confusion, checkpoint.change, len(self.pending))
+        return ResumePoint(
+            checkpoint.number, trained, checkpoint.confusion, checkpoint.change, len(self.pending)
+        )
 
-    def keep(
+    def append_decision(
         self, instance: Instance, episode: Episode, belief: Distribution, extra: Mapping[str, Any]
     ) -> str:
         """Store a decision: the track, the reported label and the belief behind it; on the disk afterwards.
@@ -138,21 +140,21 @@ class Memory:
         Returns:
             Its id.
         """
-        about = {"run": self._run, "batch": self._number + 1, "met": self.met, **extra}
-        entry = Entry(
+        about = {"run": self._run, "batch": self._number + 1, "met": self.n_people, **extra}
+        entry = NewTrack(
             instance.trajectory,
             episode.report,
             "robot",
             belief,
             instance.context,
-            id=f"{self._run}-{self.met}",
+            id=f"{self._run}-{self.n_people}",
             extra=about,
         )
         id = self.store.append(entry)
-        self.met += 1
+        self.n_people += 1
         return id
 
-    def save(self, batch: Batch, rows: Rows) -> None:
+    def save_checkpoint(self, batch: Batch, rows: Rows) -> None:
         """Write the checkpoint of a batch: all of it or, after a crash, the one before.
 
         Raises:
@@ -203,16 +205,14 @@ class Memory:
     def _file(self) -> Path:
         return self._folder / "checkpoint.json"
 
-    def _extended(self, without: Sequence[Stored]) -> Dataset:
+    def _extended(self, without: Sequence[StoredTrack]) -> Dataset:
         left = {stored.id for stored in without}
-        reading = self.store.reading()
-        chosen = [stored for stored in reading.chosen() if stored.id not in left]
+        reading = self.store.snapshot()
+        chosen = [stored for stored in reading.select() if stored.id not in left]
         stored = reading.dataset(chosen)
-        return self._initial.extended(
-            list(zip(stored.trajectories, stored.labels, strict=True)), stored.groups
-        )
+        return self._initial.append(list(zip(stored.trajectories, stored.labels, strict=True)), stored.groups)
 
-    def _is_pending(self, stored: Stored) -> bool:
+    def _is_pending(self, stored: StoredTrack) -> bool:
         return stored.extra.get("run") == self._run and stored.extra.get("batch") == self._number + 1
 
     def _classifier_file(self, batch: Batch) -> dict[str, Any] | None:
@@ -231,7 +231,7 @@ class Memory:
         sync_folder(path)
         return {"file": path.name, "crc32": zlib.crc32(read_bytes(path)), "soft": soft}
 
-    def _found(self, reading: Reading) -> Checkpoint | None:
+    def _found(self, reading: Snapshot) -> Checkpoint | None:
         """The checkpoint, if it is one of this store and these settings; what is wrong with it is noted."""
         if not self._file.exists():
             if len(reading):
@@ -279,7 +279,7 @@ class Memory:
 def _digest(dataset: Dataset) -> str:
     """A name that equal data sets share: the initial data are not stored, but made or read again."""
     labels = zlib.crc32("\n".join(dataset.labels).encode())
-    return f"{len(dataset)} tracks, {fingerprint(dataset.trajectories).removeprefix('track ')}-{labels:08x}"
+    return f"{len(dataset)} tracks, {track_hash(dataset.trajectories).removeprefix('track ')}-{labels:08x}"
 
 
 def _number(value: Any) -> int:

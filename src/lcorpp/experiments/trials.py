@@ -1,4 +1,4 @@
-"""Simulated decisions by the strategies, in chunks that any number of processes may share."""
+"""Simulated trials of several strategies, in chunks that any number of processes may share."""
 
 from __future__ import annotations
 
@@ -12,68 +12,70 @@ from joblib import Parallel, delayed
 from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError
-from lcorpp.experiments.metrics import Scores, scores
-from lcorpp.simulation.population import Appearance, Population, Reader
-from lcorpp.simulation.world import Stage
+from lcorpp.experiments.metrics import Scores, score_decisions
+from lcorpp.simulation.channel import BatchClassifier
+from lcorpp.simulation.population import Population
+from lcorpp.simulation.trajectories import TrajectorySource
+from lcorpp.simulation.world import SimulationModel
 from lcorpp.values import Array, Instance, Label
-from lcorpp.workers import sheltered
+from lcorpp.workers import ignore_sigint
 
-CHUNK = 100
-"""Decisions per chunk. A chunk is what one seed makes, so this number is part of every result."""
+CHUNK_SIZE = 100
+"""Trials per chunk. Each chunk has its own random generator, so this number is part of every result."""
 
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """What a trial needs: the full robot, the people it meets and the strategies to compare.
+    """The full robot, the source of the trajectories and the strategies to compare.
 
-    seed: of the people and their answers. All strategies meet the same people with the same moods, so
-        that differences between strategies are not differences between crowds.
+    seed: of the people and their answers. All strategies get the same people and the same random numbers, so
+        that differences between strategies are not differences between samples.
     """
 
     domain: Domain
     robot: Robot
-    reader: Reader
-    appearance: Appearance
+    classifier: BatchClassifier
+    trajectories: TrajectorySource
     strategies: tuple[Strategy, ...]
     seed: int
 
 
 @dataclass(frozen=True, eq=False)
-class Outcomes:
-    """What came of n decisions by k strategies.
+class TrialResults:
+    """The results of n trials of k strategies.
 
-    truth: (n,) index of the true value. reported: (k, n) index of the value reported, V for none.
-    cost, earned: (k, n) as in `Scores`.
+    truth: (n,) index of the true value. reported: (k, n) index of the reported value, V for no report.
+    cost, return_: (k, n) as in `Scores`.
     """
 
     truth: np.ndarray
     reported: np.ndarray
     cost: Array
-    earned: Array
+    return_: Array
 
 
 def run_trials(
     experiment: Experiment, trials: int, *, jobs: int = 1, progress: Callable[[int], None] = lambda _: None
 ) -> tuple[list[Scores], int]:
-    """Simulate decisions and score them.
+    """Simulate trials and score them.
 
     Args:
-        trials: how many people are met.
+        trials: the number of people.
         jobs: processes; the result is the same for any number.
-        progress: called with the number of decisions done so far.
+        progress: called with the number of completed trials.
 
     Returns:
-        The scores in the order of the strategies and the number of people met: fewer than `trials` when the
-        user interrupted (Ctrl-C), as what is done is kept.
+        The scores in the order of the strategies and the number of completed trials: fewer than `trials`
+        after an interrupt (Ctrl-C), which keeps the completed chunks.
 
     Raises:
-        DecisionError: fewer than one trial or job; and whatever the parts raise.
-        KeyboardInterrupt: interrupted before the first chunk was done.
+        DecisionError: `trials` or `jobs` is less than one; and whatever the robot's parts raise.
+        KeyboardInterrupt: an interrupt before the first chunk was complete.
     """
     if trials < 1 or jobs < 1:
         raise DecisionError(f"trials and jobs must be at least 1, not {trials} and {jobs}")
-    sizes = [min(CHUNK, trials - first) for first in range(0, trials, CHUNK)]
-    done: list[Outcomes] = []
+    sizes = [min(CHUNK_SIZE, trials - first) for first in range(0, trials, CHUNK_SIZE)]
+    done: list[TrialResults] = []
     try:
         if jobs == 1 or len(sizes) == 1:
             for number, size in enumerate(sizes):
@@ -81,7 +83,7 @@ def run_trials(
                 progress(sum(len(chunk.truth) for chunk in done))
         else:
             work = (delayed(run_chunk)(experiment, number, size) for number, size in enumerate(sizes))
-            with sheltered():
+            with ignore_sigint():
                 started = Parallel(n_jobs=jobs, return_as="generator")(work)
             with closing(started) as chunks:
                 for chunk in chunks:
@@ -90,61 +92,61 @@ def run_trials(
     except KeyboardInterrupt:
         if not done:
             raise
-    outcomes = Outcomes(
+    results = TrialResults(
         np.concatenate([chunk.truth for chunk in done]),
         np.concatenate([chunk.reported for chunk in done], axis=1),
         np.concatenate([chunk.cost for chunk in done], axis=1),
-        np.concatenate([chunk.earned for chunk in done], axis=1),
+        np.concatenate([chunk.return_ for chunk in done], axis=1),
     )
-    return score(experiment, outcomes), len(outcomes.truth)
+    return score_trials(experiment, results), len(results.truth)
 
 
-def run_chunk(experiment: Experiment, number: int, size: int) -> Outcomes:
-    """Decide about `size` people; everything drawn follows from the seed and the chunk's number."""
-    domain, rows, stage = experiment.domain, experiment.strategies, Stage(experiment.domain)
+def run_chunk(experiment: Experiment, number: int, size: int) -> TrialResults:
+    """Simulate `size` trials; the experiment's seed and the chunk's number determine every random draw."""
+    domain, strategies, model = experiment.domain, experiment.strategies, SimulationModel(experiment.domain)
     rng = np.random.default_rng([experiment.seed, number])
-    people = Population(domain).people(size, rng)
-    tracks = experiment.appearance.trajectories(people, rng)
+    people = Population(domain).sample(size, rng)
+    tracks = experiment.trajectories.trajectories(people, rng)
     labels: Sequence[Label | None] = [None] * size
-    if any(row.learns for row in rows):
-        labels = experiment.reader.classify_many(tracks)
+    if any(strategy.learns for strategy in strategies):
+        labels = experiment.classifier.classify_many(tracks)
     truth = np.array([domain.values.index(person[domain.target]) for person in people])
-    reported = np.empty((len(rows), size), dtype=np.intp)
-    cost, earned = np.empty((len(rows), size)), np.empty((len(rows), size))
+    reported = np.empty((len(strategies), size), dtype=np.intp)
+    cost, return_ = np.empty((len(strategies), size)), np.empty((len(strategies), size))
     for i, (person, track, label) in enumerate(zip(people, tracks, labels, strict=True)):
         instance = Instance(track, {name: person[name] for name in domain.observed})
-        full = Robot(Said(label), experiment.robot.reasoner, experiment.robot.planner, domain)
-        for k, row in enumerate(rows):
-            # the same answers for every strategy: their generator is made anew, not carried on
-            world = stage.world(person, np.random.default_rng([experiment.seed, number, i]))
-            report = dt_control(row.robot(full), instance, world).report
+        full = Robot(FixedLabel(label), experiment.robot.reasoner, experiment.robot.planner, domain)
+        for k, strategy in enumerate(strategies):
+            # every strategy gets the same answers: each has a new generator with the same seed
+            world = model.make_world(person, np.random.default_rng([experiment.seed, number, i]))
+            report = dt_control(strategy.robot(full), instance, world).report
             reported[k, i] = len(domain.values) if report is None else domain.values.index(report)
-            cost[k, i], earned[k, i] = world.cost, world.earned
-    return Outcomes(truth, reported, cost, earned)
+            cost[k, i], return_[k, i] = world.cost, world.return_
+    return TrialResults(truth, reported, cost, return_)
 
 
-def score(experiment: Experiment, outcomes: Outcomes) -> list[Scores]:
-    """The scores of all strategies."""
-    domain, results = experiment.domain, []
-    for k, row in enumerate(experiment.strategies):
+def score_trials(experiment: Experiment, results: TrialResults) -> list[Scores]:
+    """Score each strategy."""
+    domain, scores = experiment.domain, []
+    for k, strategy in enumerate(experiment.strategies):
         counts = np.zeros((len(domain.values), len(domain.values) + 1))
-        np.add.at(counts, (outcomes.truth, outcomes.reported[k]), 1)
-        results.append(
-            scores(
-                row.name,
+        np.add.at(counts, (results.truth, results.reported[k]), 1)
+        scores.append(
+            score_decisions(
+                strategy.name,
                 counts,
-                outcomes.cost[k],
-                outcomes.earned[k],
+                results.cost[k],
+                results.return_[k],
                 values=domain.values,
                 positive=domain.positive,
             )
         )
-    return results
+    return scores
 
 
 @dataclass(frozen=True)
-class Said:
-    """A classifier that has already been asked about this person."""
+class FixedLabel:
+    """A classifier that returns the label that was computed for this person."""
 
     label: Label | None
 

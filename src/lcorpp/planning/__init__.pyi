@@ -1,13 +1,18 @@
 from .belief import (
-    checked_belief as checked_belief,
+    check_belief as check_belief,
     observation_probabilities as observation_probabilities,
     update as update,
 )
+from .evaluation.batch_policy import BatchPolicy as BatchPolicy
 from .evaluation.certificate import Certificate as Certificate, certificate as certificate
 from .evaluation.policy_evaluation import Evaluation as Evaluation, evaluate as evaluate
 from .evaluation.policy_graph import PolicyGraph as PolicyGraph, policy_graph as policy_graph
-from .evaluation.simulation import Simulated as Simulated, simulate as simulate
-from .factored import Factored as Factored, given as given
+from .evaluation.simulation import SimulationResult as SimulationResult, simulate as simulate
+from .factored.cpt import cpt as cpt
+from .factored.flatten import flatten as flatten, start_beliefs as start_beliefs
+from .factored.model import Factored as Factored
+from .factored.table import Table as Table
+from .factored.variables import Variable as Variable
 from .formats.alpha_file import read_alphas as read_alphas, write_alphas as write_alphas
 from .formats.policy_xml import read_policy as read_policy, write_policy as write_policy
 from .formats.pomdp.reader import parse_pomdp as parse_pomdp, read_pomdp as read_pomdp
@@ -19,9 +24,9 @@ from .formats.pomdpx.reader import (
 )
 from .formats.pomdpx.writer import format_pomdpx as format_pomdpx, write_pomdpx as write_pomdpx
 from .planner import Planner as Planner
-from .policy import Piece as Piece, Policy as Policy, UpperBound as UpperBound
+from .policy import AlphaVectors as AlphaVectors, Policy as Policy, UpperBound as UpperBound
 from .pomdp import Pomdp as Pomdp
 from .sarsop import solve as solve
 from .solution import Progress as Progress, Solution as Solution
 from .solvers import solver as solver
-from .sparse import Rows as Rows
+from .sparse import SparseTables as SparseTables

@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError, ObservationError
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
-from lcorpp.values import Array, Belief, frozen
+from lcorpp.values import Array, Belief, freeze
 
-IMPOSSIBLE = float(np.finfo(np.float64).tiny)
+MIN_PROBABILITY = float(np.finfo(np.float64).tiny)
 """Below the smallest normal double a probability has no digits left: dividing by it means nothing."""
 
 
@@ -32,7 +32,7 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
     """
     weights: Belief = _seen(pomdp, pomdp.transition.forward(action, belief), action, observation)
     total = weights.sum()
-    if not total >= IMPOSSIBLE:
+    if not total >= MIN_PROBABILITY:
         raise ObservationError(
             f"observation {pomdp.observations[observation]!r} is impossible after action"
             f" {pomdp.actions[action]!r} in belief {describe(pomdp, belief)}"
@@ -54,14 +54,14 @@ def observation_probabilities(pomdp: Pomdp, belief: Belief, action: int) -> Arra
     return pomdp.observation.forward(action, pomdp.transition.forward(action, belief))
 
 
-def checked_belief(pomdp: Pomdp, belief: npt.ArrayLike) -> Belief:
+def check_belief(pomdp: Pomdp, belief: npt.ArrayLike) -> Belief:
     """A frozen (S,) copy of `belief`.
 
     Raises:
         ModelError: it is not a distribution over the states.
     """
     try:
-        copy = frozen(belief)
+        copy = freeze(belief)
     except (TypeError, ValueError):
         raise ModelError(f"a belief is {len(pomdp.states)} numbers, not {belief!r}") from None
     if copy.shape != (len(pomdp.states),):

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.belief import checked_belief, update
-from lcorpp.planning.evaluation.absorbing import unpaid
-from lcorpp.planning.evaluation.sampling import Draws
-from lcorpp.planning.evaluation.sparse_beliefs import Beliefs
+from lcorpp.planning.belief import check_belief, update
+from lcorpp.planning.evaluation.absorbing import zero_reward_states
+from lcorpp.planning.evaluation.sampling import InverseCdfSampler
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Belief
 
@@ -57,13 +57,13 @@ class PomdpEnvironment(gymnasium.Env):  # type: ignore[misc]
         if render_mode not in (None, "ansi"):
             raise ModelError(f"the render mode is None or 'ansi', not {render_mode!r}")
         self.pomdp, self.render_mode = pomdp, render_mode
-        self.start = checked_belief(pomdp, pomdp.start if start is None else start)
+        self.start = check_belief(pomdp, pomdp.start if start is None else start)
         self.action_space = Discrete(len(pomdp.actions))
         self.observation_space = Discrete(len(pomdp.observations) + 1)
-        self._over = unpaid(pomdp)
-        begin = Beliefs.of(self.start[None])
+        self._over = zero_reward_states(pomdp)
+        begin = SparseBeliefs.of(self.start[None])
         self._start, self._transition, self._observation = (
-            Draws(rows.begins, columns, values)
+            InverseCdfSampler(rows.begins, columns, values)
             for rows, columns, values in (
                 (begin, begin.states, begin.weights),
                 (pomdp.transition, pomdp.transition.columns, pomdp.transition.values),
@@ -117,7 +117,7 @@ class PomdpEnvironment(gymnasium.Env):  # type: ignore[misc]
         """The last step in words, where the render mode is "ansi"."""
         return self._told if self.render_mode == "ansi" else None
 
-    def _drawn(self, draws: Draws, row: int) -> int:
+    def _drawn(self, draws: InverseCdfSampler, row: int) -> int:
         return int(draws.draw(np.array([row]), np.array([self.np_random.random()]))[0])
 
     def _info(self) -> dict[str, Any]:

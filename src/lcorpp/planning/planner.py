@@ -1,36 +1,58 @@
-"""A model and a policy for it, behind names: what the decision loop talks to."""
+"""A policy and its model behind names: the planner of the decision loop."""
 
 from __future__ import annotations
+
+from typing import overload
 
 from lcorpp.errors import PolicyError
 from lcorpp.planning.belief import update
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.solution import Solution
 from lcorpp.values import Belief
 
 
 class Planner:
     """pi of Algorithm 2 (`lcorpp.protocols.Planner`): actions and observations by name.
 
+        Planner(solve(pomdp))
+        Planner(read_policy("tiger.policy", pomdp), pomdp)
+
+    Args:
+        policy: a solution, which holds its model, or a policy alone.
+        pomdp: the model of a policy alone.
+
     Raises:
-        PolicyError: the policy was made for another model.
+        PolicyError: the policy belongs to another model, or a policy alone has no model beside it.
     """
 
-    def __init__(self, pomdp: Pomdp, policy: Policy) -> None:
+    @overload
+    def __init__(self, policy: Solution) -> None: ...
+    @overload
+    def __init__(self, policy: Policy, pomdp: Pomdp) -> None: ...
+    def __init__(self, policy: Solution | Policy, pomdp: Pomdp | None = None) -> None:
+        if isinstance(policy, Solution):
+            pomdp = pomdp or policy.pomdp
+            policy = policy.policy
+        if pomdp is None:
+            raise PolicyError("a planner for a policy needs its model: Planner(policy, pomdp)")
         check_same_model(pomdp, policy)
         self.pomdp, self.policy = pomdp, policy
 
+    def __repr__(self) -> str:
+        return f"<Planner {self.policy!r}>"
+
     @property
     def start(self) -> Belief:
-        """(S,) the model's own start belief."""
+        """(S,) the model's start belief."""
         return self.pomdp.start
 
     def action(self, belief: Belief) -> str:
-        """The name of the action to take at a belief (S,)."""
+        """The name of the policy's action at a belief (S,)."""
         return self.pomdp.actions[self.policy.action(belief)]
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:
-        """(S,) the belief after a named action and observation.
+        """Return the belief (S,) after a named action and observation.
 
         Raises:
             ModelError: a name is unknown.
@@ -41,15 +63,15 @@ class Planner:
 
 
 def check_same_model(pomdp: Pomdp, policy: Policy) -> None:
-    """Refuse a policy that was made for another model.
+    """Reject a policy that belongs to another model.
 
     Raises:
-        PolicyError: names differ, or the fingerprint kept with the policy does.
+        PolicyError: the names or the fingerprints differ.
     """
     if policy.state_names != pomdp.states or policy.action_names != pomdp.actions:
         raise PolicyError("the policy is for another model: its states or actions have other names")
     if policy.fingerprint and policy.fingerprint != pomdp.fingerprint:
         raise PolicyError(
-            "the policy is for another model: names are the same, but its transitions, observations,"
+            "the policy is for another model: the names are the same, but transitions, observations,"
             " rewards or discount have changed since; solve again"
         )

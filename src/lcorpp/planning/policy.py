@@ -11,17 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, PolicyError
-from lcorpp.planning.evaluation.batch_policy import Choice
-from lcorpp.planning.evaluation.sparse_beliefs import Beliefs
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import MAX_BYTES
-from lcorpp.values import Array, Belief, frozen
+from lcorpp.values import Array, Belief, freeze
 
 Indices = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class AlphaVectors:
     """Alpha vectors over some of the states: plans for beliefs that lie in them.
 
     states: (n,) indices, rising.
@@ -37,7 +35,7 @@ class Piece:
     actions: Indices
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vectors", frozen(self.vectors))
+        object.__setattr__(self, "vectors", freeze(self.vectors))
         for field in ("states", "actions"):
             array = np.array(getattr(self, field), dtype=np.intp)
             array.setflags(write=False)
@@ -78,7 +76,7 @@ class Policy:
         PolicyError: shapes or indices do not fit together.
     """
 
-    pieces: tuple[Piece, ...]
+    vector_sets: tuple[AlphaVectors, ...]
     state_names: tuple[str, ...]
     action_names: tuple[str, ...]
     fingerprint: str = ""
@@ -87,10 +85,10 @@ class Policy:
     upper_bound: UpperBound | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "pieces", tuple(self.pieces))
-        if not self.pieces:
+        object.__setattr__(self, "vector_sets", tuple(self.vector_sets))
+        if not self.vector_sets:
             raise PolicyError("a policy needs alpha vectors; there are none")
-        for piece in self.pieces:
+        for piece in self.vector_sets:
             if piece.states[0] < 0 or piece.states[-1] >= len(self.state_names):
                 raise PolicyError(f"a state index is outside 0 to {len(self.state_names) - 1}")
             if piece.actions.min() < 0 or piece.actions.max() >= len(self.action_names):
@@ -104,11 +102,11 @@ class Policy:
         table = np.asarray(vectors, dtype=np.float64)
         if table.ndim != 2 or table.shape[1] != len(pomdp.states):
             raise PolicyError(f"vectors of shape {table.shape} are no policy for {len(pomdp.states)} states")
-        return cls.of_pieces(pomdp, [Piece(np.arange(len(pomdp.states)), table, np.asarray(actions))])
+        return cls.of_sets(pomdp, [AlphaVectors(np.arange(len(pomdp.states)), table, np.asarray(actions))])
 
     @classmethod
-    def of_pieces(
-        cls, pomdp: Pomdp, pieces: Iterable[Piece], upper_bound: UpperBound | None = None
+    def of_sets(
+        cls, pomdp: Pomdp, pieces: Iterable[AlphaVectors], upper_bound: UpperBound | None = None
     ) -> Policy:
         """A policy for `pomdp` from pieces."""
         floor = float(pomdp.reward.min()) / (1 - pomdp.discount)
@@ -118,11 +116,11 @@ class Policy:
     @property
     def is_flat(self) -> bool:
         """Whether it has one piece, over all states."""
-        return len(self.pieces) == 1 and len(self.pieces[0].states) == len(self.state_names)
+        return len(self.vector_sets) == 1 and len(self.vector_sets[0].states) == len(self.state_names)
 
     def __len__(self) -> int:
         """The number of vectors."""
-        return sum(len(piece.actions) for piece in self.pieces)
+        return sum(len(piece.actions) for piece in self.vector_sets)
 
     @cached_property
     def vectors(self) -> Array:
@@ -132,13 +130,13 @@ class Policy:
             ModelError: they would be too large.
         """
         if self.is_flat:
-            return self.pieces[0].vectors
+            return self.vector_sets[0].vectors
         size = 8 * len(self) * len(self.state_names)
         if size > MAX_BYTES:
             raise ModelError(f"all vectors of the policy written out take {size / 2**30:.1f} GiB")
         table = np.full((len(self), len(self.state_names)), self.floor)
         begin = 0
-        for piece in self.pieces:
+        for piece in self.vector_sets:
             table[begin : begin + len(piece.actions), piece.states] = piece.vectors
             begin += len(piece.actions)
         table.setflags(write=False)
@@ -147,7 +145,7 @@ class Policy:
     @cached_property
     def actions(self) -> Indices:
         """(K,) index of the action each vector's plan begins with."""
-        return np.concatenate([piece.actions for piece in self.pieces])
+        return np.concatenate([piece.actions for piece in self.vector_sets])
 
     def action(self, belief: Belief) -> int:
         """Index of the action to take at a belief (S,): argmax over vectors, the first among equals."""
@@ -181,40 +179,23 @@ class Policy:
                 best, action = value, int(piece.actions[k])
         return best, action
 
-    def batch(self, beliefs: npt.ArrayLike) -> tuple[Array, Indices]:
-        """(n,) values and (n,) action indices at beliefs (n, S); those of one do not depend on the others.
-
-        Raises:
-            ModelError: the beliefs do not have the shape (n, S).
-        """
-        dense = np.asarray(beliefs, dtype=np.float64)
-        if dense.ndim != 2 or dense.shape[1] != len(self.state_names):
-            raise ModelError(f"beliefs over {len(self.state_names)} states cannot have shape {dense.shape}")
-        values, vectors = self.choice.best(Beliefs.of(dense))
-        return values, self.actions[vectors]
-
-    @cached_property
-    def choice(self) -> Choice:
-        """The vectors laid out for many beliefs at once."""
-        return Choice(self)
-
-    def _speaking(self, belief: Belief) -> Iterable[Piece]:
+    def _speaking(self, belief: Belief) -> Iterable[AlphaVectors]:
         """The pieces that hold all states of a belief; every piece where none does."""
-        if len(self.pieces) == 1:
-            return self.pieces
+        if len(self.vector_sets) == 1:
+            return self.vector_sets
         count = np.count_nonzero(belief)
         found = [
             piece
             for piece in self._having.get(int(belief.argmax()), ())
             if len(piece.states) == len(belief) or np.count_nonzero(belief[piece.states]) == count
         ]
-        return found or self.pieces
+        return found or self.vector_sets
 
     @cached_property
-    def _having(self) -> Mapping[int, list[Piece]]:
+    def _having(self) -> Mapping[int, list[AlphaVectors]]:
         """The pieces that hold a state."""
-        found: dict[int, list[Piece]] = {}
-        for piece in self.pieces:
+        found: dict[int, list[AlphaVectors]] = {}
+        for piece in self.vector_sets:
             for state in piece.states.tolist():
                 found.setdefault(state, []).append(piece)
         return found

@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import ModelError, expected
-from lcorpp.planning.sparse import Rows
-from lcorpp.values import Array, Belief, frozen
+from lcorpp.errors import ModelError, expected_one_of
+from lcorpp.planning.sparse import SparseTables
+from lcorpp.values import Array, Belief, freeze
 
 SUM_TOLERANCE = 1e-9
 """How far a row may be from summing to 1: rounding of some thousand added doubles stays far below."""
@@ -28,7 +28,7 @@ class Pomdp:
     states, actions, observations: the names, each unique within its kind.
     transition:  (A, S, S) P(s' | s, a)
     observation: (A, S, O) P(o | a, s'), s' being the state reached
-                 both given as arrays, as sequences of A scipy.sparse matrices or as `Rows`; kept as `Rows`
+                 both given as arrays, as A scipy.sparse matrices or as `SparseTables`, and stored as these
     reward:      (A, S) expected immediate reward of doing a in s
     discount:    0 < discount < 1
     start:       (S,) the belief when nothing is known
@@ -41,8 +41,8 @@ class Pomdp:
     states: tuple[str, ...]
     actions: tuple[str, ...]
     observations: tuple[str, ...]
-    transition: Rows
-    observation: Rows
+    transition: SparseTables
+    observation: SparseTables
     reward: Array
     discount: float
     start: Belief
@@ -54,7 +54,7 @@ class Pomdp:
             _check_names(kind, getattr(self, kind))
         S, A, obs = len(self.states), len(self.actions), len(self.observations)
         for field, shape in (("transition", (A, S, S)), ("observation", (A, S, obs))):
-            rows = Rows.of(getattr(self, field))
+            rows = SparseTables.of(getattr(self, field))
             if rows.shape != shape:
                 raise ModelError(f"{field} has shape {rows.shape}, not {shape}")
             object.__setattr__(self, field, rows)
@@ -65,7 +65,7 @@ class Pomdp:
             object.__setattr__(self, field, array)
         for field in ("transition", "observation", "reward", "start"):
             held = getattr(self, field)
-            if not np.isfinite(held.values if isinstance(held, Rows) else held).all():
+            if not np.isfinite(held.values if isinstance(held, SparseTables) else held).all():
                 raise ModelError(f"{field} holds a number that is not finite")
         object.__setattr__(self, "discount", float(self.discount))
         if not 0 < self.discount < 1:
@@ -80,7 +80,7 @@ class Pomdp:
         if self.start.min() < 0 or abs(self.start.sum() - 1) > SUM_TOLERANCE:
             raise ModelError(f"the start belief is not a distribution; it sums to {self.start.sum():.10g}")
 
-    def _check_rows(self, field: str, table: Rows) -> None:
+    def _check_rows(self, field: str, table: SparseTables) -> None:
         S = len(self.states)
         if len(table.values) and table.values.min() < 0:
             a, s = divmod(int(table.rows[table.values.argmin()]), S)
@@ -88,7 +88,7 @@ class Pomdp:
                 f"{field} row for {self.actions[a]!r}, {self.states[s]!r} has a negative"
                 f" probability, {table.values.min():.10g}"
             )
-        sums = table.sums()
+        sums = table.row_sums()
         off = np.abs(sums - 1)
         if off.max() > SUM_TOLERANCE:
             a, s = divmod(int(off.argmax()), S)
@@ -104,7 +104,7 @@ class Pomdp:
     def _index(self, kind: str, name: str) -> int:
         known = self._indices[kind]
         if name not in known:
-            raise ModelError(f"unknown {kind} {name!r}; {expected(tuple(known))}")
+            raise ModelError(f"unknown {kind} {name!r}; {expected_one_of(tuple(known))}")
         return known[name]
 
     def state_index(self, name: str) -> int:
@@ -163,4 +163,4 @@ def _kept(array: npt.ArrayLike) -> Array:
         and not array.flags.writeable
     ):
         return array
-    return frozen(array)
+    return freeze(array)

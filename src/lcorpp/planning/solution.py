@@ -1,16 +1,17 @@
-"""What the solver hands back: a policy, how good it is, and how that came about."""
+"""The result of a solver: a policy, bounds on the optimal value, and how the search ended."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from lcorpp.planning.policy import Policy
+from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Belief
 
 
 @dataclass(frozen=True)
 class Progress:
-    """The state of the search after a trial.
+    """The state of a running search, as a solver passes it to its callback.
 
     seconds: since the call. lower, upper: bounds at the start belief. vectors, beliefs, trials: so far.
     """
@@ -25,17 +26,19 @@ class Progress:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A policy with its certificate.
+    """A policy for a POMDP with bounds on the optimal value. `Planner(solution)` acts on it.
 
-    policy: earns at least `lower` from the start belief.
+    pomdp: the problem that was solved.
+    policy: its expected discounted reward from the start belief is at least `lower`.
     lower, upper: bounds on the optimal value at the start belief; of several, at the one with the widest gap.
-    seconds: wall-clock time used.
-    reason: why it stopped: "precision reached", "time limit", "interrupted".
-    history: (seconds, lower, upper, vectors) before the first trial and whenever a trial moved a bound.
-    beliefs: nodes of the belief tree. trials: paths sampled.
-    start: (S,) the belief that `lower` and `upper` are about; the model's own when None.
+    seconds: wall-clock time.
+    reason: why the search stopped: "precision reached", "time limit", "interrupted".
+    history: (seconds, lower, upper, vectors) before the first trial and after each trial that moved a bound.
+    beliefs: nodes of the belief tree. trials: sampled paths.
+    start: (S,) the belief of `lower` and `upper`; the model's own when None.
     """
 
+    pomdp: Pomdp
     policy: Policy
     lower: float
     upper: float
@@ -52,12 +55,15 @@ class Solution:
         return len(self.policy)
 
     def gap(self, belief: Belief) -> float:
-        """Upper minus lower bound at a belief (S,), in reward units: the most a new search could gain."""
+        """Upper minus lower bound at a belief (S,), in reward units: the most another search can gain."""
         return self.policy.gap(belief)
 
     def summary(self) -> str:
-        """One line for people."""
+        """Return the result in one line of text."""
         return (
             f"{self.reason} after {self.seconds:.2f} s: value at the start in"
             f" [{self.lower:.6g}, {self.upper:.6g}], {self.vectors} vectors, {self.beliefs} beliefs"
         )
+
+    def __repr__(self) -> str:
+        return f"<Solution {self.summary()}>"

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from lcorpp.errors import ModelError
 from lcorpp.values import Array
 
-Index = npt.NDArray[np.int32]
-Place = npt.NDArray[np.int64]
+Int32Array = npt.NDArray[np.int32]
+Int64Array = npt.NDArray[np.int64]
 
 _Kind = TypeVar("_Kind", bound=np.generic)
 
@@ -33,7 +33,7 @@ def _odd(array: npt.NDArray[Any], given: npt.NDArray[Any]) -> object:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class SparseTables:
     """An (A, R, N) table in compressed rows: row (a, r) has the entries begins[a R + r] to the next one's.
 
     shape: (A, R, N).
@@ -47,8 +47,8 @@ class Rows:
     """
 
     shape: tuple[int, int, int]
-    begins: Place
-    columns: Index
+    begins: Int64Array
+    columns: Int32Array
     values: Array
 
     def __post_init__(self) -> None:
@@ -85,13 +85,13 @@ class Rows:
             object.__setattr__(self, "values", _frozen(self.values[kept]))
 
     @classmethod
-    def of(cls, table: object) -> Rows:
+    def of(cls, table: object) -> SparseTables:
         """From rows, a dense array (A, R, N), or A matrices (R, N), dense or of scipy.sparse.
 
         Raises:
             ModelError: the shape is not that of a table.
         """
-        if isinstance(table, Rows):
+        if isinstance(table, SparseTables):
             return table
         if isinstance(table, Sequence) and len(table) and all(hasattr(m, "tocsr") for m in table):
             return cls._of_matrices(table)
@@ -107,7 +107,7 @@ class Rows:
         return cls(dense.shape, begins, column.astype(np.int32), flat[row, column])
 
     @classmethod
-    def _of_matrices(cls, matrices: Sequence[Any]) -> Rows:
+    def _of_matrices(cls, matrices: Sequence[Any]) -> SparseTables:
         parts = [matrix.tocsr(copy=True) for matrix in matrices]
         for part in parts:
             part.sum_duplicates()
@@ -126,7 +126,7 @@ class Rows:
     @classmethod
     def of_entries(
         cls, shape: tuple[int, int, int], row: npt.ArrayLike, column: npt.ArrayLike, value: npt.ArrayLike
-    ) -> Rows:
+    ) -> SparseTables:
         """From entries (n,) in any order, row being a R + r; of those at one place the last one counts."""
         rows = np.asarray(row, dtype=np.int64)
         columns = np.asarray(column, dtype=np.int64)
@@ -172,12 +172,12 @@ class Rows:
         """(entries,) the row a R + r of each entry."""
         return np.repeat(np.arange(len(self.begins) - 1), np.diff(self.begins))
 
-    def part(self, action: int) -> slice:
+    def action_slice(self, action: int) -> slice:
         """Where the entries of an action are."""
         R = self.shape[1]
         return slice(int(self.begins[action * R]), int(self.begins[(action + 1) * R]))
 
-    def row(self, action: int, row: int) -> tuple[Index, Array]:
+    def row(self, action: int, row: int) -> tuple[Int32Array, Array]:
         """The columns and values of one row."""
         at = action * self.shape[1] + row
         part = slice(int(self.begins[at]), int(self.begins[at + 1]))
@@ -205,7 +205,7 @@ class Rows:
         """For each action the row within it, the column and the value of each entry."""
         A, R, _ = self.shape
         rows, columns = self.rows % R, self.columns.astype(np.intp)
-        return [(rows[part], columns[part], self.values[part]) for part in map(self.part, range(A))]
+        return [(rows[part], columns[part], self.values[part]) for part in map(self.action_slice, range(A))]
 
     @cached_property
     def _by_column(self) -> tuple[list[int], npt.NDArray[np.intp], Array]:
@@ -215,11 +215,13 @@ class Rows:
         begins = np.searchsorted(key[order], np.arange(A * N + 1))
         return begins.tolist(), (self.rows % R)[order], self.values[order]
 
-    def sums(self) -> Array:
+    def row_sums(self) -> Array:
         """(A, R) what each row adds up to."""
         sums = np.bincount(self.rows, self.values, minlength=len(self.begins) - 1)
         return np.asarray(sums, dtype=np.float64).reshape(self.shape[:2])
 
-    def scaled(self, factors: Array) -> Rows:
+    def scale_rows(self, factors: Array) -> SparseTables:
         """Every row times its factor (A, R)."""
-        return Rows(self.shape, self.begins, self.columns, self.values * factors.reshape(-1)[self.rows])
+        return SparseTables(
+            self.shape, self.begins, self.columns, self.values * factors.reshape(-1)[self.rows]
+        )

@@ -1,7 +1,7 @@
 """Evidence to marginal: P-log programs, read, checked, compiled and answered.
 
 program = read_plog("knowledge.plog")
-marginal = program.posterior("intention", {"time": "afternoon", "classifier": "zero"})
+marginal = Reasoner(program).posterior("intention", {"time": "afternoon", "classifier": "zero"})
 
 The names below load their part of the room when they are first used: a command that asks one question need
 not wait for numpy or clingo.

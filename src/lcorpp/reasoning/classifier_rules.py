@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
-from lcorpp.errors import ProgramError, expected
+from lcorpp.errors import ProgramError, expected_one_of
 from lcorpp.reasoning.language.parser import parse_term
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.signature import Attribute
 from lcorpp.reasoning.language.syntax import Literal, Number, Probability, Selection, Statement, Term
-from lcorpp.reasoning.program import Program
 from lcorpp.values import JEFFREYS, ConfusionMatrix
 
 
@@ -70,7 +70,7 @@ def _plain(program: Program, name: str) -> Attribute:
     found = program.attributes.get(name)
     if found is None:
         raise ProgramError(
-            f"{program.file}: unknown attribute {name!r}; {expected(list(program.attributes))}"
+            f"{program.file}: unknown attribute {name!r}; {expected_one_of(list(program.attributes))}"
         )
     if found.arguments:
         raise ProgramError(
@@ -83,5 +83,5 @@ def _members(names: Sequence[str], attribute: Attribute, what: str) -> None:
     for name in names:
         if name not in attribute.values:
             raise ProgramError(
-                f"{what} {name!r} is not a value of {attribute.name}; {expected(attribute.values)}"
+                f"{what} {name!r} is not a value of {attribute.name}; {expected_one_of(attribute.values)}"
             )

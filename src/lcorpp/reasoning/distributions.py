@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lcorpp.values import Array, Distribution, frozen
+from lcorpp.values import Array, Distribution, freeze
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,4 +20,4 @@ class EstimatedDistribution(Distribution):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "errors", frozen(self.errors))
+        object.__setattr__(self, "errors", freeze(self.errors))

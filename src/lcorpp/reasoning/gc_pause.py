@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def without_collection() -> Iterator[None]:
+def gc_paused() -> Iterator[None]:
     """Millions of small objects and no garbage: the collector would only walk through them."""
     was = gc.isenabled()
     gc.disable()

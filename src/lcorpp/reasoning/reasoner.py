@@ -14,18 +14,18 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
-from lcorpp.reasoning.circuit.likelihood_weighting import SAMPLES, Estimates, estimate
-from lcorpp.reasoning.circuit.plan import plan
 from lcorpp.reasoning.circuit.refusals import impossible, no_value, shown
-from lcorpp.reasoning.circuit.trellis import trellis
-from lcorpp.reasoning.circuit.world_queries import Paths
-from lcorpp.reasoning.gc_pause import without_collection
-from lcorpp.reasoning.grounding.grounder import ASKED
-from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.circuit.trellis import build_trellis
+from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.gc_pause import gc_paused
+from lcorpp.reasoning.grounding.grounder import QUERY_TERM
+from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query, Term
-from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.resolve import facts_of, interventions_of, term_of
+from lcorpp.reasoning.resolve import resolve_evidence, resolve_interventions, resolve_term
+from lcorpp.reasoning.transitions.likelihood_weighting import SAMPLES, SampleEstimates, estimate
+from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
     import numpy as np
@@ -49,8 +49,8 @@ class ReasoningWarning(UserWarning):
     """An answer was not found by the compiled engine."""
 
 
-class Engine:
-    """Answers queries of a program; it has the methods of a `Reasoner`.
+class Reasoner:
+    """Answers queries of a program; it compiles each kind of question once and keeps the answers.
 
     Args:
         program: the program.
@@ -61,14 +61,14 @@ class Engine:
         self.program, self.samples = program, samples
         self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}
-        self._paths: dict[Hashable, Paths] = {}
+        self._paths: dict[Hashable, WorldQueries] = {}
         self._weighing: dict[Hashable, SoftEvidence] = {}
 
-    def __reduce__(self) -> tuple[Callable[[Program, int], Engine], tuple[Program, int]]:
+    def __reduce__(self) -> tuple[Callable[[Program, int], Reasoner], tuple[Program, int]]:
         return _again, (self.program, self.samples)
 
     def posterior(
-        self, attribute: str, evidence: Mapping[str, Label], do: Mapping[str, str] = NOTHING
+        self, attribute: str, evidence: Mapping[str, Label] = NOTHING, do: Mapping[str, str] = NOTHING
     ) -> Distribution:
         """The marginal of `attribute` given evidence and interventions.
 
@@ -115,8 +115,8 @@ class Engine:
         return self._weighing[key]
 
     def _posterior(self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str]) -> Distribution:
-        term = ground(term_of(self.program, attribute))
-        facts, set_to = facts_of(self.program, evidence), interventions_of(self.program, do)
+        term = canonical_text(resolve_term(self.program, attribute))
+        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
             return self._enumeration().posterior(term, facts, set_to)
         key = (term, frozenset(facts), frozenset(set_to.items()))
@@ -146,9 +146,9 @@ class Engine:
             rules.
             TooLargeError: the program has too many states.
         """
-        from lcorpp.reasoning.circuit.compiler import compiled  # here, as it takes time to load numpy
+        from lcorpp.reasoning.circuit.compiler import compile_program  # here, as it takes time to load numpy
 
-        return compiled(self.program, inputs, query, do)
+        return compile_program(self.program, inputs, query, do)
 
     def exact(
         self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
@@ -158,11 +158,11 @@ class Engine:
         Raises:
             TooLargeError: the program has too many states.
         """
-        term = term_of(self.program, attribute)
-        facts, set_to = facts_of(self.program, evidence), interventions_of(self.program, do)
+        term = resolve_term(self.program, attribute)
+        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
-            return self._enumeration().exact(ground(term), facts, set_to)
-        sums = self._worlds(set_to, (ground(term), *facts)).exact(ground(term), facts)
+            return self._enumeration().exact(canonical_text(term), facts, set_to)
+        sums = self._worlds(set_to, (canonical_text(term), *facts)).exact(canonical_text(term), facts)
         return _marginal(self.program, term, sums, shown(facts, set_to))
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NOTHING) -> dict[str, str]:
@@ -177,7 +177,7 @@ class Engine:
         """
         if self.program.has_cr_rules:
             return self._enumeration().sample(rng, given)
-        facts = facts_of(self.program, given)
+        facts = resolve_evidence(self.program, given)
         found = self._worlds({}, tuple(facts)).sample(rng, facts)
         if found is None:
             raise UndefinedError(f"{self.program.file}: no possible world{shown(given, {})}")
@@ -198,7 +198,7 @@ class Engine:
             raise impossible(self.program, "")
         return paths.count()
 
-    @without_collection()
+    @gc_paused()
     def ask(self, query: Query, *, exact: bool = False) -> dict[str, Answer] | Answer:
         """The distribution that a query asks for, or its probability.
 
@@ -216,13 +216,13 @@ class Engine:
         if self.program.has_cr_rules:
             found = self._enumeration().ask(checked)
             return found if exact else _floats(found)  # type: ignore[return-value]
-        do = {ground(item.term): ground(item.value) for item in checked.interventions}
+        do = {canonical_text(item.term): canonical_text(item.value) for item in checked.interventions}
         observed = [observation.literal for observation in checked.observations]
-        name = ground(checked.subject) if checked.subject else ASKED
-        prepared = plan(self.program, do, observed, (name,), checked.literals)
+        name = canonical_text(checked.subject) if checked.subject else QUERY_TERM
+        prepared = build_transition_system(self.program, do, observed, (name,), checked.literals)
         conditions = _conditions(checked)
         try:
-            paths = Paths(trellis(prepared))
+            paths = WorldQueries(build_trellis(prepared))
             found_sums = paths.exact(name, {}) if exact else paths.weights(name, {})
         except TooLargeError as error:
             if exact:
@@ -239,10 +239,14 @@ class Engine:
 
     # the other engines
 
-    def _worlds(self, do: Mapping[str, str], wanted: Sequence[str]) -> Paths:
+    def _worlds(self, do: Mapping[str, str], wanted: Sequence[str]) -> WorldQueries:
         key = frozenset(do.items()), frozenset(wanted)
         if key not in self._paths:
-            _keep(self._paths, key, Paths(trellis(plan(self.program, do, wanted=wanted))))
+            _keep(
+                self._paths,
+                key,
+                WorldQueries(build_trellis(build_transition_system(self.program, do, wanted=wanted))),
+            )
         return self._paths[key]
 
     def _enumeration(self) -> Enumeration:
@@ -264,7 +268,7 @@ class Engine:
 
         from lcorpp.reasoning.distributions import EstimatedDistribution
 
-        prepared = plan(self.program, do)
+        prepared = build_transition_system(self.program, do)
         self._say(reason)
         found = estimate(prepared, term, facts, self.samples)
         if found.values[""][0]:
@@ -296,11 +300,11 @@ def _checked(program: Program, query: Query) -> Query:
     try:
         query = program.named(query)
         program.check_query(query)
-    except Offence as offence:
-        raise ProgramError(str(offence)) from None
+    except SourceIssue as issue:
+        raise ProgramError(str(issue)) from None
     set_to: dict[str, str] = {}
     for item in query.interventions:
-        term, value = ground(item.term), ground(item.value)
+        term, value = canonical_text(item.term), canonical_text(item.value)
         if set_to.setdefault(term, value) != value:
             raise ProgramError(f"{item.at}: do({term}) sets two values, {set_to[term]} and {value}")
     return query
@@ -321,7 +325,7 @@ def _marginal(
     if not total:
         raise impossible(program, conditions)
     if sums.get(""):
-        raise no_value(program, ground(term), sums[""] / total)
+        raise no_value(program, canonical_text(term), sums[""] / total)
     zero = 0 * total
     return {v: sums.get(v, zero) / total for v in program.attributes[term.name].values}
 
@@ -330,18 +334,18 @@ def _floats(found: dict[str, Fraction] | Fraction) -> dict[str, float] | float:
     return {v: float(p) for v, p in found.items()} if isinstance(found, dict) else float(found)
 
 
-def _estimates(program: Program, query: Query, found: Estimates) -> dict[str, Answer] | Answer:
+def _estimates(program: Program, query: Query, found: SampleEstimates) -> dict[str, Answer] | Answer:
     made = {value: Estimate(p, error) for value, (p, error) in found.values.items()}
     if query.subject is None:
         return made.get("true", Estimate(0.0, 0.0))
     lost = made.pop("")
     if lost:
-        raise no_value(program, ground(query.subject), lost)
+        raise no_value(program, canonical_text(query.subject), lost)
     return dict(made)
 
 
-def _again(program: Program, samples: int) -> Engine:
-    return Engine(program, samples=samples)
+def _again(program: Program, samples: int) -> Reasoner:
+    return Reasoner(program, samples=samples)
 
 
 def _keep(memory: dict[Hashable, _Kept], key: Hashable, value: _Kept) -> None:
@@ -351,5 +355,5 @@ def _keep(memory: dict[Hashable, _Kept], key: Hashable, value: _Kept) -> None:
 
 
 def ask(program: Program, query: Query) -> dict[str, Answer] | Answer:
-    """Answer one query exactly: value -> fraction, or a fraction; see `Engine.ask`."""
-    return Engine(program).ask(query, exact=True)
+    """Answer one query exactly: value -> fraction, or a fraction; see `Reasoner.ask`."""
+    return Reasoner(program).ask(query, exact=True)

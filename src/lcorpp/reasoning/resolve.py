@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from itertools import product
 from math import prod
 
-from lcorpp.errors import ParseError, ProgramError, TooLargeError, expected
-from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.errors import ParseError, ProgramError, TooLargeError, expected_one_of
+from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.parser import parse_term
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query, Term
-from lcorpp.reasoning.program import Program
 
-MOST_INPUTS = 100_000
+MAX_INPUTS = 100_000
 """How many terms an attribute that is named without its arguments may have."""
 
 
-def term_of(program: Program, name: str) -> Term:
+def resolve_term(program: Program, name: str) -> Term:
     """The term that a name stands for, such as ``time`` or ``roll(d1)``.
 
     Raises:
@@ -28,15 +28,15 @@ def term_of(program: Program, name: str) -> Term:
     try:
         term = parse_term(name, "<term>")
         if not isinstance(term, Term):
-            raise ProgramError(f"{name!r} is not an attribute; {expected(list(program.attributes))}")
-        term = program.signature.named(term)
+            raise ProgramError(f"{name!r} is not an attribute; {expected_one_of(list(program.attributes))}")
+        term = program.signature.resolve_overload(term)
         program.check_query(Query(subject=term))
-    except (ParseError, Offence) as error:
+    except (ParseError, SourceIssue) as error:
         raise ProgramError(f"{name!r}: {error.message}") from None
     return term
 
 
-def terms_of(program: Program, name: str) -> list[str]:
+def resolve_terms(program: Program, name: str) -> list[str]:
     """The terms that a name stands for: one, or all of an attribute that is named without its arguments.
 
     Raises:
@@ -45,12 +45,12 @@ def terms_of(program: Program, name: str) -> list[str]:
     """
     attribute = program.attributes.get(name) if isinstance(name, str) else None
     if attribute is None or not attribute.arguments:
-        return [ground(term_of(program, name))]
+        return [canonical_text(resolve_term(program, name))]
     sorts = [program.signature.sorts[sort] for sort in attribute.arguments]
     count = prod(map(len, sorts))
-    if count > MOST_INPUTS:
+    if count > MAX_INPUTS:
         raise TooLargeError(
-            f"{program.file}: {name} has {count} terms; at most {MOST_INPUTS} can be inputs,"
+            f"{program.file}: {name} has {count} terms; at most {MAX_INPUTS} can be inputs,"
             " so name those that are needed"
         )
     return [f"{name}({','.join(arguments)})" for arguments in product(*sorts)]
@@ -64,10 +64,10 @@ def check_value(program: Program, term: Term, value: str) -> None:
     """
     values = program.attributes[term.name].values
     if value not in values:
-        raise ProgramError(f"{value!r} is not a value of {term}; {expected(values)}")
+        raise ProgramError(f"{value!r} is not a value of {term}; {expected_one_of(values)}")
 
 
-def facts_of(program: Program, evidence: Mapping[str, str]) -> dict[str, str]:
+def resolve_evidence(program: Program, evidence: Mapping[str, str]) -> dict[str, str]:
     """Evidence under the canonical names of its terms.
 
     Raises:
@@ -75,20 +75,22 @@ def facts_of(program: Program, evidence: Mapping[str, str]) -> dict[str, str]:
     """
     facts: dict[str, str] = {}
     for name, value in evidence.items():
-        term = term_of(program, name)
+        term = resolve_term(program, name)
         check_value(program, term, value)
-        if facts.setdefault(ground(term), value) != value:
-            raise ProgramError(f"the evidence gives {name} two values, {facts[ground(term)]} and {value}")
+        if facts.setdefault(canonical_text(term), value) != value:
+            raise ProgramError(
+                f"the evidence gives {name} two values, {facts[canonical_text(term)]} and {value}"
+            )
     return facts
 
 
-def interventions_of(program: Program, do: Mapping[str, str]) -> dict[str, str]:
+def resolve_interventions(program: Program, do: Mapping[str, str]) -> dict[str, str]:
     """Interventions under the canonical names of their terms, which must have a random selection.
 
     Raises:
-        ProgramError: as `facts_of`, or a term is never random.
+        ProgramError: as `resolve_evidence`, or a term is never random.
     """
     for name in do:
-        if not program.is_random(term_of(program, name)):
+        if not program.is_random(resolve_term(program, name)):
             raise ProgramError(f"do({name}=...): {name} has no random selection in {program.file}")
-    return facts_of(program, do)
+    return resolve_evidence(program, do)

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, expected
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, expected_one_of
 from lcorpp.reasoning.circuit.refusals import shown
 from lcorpp.reasoning.distributions import EstimatedDistribution
-from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.resolve import term_of
+from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.resolve import resolve_term
 from lcorpp.values import Array, Distribution, Label, Likelihood
 
 
@@ -60,7 +60,7 @@ class SoftEvidence:
                 soft[term] = value
             else:
                 raise ProgramError(
-                    f"a likelihood of {', '.join(value.values)} for {term}; {expected(values)}"
+                    f"a likelihood of {', '.join(value.values)} for {term}; {expected_one_of(values)}"
                 )
         term, values = self._range(attribute)
         total, marginal = self._weights(term, facts, soft, tuple(soft))
@@ -95,6 +95,6 @@ class SoftEvidence:
     def _range(self, name: str) -> tuple[str, tuple[str, ...]]:
         """The term that a name stands for, and its values."""
         if name not in self._named:
-            term = term_of(self.program, name)
-            self._named[name] = ground(term), self.program.attributes[term.name].values
+            term = resolve_term(self.program, name)
+            self._named[name] = canonical_text(term), self.program.attributes[term.name].values
         return self._named[name]

@@ -1,4 +1,4 @@
-"""A simulated person in front of the robot; what it is worth is scored here, from the hidden truth."""
+"""A simulated world: one person with a hidden state; costs and return are scored from that state."""
 
 from __future__ import annotations
 
@@ -8,73 +8,80 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lcorpp.domains import Domain
-from lcorpp.errors import DomainError, expected
+from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.values import Array
 
 
-class Stage:
-    """Where simulated people meet the robot: what all worlds of a domain share, prepared once."""
+class SimulationModel:
+    """The true dynamics of a domain as cumulative tables, shared by all simulated worlds.
+
+    Each table holds one list of interval ends for each row of probabilities:
+    initial_states[v] over states, transition[a][s] over next states, feedback[a][s'] over observations;
+    reward[a][s] is the expected immediate reward.
+    """
 
     def __init__(self, domain: Domain) -> None:
         pomdp = domain.pomdp
         self.domain = domain
-        self.entry = _bounds(domain.entry)
-        self.transition = [_bounds(rows) for rows in pomdp.transition.dense]
-        self.reactions = [_bounds(rows) for rows in domain.simulation.reactions]
+        self.initial_states = _cumulate(domain.entry)
+        self.transition = [_cumulate(rows) for rows in pomdp.transition.dense]
+        self.feedback = [_cumulate(rows) for rows in domain.simulation.reactions]
         self.reward = pomdp.reward.tolist()
-        self.action = {name: a for a, name in enumerate(pomdp.actions)}
+        self.action_index = {name: a for a, name in enumerate(pomdp.actions)}
 
-    def world(self, person: Mapping[str, str], rng: np.random.Generator) -> SimulatedWorld:
-        """A person in front of the robot, with a generator for what they do."""
+    def make_world(self, person: Mapping[str, str], rng: np.random.Generator) -> SimulatedWorld:
+        """Return the world of one person; `rng` draws the person's answers."""
         return SimulatedWorld(self, person, rng)
 
 
 class SimulatedWorld:
-    """One person, the hidden state that goes with them, and the score of what the robot does.
+    """A world with one simulated person (`lcorpp.protocols.World`).
 
-    The hidden state starts where the domain says for the person's target value and moves by the planner's
-    transition model; the person answers by the simulation's own reactions, not by the planner's model.
+    The hidden state starts where the domain places the person's target value and moves by the planner's
+    transition model. The person answers by the simulation's feedback model, not by the planner's
+    observation model.
 
-    cost: what the actions before the report cost, positive. earned: sum of all rewards, undiscounted.
+    cost: the sum of the costs of the actions before the report, positive.
+    return_: the sum of all rewards, undiscounted.
     """
 
-    def __init__(self, stage: Stage, person: Mapping[str, str], rng: np.random.Generator) -> None:
-        self._stage, self._person, self._rng = stage, person, rng
-        value = stage.domain.values.index(person[stage.domain.target])
-        self._state = self._draw(stage.entry[value])
+    def __init__(self, model: SimulationModel, person: Mapping[str, str], rng: np.random.Generator) -> None:
+        self._model, self._person, self._rng = model, person, rng
+        value = model.domain.values.index(person[model.domain.target])
+        self._state = self._draw(model.initial_states[value])
         self.cost = 0.0
-        self.earned = 0.0
+        self.return_ = 0.0
 
     def act(self, action: str) -> str:
-        """Do an action: pay for it, move the hidden state and hear the person's answer."""
-        stage, domain = self._stage, self._stage.domain
-        a = stage.action[action]
-        paid = stage.reward[a][self._state]
-        self.cost -= paid
-        self.earned += paid
-        self._state = self._draw(stage.transition[a][self._state])
+        """Pay for an action, move the hidden state and return the person's answer."""
+        model, domain = self._model, self._model.domain
+        a = model.action_index[action]
+        reward = model.reward[a][self._state]
+        self.cost -= reward
+        self.return_ += reward
+        self._state = self._draw(model.transition[a][self._state])
         if domain.simulation.reaction is None or self._state == domain.terminal:
-            return domain.pomdp.observations[self._draw(stage.reactions[a][self._state])]
+            return domain.pomdp.observations[self._draw(model.feedback[a][self._state])]
         answer = domain.simulation.reaction(self._person, action, self._rng)
         if answer not in domain.pomdp.observations:
             raise DomainError(
                 f"{domain.folder}: people.py: reaction() answered {answer!r};"
-                f" {expected(domain.pomdp.observations)}"
+                f" {expected_one_of(domain.pomdp.observations)}"
             )
         return answer
 
     def report(self, action: str) -> None:
-        """Score the report."""
-        self.earned += self._stage.reward[self._stage.action[action]][self._state]
+        """Add the reward of the report."""
+        self.return_ += self._model.reward[self._model.action_index[action]][self._state]
 
     def _draw(self, bounds: Sequence[float]) -> int:
         return bisect_right(bounds, self._rng.random())
 
 
-def _bounds(rows: Array) -> list[list[float]]:
-    """Rows of probabilities (n, k) as upper ends of intervals of [0, 1) that have those lengths.
+def _cumulate(rows: Array) -> list[list[float]]:
+    """Return the cumulative sums of rows of probabilities (n, k), for sampling by bisection.
 
-    From the last possible entry on the ends are 1, so that rounding never draws an impossible one.
+    From the last possible entry on the sums are exactly 1, so that rounding never draws an impossible one.
     """
     ends = np.cumsum(rows, axis=1)
     last = rows.shape[1] - 1 - np.argmax(rows[:, ::-1] > 0, axis=1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from lcorpp.errors import DecisionError, expected
+from lcorpp.errors import DecisionError, expected_one_of
 
 
 class ConsoleWorld:
@@ -57,4 +57,4 @@ def choose(
         meant = [option for option in options if typed and option.startswith(typed)]
         if len(meant) == 1:
             return meant[0]
-        tell(f"{typed!r} is not clear; {expected(options)}")
+        tell(f"{typed!r} is not clear; {expected_one_of(options)}")

@@ -9,7 +9,7 @@ import pytest
 
 from lcorpp.errors import DataError
 from lcorpp.learning import Recording, Track
-from lcorpp.learning.data.describe import describe, told
+from lcorpp.learning.data.describe import describe, join_pairs
 
 from .texts import crowd, walk
 
@@ -19,7 +19,7 @@ def test_what_two_walks_are():
     known, unknown = found.classes
     assert (known.name, known.tracks, known.groups, known.samples) == ("in", 2, 2, 301 + 601)
     assert (unknown.name, unknown.tracks) == (None, 1)
-    assert (known.duration.least, known.duration.median, known.duration.most) == pytest.approx((10, 15, 20))
+    assert (known.duration.min, known.duration.median, known.duration.max) == pytest.approx((10, 15, 20))
     assert known.speed.median == pytest.approx(1)
     assert found.interval.median == pytest.approx(1 / 30)
     assert found.jitter == pytest.approx(0, abs=1e-9)
@@ -60,8 +60,8 @@ def test_tracks_that_are_there_twice():
     assert found.identical == (("3", "again"), ("5", "later"))
     assert found.near == (("7", "near"),)
     assert found.reused == {"5": 2, "7": 2, "9": 2, "2": 2}
-    assert told(found.identical) == "3 and again, 5 and later"
-    assert told((("a", "b"),) * 7).endswith("a and b, ... (7 pairs)")
+    assert join_pairs(found.identical) == "3 and again, 5 and later"
+    assert join_pairs((("a", "b"),) * 7).endswith("a and b, ... (7 pairs)")
 
 
 def test_nothing_to_describe():

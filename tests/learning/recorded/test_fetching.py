@@ -160,7 +160,7 @@ def test_what_is_no_checksum(tmp_path):
 
 def test_a_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match="cannot be made a folder"):
+    with pytest.raises(FileError, match="cannot create the folder"):
         fetch("http://there/a.csv", tmp_path / "file")
 
 

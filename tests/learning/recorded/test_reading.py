@@ -9,8 +9,8 @@ from hypothesis import given, settings, strategies as st
 from lcorpp.errors import DataError, FileError, LcorppError, ParseError
 from lcorpp.learning import Recording, read_data, read_recording, save_dataset, write_recording
 from lcorpp.learning.data.csv_reader import CsvFile
-from lcorpp.learning.data.reading import kind_of
-from lcorpp.learning.data.repairs import Ledger
+from lcorpp.learning.data.reading import detect_format
+from lcorpp.learning.data.repairs import RepairLog
 from lcorpp.values import Dataset
 
 from .texts import GOOD, HEADING, atc_rows, rows, walk
@@ -29,7 +29,7 @@ def test_a_long_csv(tmp_path):
     ]
     np.testing.assert_allclose(recording.tracks[1].columns["x"], np.arange(12) / 20, atol=0.005)
     np.testing.assert_allclose(recording.tracks[0].times, np.arange(12) / 10)
-    assert recording.mends == ()
+    assert recording.repairs == ()
     assert recording.notes == ()
 
 
@@ -46,7 +46,7 @@ def test_columns_in_any_order_rows_of_people_in_turn_and_what_is_not_used(tmp_pa
 def test_atc_data_in_metres(tmp_path):
     file = written(tmp_path, atc_rows(7) + atc_rows(9, speed=0.5))
     recording = read_recording(file)
-    assert kind_of(file) == "atc"
+    assert detect_format(file) == "atc"
     assert [(t.id, t.label) for t in recording.tracks] == [("7", None), ("9", None)]
     track = recording.tracks[0]
     np.testing.assert_allclose(track.columns["x"], np.arange(12) / 10)
@@ -231,7 +231,7 @@ def test_the_quick_way_and_the_careful_way_read_the_same(tmp_path_factory, rows,
         CsvFile(file, {"track": 0, "time": 1, "x": 2, "y": 3}, 4, ("time", "x", "y")) for _ in "ab"
     )
     careful._at_once = lambda lines, number: None
-    (one,), (other,) = (list(reader.batches(Ledger())) for reader in (quick, careful))
+    (one,), (other,) = (list(reader.batches(RepairLog())) for reader in (quick, careful))
     assert one.lines.tolist() == other.lines.tolist() == list(range(1, len(rows) + 1))
     assert one.texts == other.texts
     for column in ("time", "x", "y"):

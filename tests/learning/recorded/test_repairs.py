@@ -9,8 +9,8 @@ from hypothesis import given, settings, strategies as st
 from lcorpp.errors import DataError, LcorppError, ParseError
 from lcorpp.learning import read_recording
 from lcorpp.learning.data.repairs import REPAIRS
-from lcorpp.learning.data.tracks import mended_rows
-from lcorpp.learning.data.writing import mends_table
+from lcorpp.learning.data.tracks import count_repairs
+from lcorpp.learning.data.writing import repairs_to_csv
 
 from .texts import GOOD, HEADING, atc_rows, rows
 
@@ -142,10 +142,10 @@ def test_a_fault(tmp_path, repair, text, line, column, words, changed, left):
         assert f"repair '{repair}' would {REPAIRS[repair]}" in str(caught.value)
     recording = read(tmp_path, text, repair=[repair], labels=LABELS)
     assert [(track.id, len(track)) for track in recording.tracks] == left
-    assert mended_rows(recording.mends) == {repair: (changed, 1)}
-    (mend,) = recording.mends
-    assert mend.line == line
-    assert words in mend.done
+    assert count_repairs(recording.repairs) == {repair: (changed, 1)}
+    (entry,) = recording.repairs
+    assert entry.line == line
+    assert words in entry.done
     assert [len(t) for t in read(tmp_path, text, repair=["all"], labels=LABELS).tracks] == [
         n for _, n in left
     ]
@@ -219,16 +219,16 @@ def test_everything_at_once_is_counted_and_named(tmp_path):
     text = GOOD.replace(A4, "a,0.2,nan,2.00,in\na,0.2,x,2,in\n") + "c,0,1,1,in\n" + rows("d", "") + "e,1"
     recording = read(tmp_path, text, repair=["all"])
     assert [(track.id, len(track)) for track in recording.tracks] == [("a", 11), ("b", 12)]
-    assert mended_rows(recording.mends) == {
+    assert count_repairs(recording.repairs) == {
         "rows": (1, 1),
         "cut": (1, 1),
         "nonfinite": (1, 1),
         "short": (1, 1),
         "labels": (12, 1),
     }
-    table = mends_table(recording.mends).splitlines()
+    table = repairs_to_csv(recording.repairs).splitlines()
     assert table[0] == "reason,file,line,track,rows,done"
-    assert [line.split(",")[2] for line in table[1:]] == [str(mend.line) for mend in recording.mends]
+    assert [line.split(",")[2] for line in table[1:]] == [str(repair.line) for repair in recording.repairs]
 
 
 def test_a_file_of_which_nothing_is_left(tmp_path):
@@ -256,7 +256,7 @@ def test_no_text_ends_in_anything_but_tracks_or_a_typed_error(tmp_path_factory, 
         recording = read(folder, text, repair=repairs)
     except LcorppError:
         return
-    assert {mend.reason for mend in recording.mends} <= repairs
+    assert {repair.reason for repair in recording.repairs} <= repairs
     for track in recording.tracks:
         assert np.isfinite(track.place).all()
         assert np.all(np.diff(track.times) > 0)

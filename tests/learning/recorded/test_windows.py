@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Recording, dataset_of
-from lcorpp.learning.data.npz import recording_of
+from lcorpp.learning import Recording, to_dataset
+from lcorpp.learning.data.npz import to_recording
 from lcorpp.values import Dataset
 
 from .texts import walk
@@ -15,14 +15,14 @@ from .texts import walk
 
 def test_the_last_and_the_first_seconds_of_a_walk():
     recording = Recording((walk("a", seconds=12), walk("b", "out", seconds=10)), "walks", ("a note",))
-    data = dataset_of(recording)
+    data = to_dataset(recording)
     assert data.trajectories.shape == (2, 2, 304)
     np.testing.assert_allclose(data.trajectories[0, 0], 12 - 0.033 * np.arange(303, -1, -1), atol=1e-9)
     assert (data.labels, data.groups, data.source, data.notes) == (
         *(("in", "out"), ("a", "b")),
         *("walks", ("a note",)),
     )
-    first = dataset_of(recording, interval=0.4, points=11, end="first")
+    first = to_dataset(recording, interval=0.4, points=11, end="first")
     np.testing.assert_allclose(first.trajectories[:, 0], 0.4 * np.arange(11) * np.ones((2, 1)), atol=1e-9)
     assert (first.interval, first.channels) == (0.4, ("x", "y"))
 
@@ -30,7 +30,7 @@ def test_the_last_and_the_first_seconds_of_a_walk():
 def test_angles_go_the_shorter_way_round():
     turning = np.linspace(3.0, 3.4, 361)
     track = walk("a", heading=(turning + np.pi) % (2 * np.pi) - np.pi)
-    data = dataset_of(Recording((track,)), interval=0.05, points=201, channels=("x", "y", "heading"))
+    data = to_dataset(Recording((track,)), interval=0.05, points=201, channels=("x", "y", "heading"))
     np.testing.assert_allclose(np.unwrap(data.trajectories[0, 2])[[0, -1]], [3 + 0.4 / 6, 3.4], atol=1e-6)
     assert np.abs(data.trajectories[0, 2]).max() <= np.pi
 
@@ -38,7 +38,7 @@ def test_angles_go_the_shorter_way_round():
 def test_who_is_too_short_is_left_out_counted_and_named_by_class():
     seconds = (12.0, 9.95, 9.99, 10.0, 3.0)
     tracks = [walk(str(i), ("in", "out")[i % 2], seconds=s, rate=100) for i, s in enumerate(seconds)]
-    data = dataset_of(Recording(tuple(tracks)))
+    data = to_dataset(Recording(tuple(tracks)))
     assert data.groups == ("0", "2", "3")  # 9.99 s lacks less than half an interval
     assert data.notes == ("2 of 5 tracks are shorter than 9.999 s and left out: 1 in, 1 out",)
 
@@ -46,7 +46,7 @@ def test_who_is_too_short_is_left_out_counted_and_named_by_class():
 def test_a_rectangle_comes_back_as_it_was():
     rng = np.random.default_rng(0)
     data = Dataset(rng.normal(size=(4, 2, 30)), ("a", "b") * 2, ("p", "q", "q", "r"), interval=0.1)
-    back = dataset_of(recording_of(data), interval=0.1, points=30)
+    back = to_dataset(to_recording(data), interval=0.1, points=30)
     np.testing.assert_allclose(back.trajectories, data.trajectories, atol=1e-12)
     assert (back.labels, back.groups) == (data.labels, data.groups)
 
@@ -65,11 +65,11 @@ def test_a_rectangle_comes_back_as_it_was():
 )
 def test_what_cannot_be_asked(options, words):
     with pytest.raises(DataError, match=words):
-        dataset_of(Recording((walk("a"),), "walks"), **options)
+        to_dataset(Recording((walk("a"),), "walks"), **options)
 
 
 def test_tracks_without_labels_or_none_at_all():
     with pytest.raises(DataError, match="track 'b' has no label"):
-        dataset_of(Recording((walk("a"), walk("b", None))))
+        to_dataset(Recording((walk("a"), walk("b", None))))
     with pytest.raises(DataError, match="walks: there are no tracks"):
-        dataset_of(Recording((), "walks"))
+        to_dataset(Recording((), "walks"))

@@ -7,7 +7,7 @@ from sklearn.pipeline import make_pipeline
 
 from lcorpp.errors import DataError
 from lcorpp.learning import Motion
-from lcorpp.learning.streaming import PredictionTimeline, predict_over_time, cross_predict_over_time, truncate
+from lcorpp.learning.streaming import PredictionTimeline, cross_predict_over_time, predict_over_time, truncate
 from lcorpp.learning.streaming.plots import draw_timeline, plot_timeline
 from lcorpp.values import Dataset
 from tests.learning.data import walkers
@@ -93,20 +93,20 @@ def test_auc_needs_two_classes_and_a_class_a_name():
     with pytest.raises(DataError, match="an AUC needs two classes, not 3"):
         said.auc  # noqa: B018
     with pytest.raises(DataError, match="unknown class 'd'; expected one of a, b, c"):
-        said.of("d")
+        said.probability_of("d")
 
 
 def test_the_figure_shows_everybody_s_class_and_the_auc(tmp_path):
     said = predict_over_time(by_way(), two_labels())
-    figure = draw_timeline(said, shown=3)
+    figure = draw_timeline(said, examples=3)
     top, bottom = figure.axes
     assert [text.get_text() for text in top.get_legend().get_texts()] == [
         "interested (30)",
         "not interested (30)",
     ]
     assert len(top.lines) == 2 * (1 + 3)
-    assert bottom.get_ylabel() == "AUC by then"
+    assert bottom.get_ylabel() == "AUC so far"
     three = PredictionTimeline(np.full((2, 5, 3), 1 / 3), (1, 2, 2, 3, 3), ("a", "b"), ("a", "b", "c"), 0.1)
-    assert len(draw_timeline(three, of="c").axes) == 1
+    assert len(draw_timeline(three, class_name="c").axes) == 1
     plot_timeline(said, tmp_path / "said.png")
     assert (tmp_path / "said.png").read_bytes().startswith(b"\x89PNG")

@@ -6,7 +6,7 @@ import pytest
 from lcorpp.errors import ObservationError
 from lcorpp.planning import Policy, parse_pomdp
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
-from lcorpp.planning.evaluation.sparse_beliefs import Beliefs
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from tests.planning.models import LCORPP, TIGER
 from tests.planning.policies import backed_up
 
@@ -15,7 +15,7 @@ tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
 def test_equal_beliefs_are_one_node():
     graph = BeliefGraph(tiger, Policy.of(tiger, [[0.0, 0.0]], [0]))  # listens for ever
-    root = graph.add(Beliefs.of(tiger.start[None]))
+    root = graph.add(SparseBeliefs.of(tiger.start[None]))
     left = graph.follow(root, np.array([0]))
     assert graph.beliefs.belief(int(left[0]), 2) == pytest.approx([0.85, 0.15])
     assert graph.follow(left, np.array([1])).tolist() == root.tolist()
@@ -25,7 +25,7 @@ def test_equal_beliefs_are_one_node():
 def test_following_and_expanding_find_the_same_nodes():
     policy = backed_up(lcorpp, 4)
     expanded, followed = BeliefGraph(lcorpp, policy), BeliefGraph(lcorpp, policy)
-    roots = [graph.add(Beliefs.of(lcorpp.start[None])) for graph in (expanded, followed)]
+    roots = [graph.add(SparseBeliefs.of(lcorpp.start[None])) for graph in (expanded, followed)]
     owner, observation, probability, child = expanded.expand(roots[0])
     assert probability.sum() == pytest.approx(1)
     one_by_one = [followed.follow(roots[1], np.array([o]))[0] for o in observation]
@@ -39,9 +39,9 @@ def test_following_and_expanding_find_the_same_nodes():
 def test_a_copy_keeps_every_digit():
     policy = backed_up(lcorpp, 4)
     graph = BeliefGraph(lcorpp, policy)
-    nodes = graph.expand(graph.add(Beliefs.of(lcorpp.start[None]))).child
-    other = graph.emptied()
-    copied = other.copied(graph, np.append(nodes, nodes))
+    nodes = graph.expand(graph.add(SparseBeliefs.of(lcorpp.start[None]))).child
+    other = graph.empty_copy()
+    copied = other.import_nodes(graph, np.append(nodes, nodes))
     assert len(other) == len(np.unique(nodes))
     assert graph.beliefs.take(np.append(nodes, nodes)).keys() == other.beliefs.take(copied).keys()
 
@@ -49,7 +49,7 @@ def test_a_copy_keeps_every_digit():
 def test_where_all_is_over():
     report = BeliefGraph(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [3]))
     move = BeliefGraph(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [0]))
-    beliefs = Beliefs.of(np.array([np.eye(5)[4], lcorpp.start]))
+    beliefs = SparseBeliefs.of(np.array([np.eye(5)[4], lcorpp.start]))
     nodes = report.add(beliefs)
     assert report.over[nodes].tolist() == [True, False]  # a report is free at `term`, and leads nowhere else
     nodes = move.add(beliefs)
@@ -58,7 +58,7 @@ def test_where_all_is_over():
 
 def test_an_impossible_observation_names_everything():
     graph = BeliefGraph(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [0]))
-    node = graph.add(Beliefs.of(np.array([[0.22, 0.78, 0, 0, 0]])))
+    node = graph.add(SparseBeliefs.of(np.array([[0.22, 0.78, 0, 0, 0]])))
     with pytest.raises(ObservationError) as caught:
         graph.follow(np.append(node, node), np.array([0, 2]))
     words = "observation 'none' is impossible after action 'move_forward' in belief {not_interested_away 0.78"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from lcorpp.planning import Rows, observation_probabilities, parse_pomdp, update
+from lcorpp.planning import SparseTables, observation_probabilities, parse_pomdp, update
 from lcorpp.planning.evaluation import sparse_beliefs as module
-from lcorpp.planning.evaluation.sparse_beliefs import Beliefs, looked_up
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs, gather_entries
 from tests.planning.models import TIGER, pomdps
 
 tiger = parse_pomdp(TIGER)
@@ -25,8 +25,8 @@ def points(pomdp, draw):
 def test_many_at_once_are_as_one_by_one(pomdp, data):
     dense, actions = points(pomdp, data.draw)
     S = len(pomdp.states)
-    spread = Beliefs.of(dense).spread(pomdp, actions)
-    owner, observation, parts = spread.outcomes(pomdp, actions)
+    spread = SparseBeliefs.of(dense).predict(pomdp, actions)
+    owner, observation, parts = spread.posteriors(pomdp, actions)
     for i, (belief, a) in enumerate(zip(dense, actions, strict=True)):
         assert spread.belief(i, S) == pytest.approx(pomdp.transition.forward(a, belief))
         chances = observation_probabilities(pomdp, belief, a)
@@ -36,7 +36,7 @@ def test_many_at_once_are_as_one_by_one(pomdp, data):
         for k in mine:
             o = int(observation[k])
             after = update(pomdp, belief, a, o)
-            seen = spread.seen(pomdp, actions, np.full(len(dense), o))
+            seen = spread.condition(pomdp, actions, np.full(len(dense), o))
             assert np.array_equal(seen.belief(i, S), parts.belief(int(k), S))
             # 40 digits: each weight is off by at most its 2**-41th part, and by rounding of doubles
             assert parts.rounded().belief(int(k), S) == pytest.approx(after, rel=2.0**-40, abs=0)
@@ -46,9 +46,12 @@ def test_many_at_once_are_as_one_by_one(pomdp, data):
 @settings(max_examples=20, deadline=None)
 def test_what_is_found_does_not_depend_on_the_others(pomdp, data):
     dense, actions = points(pomdp, data.draw)
-    together = Beliefs.of(dense).spread(pomdp, actions).outcomes(pomdp, actions).parts.rounded()
-    alone = Beliefs.joined(
-        Beliefs.of(dense[i : i + 1]).spread(pomdp, actions[[i]]).outcomes(pomdp, actions[[i]]).parts.rounded()
+    together = SparseBeliefs.of(dense).predict(pomdp, actions).posteriors(pomdp, actions).parts.rounded()
+    alone = SparseBeliefs.joined(
+        SparseBeliefs.of(dense[i : i + 1])
+        .predict(pomdp, actions[[i]])
+        .posteriors(pomdp, actions[[i]])
+        .parts.rounded()
         for i in range(len(dense))
     )
     for field in ("begins", "states", "weights"):
@@ -57,24 +60,24 @@ def test_what_is_found_does_not_depend_on_the_others(pomdp, data):
 
 def test_the_order_of_arithmetic_is_rounded_away():
     listen = np.array([0])
-    one = Beliefs.of(tiger.start[None])
+    one = SparseBeliefs.of(tiger.start[None])
     for o in (0, 1):
-        one = one.spread(tiger, listen).seen(tiger, listen, np.array([o])).rounded()
-    assert one.keys() == Beliefs.of(tiger.start[None]).rounded().keys()
+        one = one.predict(tiger, listen).condition(tiger, listen, np.array([o])).rounded()
+    assert one.keys() == SparseBeliefs.of(tiger.start[None]).rounded().keys()
 
 
 def test_keys_tell_beliefs_apart():
     dense = np.array([[0.5, 0.5], [0.5, 0.5], [0.25, 0.75], [0.75, 0.25], [1.0, 0.0], [0.0, 1.0]])
-    keys = Beliefs.of(dense).keys()
+    keys = SparseBeliefs.of(dense).keys()
     assert keys[0] == keys[1]
     assert len(set(keys)) == 5
 
 
 def test_take_join_and_chunks(monkeypatch):
     dense = np.array([[0.5, 0.5, 0.0], [0.0, 0.0, 1.0], [0.2, 0.3, 0.5], [1.0, 0.0, 0.0]])
-    beliefs = Beliefs.of(dense)
+    beliefs = SparseBeliefs.of(dense)
     assert beliefs.take(np.array([2, 0])).belief(0, 3).tolist() == [0.2, 0.3, 0.5]
-    joined = Beliefs.joined([beliefs.take(np.array([0, 1])), beliefs.take(np.array([2, 3]))])
+    joined = SparseBeliefs.joined([beliefs.take(np.array([0, 1])), beliefs.take(np.array([2, 3]))])
     assert [joined.belief(i, 3).tolist() for i in range(4)] == dense.tolist()
     monkeypatch.setattr(module, "MOST_ENTRIES", 3)
     assert [(run.start, run.stop) for run in beliefs.chunks()] == [(0, 2), (2, 3), (3, 4)]
@@ -85,8 +88,8 @@ def test_an_entry_is_found_with_and_without_the_dense_table(monkeypatch):
     rng = np.random.default_rng(3)
     dense = rng.random((3, 7, 11)) * (rng.random((3, 7, 11)) < 0.4)
     dense[1, 2] = 0
-    table = Rows.of(dense)
+    table = SparseTables.of(dense)
     a, r, n = (np.ravel(axis) for axis in np.indices(dense.shape))
-    assert np.array_equal(looked_up(table, a, r, n), dense.ravel())
+    assert np.array_equal(gather_entries(table, a, r, n), dense.ravel())
     monkeypatch.setattr(module, "MOST_DENSE", 0)
-    assert np.array_equal(looked_up(table, a, r, n), dense.ravel())
+    assert np.array_equal(gather_entries(table, a, r, n), dense.ravel())

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.evaluation.sampling import Draws, Lottery
-from lcorpp.planning.evaluation.splitmix64 import mixed
+from lcorpp.planning.evaluation.sampling import CounterRng, InverseCdfSampler
+from lcorpp.planning.evaluation.splitmix64 import splitmix64
 
 ROWS = st.lists(st.lists(st.integers(0, 4), min_size=1, max_size=9).filter(any), min_size=1, max_size=5)
 
@@ -16,7 +16,7 @@ ROWS = st.lists(st.lists(st.integers(0, 4), min_size=1, max_size=9).filter(any),
 def test_a_draw_is_the_first_entry_whose_sum_exceeds_the_number(rows, numbers):
     begins = np.cumsum([0, *map(len, rows)])
     columns = np.concatenate([np.arange(len(row)) + 10 for row in rows]).astype(np.int32)
-    draws = Draws(begins, columns, np.concatenate(rows).astype(float))
+    draws = InverseCdfSampler(begins, columns, np.concatenate(rows).astype(float))
     for r, row in enumerate(rows):
         sums = np.cumsum(np.array(row, dtype=float)) / sum(row)
         found = draws.draw(np.full(len(numbers), r), np.array(numbers))
@@ -27,7 +27,7 @@ def test_a_draw_is_the_first_entry_whose_sum_exceeds_the_number(rows, numbers):
 def test_a_long_row_is_added_up_as_a_short_one():
     weights = np.random.default_rng(0).random(100)
     for count in (64, 65, 100):  # the limit is 64
-        draws = Draws(np.array([0, count]), np.arange(count, dtype=np.int32), weights[:count])
+        draws = InverseCdfSampler(np.array([0, count]), np.arange(count, dtype=np.int32), weights[:count])
         numbers = np.linspace(0, 1, 1000, endpoint=False)
         sums = np.cumsum(weights[:count])
         expected = np.searchsorted(sums / sums[-1], numbers, side="right")
@@ -39,7 +39,7 @@ def test_splitmix64_gives_its_published_numbers():
     found = []
     for _ in range(5):
         state = state + np.uint64(0x9E3779B97F4A7C15)
-        found.append(int(mixed(state.copy())[0]))
+        found.append(int(splitmix64(state.copy())[0]))
     assert found == [
         6457827717110365317,
         3203168211198807973,
@@ -50,18 +50,18 @@ def test_splitmix64_gives_its_published_numbers():
 
 
 def test_a_number_depends_on_seed_trial_and_place_alone():
-    lottery = Lottery(7)
-    lots = lottery.lots(0, 1000)
-    assert np.array_equal(lottery.lots(300, 5), lots[300:305])
+    lottery = CounterRng(7)
+    lots = lottery.trial_keys(0, 1000)
+    assert np.array_equal(lottery.trial_keys(300, 5), lots[300:305])
     numbers = lottery.numbers(lots, 4)
-    assert np.array_equal(Lottery(7).numbers(lots[300:305], 4), numbers[300:305])
+    assert np.array_equal(CounterRng(7).numbers(lots[300:305], 4), numbers[300:305])
     assert not np.intersect1d(numbers, lottery.numbers(lots, 5)).size
-    assert not np.intersect1d(numbers, Lottery(8).numbers(Lottery(8).lots(0, 1000), 4)).size
+    assert not np.intersect1d(numbers, CounterRng(8).numbers(CounterRng(8).trial_keys(0, 1000), 4)).size
 
 
 def test_the_numbers_are_even_and_independent():
-    lottery, n, cells = Lottery(0), 100_000, 32
-    lots = lottery.lots(0, n)
+    lottery, n, cells = CounterRng(0), 100_000, 32
+    lots = lottery.trial_keys(0, n)
     columns = [lottery.numbers(lots, place) for place in range(4)]
     columns.append(np.roll(columns[0], 1))  # the trial before
     assert min(c.min() for c in columns) >= 0
@@ -78,4 +78,4 @@ def test_the_numbers_are_even_and_independent():
 @pytest.mark.parametrize("seed", [-1, 0.5, True, "7", None])
 def test_what_is_no_seed(seed):
     with pytest.raises(ModelError, match="a seed is a whole number from 0"):
-        Lottery(seed)
+        CounterRng(seed)

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import Piece, Policy, parse_pomdp
+from lcorpp.planning import AlphaVectors, BatchPolicy, Policy, parse_pomdp
 from lcorpp.planning.evaluation import batch_policy as module
-from lcorpp.planning.evaluation.sparse_beliefs import Beliefs
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from tests.planning.models import TIGER
 
 tiger = parse_pomdp(TIGER)
@@ -23,7 +23,7 @@ def pieces(draw):
         count = draw(st.integers(1, 4))
         numbers = st.lists(st.integers(-3, 3), min_size=len(states), max_size=len(states))
         vectors = [draw(numbers) for _ in range(count)]
-        parts.append(Piece(states, vectors, [draw(st.integers(0, 2)) for _ in range(count)]))
+        parts.append(AlphaVectors(states, vectors, [draw(st.integers(0, 2)) for _ in range(count)]))
     return Policy(tuple(parts), *NAMES, floor=-5.0)
 
 
@@ -37,7 +37,7 @@ def dyadic(draw):
 @given(pieces(), st.lists(dyadic(), min_size=1, max_size=8))
 @settings(max_examples=100, deadline=None)
 def test_a_batch_is_as_one_by_one(policy, beliefs):
-    values, actions = policy.batch(np.array(beliefs))
+    values, actions = BatchPolicy(policy).values_and_actions(np.array(beliefs))
     for belief, value, action in zip(beliefs, values, actions, strict=True):
         assert (value, action) == policy.best(belief)
 
@@ -46,9 +46,9 @@ def test_a_batch_is_as_one_by_one(policy, beliefs):
 @settings(max_examples=30, deadline=None)
 def test_a_belief_does_not_see_the_others(policy, beliefs):
     scaled = np.array(beliefs) / 3  # no longer exact: the order of the sums counts
-    together = policy.choice.best(Beliefs.of(scaled))
+    together = BatchPolicy(policy).best(SparseBeliefs.of(scaled))
     for i in range(len(beliefs)):
-        alone = policy.choice.best(Beliefs.of(scaled[i : i + 1]))
+        alone = BatchPolicy(policy).best(SparseBeliefs.of(scaled[i : i + 1]))
         assert (alone.values[0], alone.vectors[0]) == (together.values[i], together.vectors[i])
 
 
@@ -57,25 +57,25 @@ def test_sparse_and_dense_products_choose_the_same(monkeypatch):
     beliefs = rng.dirichlet(np.full(40, 0.05), size=200)
     beliefs[beliefs < 0.01] = 0
     policy = Policy(
-        (Piece(np.arange(40), rng.normal(size=(30, 40)), np.arange(30) % 3),), ("s",) * 40, NAMES[1]
+        (AlphaVectors(np.arange(40), rng.normal(size=(30, 40)), np.arange(30) % 3),), ("s",) * 40, NAMES[1]
     )
     found = []
     for share in (0, 10**9):
-        monkeypatch.setattr(module, "SPARSE", share)
-        found.append(policy.choice.best(Beliefs.of(beliefs)))
+        monkeypatch.setattr(module, "SPARSE_RATIO", share)
+        found.append(BatchPolicy(policy).best(SparseBeliefs.of(beliefs)))
     assert np.array_equal(found[0].values, found[1].values)
     assert np.array_equal(found[0].vectors, found[1].vectors)
-    monkeypatch.setattr(module, "MOST_VALUES", 100)  # in several runs
-    assert np.array_equal(policy.choice.best(Beliefs.of(beliefs)).values, found[0].values)
+    monkeypatch.setattr(module, "MAX_PRODUCTS", 100)  # in several runs
+    assert np.array_equal(BatchPolicy(policy).best(SparseBeliefs.of(beliefs)).values, found[0].values)
 
 
 def test_the_first_among_equals_counts():
     policy = Policy.of(tiger, [[1.0, 3.0], [2.0, 2.0], [3.0, 1.0]], [2, 1, 0])
-    assert policy.batch(np.array([[0.5, 0.5]]))[1].tolist() == [2]
+    assert BatchPolicy(policy).values_and_actions(np.array([[0.5, 0.5]]))[1].tolist() == [2]
 
 
 def test_no_beliefs_and_a_wrong_shape():
     policy = Policy.of(tiger, [[1.0, 3.0]], [2])
-    assert [len(part) for part in policy.batch(np.zeros((0, 2)))] == [0, 0]
+    assert [len(part) for part in BatchPolicy(policy).values_and_actions(np.zeros((0, 2)))] == [0, 0]
     with pytest.raises(ModelError, match=r"beliefs over 2 states cannot have shape \(2,\)"):
-        policy.batch(np.array([0.5, 0.5]))
+        BatchPolicy(policy).values_and_actions(np.array([0.5, 0.5]))

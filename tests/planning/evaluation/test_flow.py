@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy.sparse import csr_array
 
-from lcorpp.planning.evaluation.linear_solvers import solved_by_factors, solved_by_sweeps
+from lcorpp.planning.evaluation.linear_solvers import solve_gmres, solve_lu
 
 
 @given(st.integers(1, 40), st.sampled_from([0.5, 0.95, 0.9999]), st.integers(0, 10**6))
@@ -16,12 +16,12 @@ def test_both_ways_are_the_dense_solution(n, gamma, seed):
     begin = np.eye(n)[0]
     exact = np.linalg.solve(np.eye(n) - gamma * moves.T, begin)
     inner = csr_array(gamma * moves.T)
-    assert solved_by_sweeps(inner, begin) == pytest.approx(exact, rel=1e-7, abs=1e-9)
-    assert solved_by_factors(inner, begin) == pytest.approx(exact, rel=1e-9, abs=1e-12)
+    assert solve_gmres(inner, begin) == pytest.approx(exact, rel=1e-7, abs=1e-9)
+    assert solve_lu(inner, begin) == pytest.approx(exact, rel=1e-9, abs=1e-12)
 
 
 def test_a_path_is_solved_in_one_sweep():
     n, gamma = 5_000, 0.999
     inner = csr_array((np.full(n - 1, gamma), (np.arange(1, n), np.arange(n - 1))), shape=(n, n))
-    found = solved_by_sweeps(inner, np.eye(1, n)[0])
+    found = solve_gmres(inner, np.eye(1, n)[0])
     assert found == pytest.approx(gamma ** np.arange(n), rel=1e-9)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from lcorpp.errors import FileError, PolicyError
-from lcorpp.planning import Piece, Policy, parse_pomdp, read_alphas, write_alphas
+from lcorpp.planning import AlphaVectors, Policy, parse_pomdp, read_alphas, write_alphas
 from lcorpp.planning.formats import vector_lines
 from tests.planning.models import LCORPP, TIGER
 
@@ -77,10 +77,10 @@ def test_write_then_read_is_the_same(tmp_path, vectors):
 
 def test_a_policy_in_pieces_is_filled_with_its_floor(tmp_path, monkeypatch):
     pieces = [
-        Piece(np.array([1]), np.array([[7.0]]), np.array([2])),
-        Piece(np.array([0]), np.array([[3.0]]), np.array([1])),
+        AlphaVectors(np.array([1]), np.array([[7.0]]), np.array([2])),
+        AlphaVectors(np.array([0]), np.array([[3.0]]), np.array([1])),
     ]
-    policy = Policy.of_pieces(tiger, pieces)
+    policy = Policy.of_sets(tiger, pieces)
     write_alphas(policy, tmp_path / "x.alpha")
     assert read_alphas(tmp_path / "x.alpha", tiger).vectors.tolist() == [[policy.floor, 7], [3, policy.floor]]
     monkeypatch.setattr(vector_lines, "MAX_TEXT", 10)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from lcorpp.errors import FileError, PolicyError
-from lcorpp.planning import Piece, Policy, parse_pomdp, read_policy, write_policy
+from lcorpp.planning import AlphaVectors, Policy, parse_pomdp, read_policy, write_policy
 from lcorpp.planning.formats import policy_xml as policy_file
 from tests.planning.models import LCORPP, TIGER
 
@@ -126,11 +126,11 @@ def test_the_model_is_named_as_xml_wants_it(tmp_path):
 
 
 lcorpp = parse_pomdp(LCORPP)
-in_pieces = Policy.of_pieces(
+in_pieces = Policy.of_sets(
     lcorpp,
     [
-        Piece(np.array([0, 2]), np.array([[1 / 3, 2.0], [0.5, -1.0]]), np.array([1, 0])),
-        Piece(np.array([1, 3, 4]), np.array([[7.0, 8.0, 9e-300]]), np.array([4])),
+        AlphaVectors(np.array([0, 2]), np.array([[1 / 3, 2.0], [0.5, -1.0]]), np.array([1, 0])),
+        AlphaVectors(np.array([1, 3, 4]), np.array([[7.0, 8.0, 9e-300]]), np.array([4])),
     ],
 )
 
@@ -157,7 +157,7 @@ def test_a_policy_in_pieces_that_would_grow_too_large_is_written_piece_by_piece(
     assert "<!-- lcorpp pieces 0,2 1,3-4 -->" in text
     assert '<AlphaVector vectorLength="3" numObsValue="2" numVectors="3">' in text
     back = read_policy(tmp_path / "x.policy", lcorpp)
-    for found, piece in zip(back.pieces, in_pieces.pieces, strict=True):
+    for found, piece in zip(back.vector_sets, in_pieces.vector_sets, strict=True):
         assert found.states.tolist() == piece.states.tolist()
         assert (found.vectors == piece.vectors).all()
         assert found.actions.tolist() == piece.actions.tolist()
@@ -191,9 +191,9 @@ MOMDP = """\
 
 def test_a_policy_of_a_factored_model_becomes_one_in_pieces(tmp_path):
     found = read(tmp_path, MOMDP, FACTORED, blocks=[[0, 1], [3, 2]])
-    assert [piece.states.tolist() for piece in found.pieces] == [[0, 1], [2, 3]]
-    assert [piece.vectors.tolist() for piece in found.pieces] == [[[1, 2]], [[4, 3], [5, 0]]]
-    assert [piece.actions.tolist() for piece in found.pieces] == [[0], [1, 0]]
+    assert [piece.states.tolist() for piece in found.vector_sets] == [[0, 1], [2, 3]]
+    assert [piece.vectors.tolist() for piece in found.vector_sets] == [[[1, 2]], [[4, 3], [5, 0]]]
+    assert [piece.actions.tolist() for piece in found.vector_sets] == [[0], [1, 0]]
     assert found.best(np.array([0, 0, 0.25, 0.75])) == (0.25 * 4 + 0.75 * 3, 1)
     assert found.floor == pytest.approx(-10)
 

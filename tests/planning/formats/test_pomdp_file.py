@@ -76,7 +76,7 @@ def test_costs_are_negated_once():
 
 def test_rounding_of_the_file_is_taken_out():
     pomdp = parse_pomdp(HEAD + "T: * uniform\nO: * 0.33333 0.66666 0.5 0.5\n")
-    assert abs(pomdp.observation.sums() - 1).max() < 1e-15
+    assert abs(pomdp.observation.row_sums() - 1).max() < 1e-15
 
 
 def test_bad_row_is_located():

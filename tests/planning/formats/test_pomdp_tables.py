@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from lcorpp.planning import Rows
+from lcorpp.planning import SparseTables
 from lcorpp.planning.formats.pomdp import rewards as pomdp_rewards, tokens as pomdp_tokens
 from lcorpp.planning.formats.pomdp.preamble import read_preamble
 from lcorpp.planning.formats.pomdp.rewards import expected_rewards
@@ -111,7 +111,7 @@ def test_rewards_are_the_sums_written_out(at_once, given, T, Z):
     """With few cases at once, matrix products take the place of looking up all of them."""
     expected = np.einsum("ast,ato,asto->as", T, Z, written_out(given)[0]["R"])
     with patch.object(pomdp_rewards, "AT_ONCE", at_once):
-        reward = expected_rewards(Rows.of(T), Rows.of(Z), read_all(given).rewards)
+        reward = expected_rewards(SparseTables.of(T), SparseTables.of(Z), read_all(given).rewards)
     assert reward == pytest.approx(expected, abs=1e-12)  # a handful of roundings of numbers up to 10
 
 

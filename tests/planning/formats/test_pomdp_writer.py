@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import FileError, ModelError
-from lcorpp.planning import Pomdp, Rows, format_pomdp, parse_pomdp, read_pomdp, write_pomdp
+from lcorpp.planning import Pomdp, SparseTables, format_pomdp, parse_pomdp, read_pomdp, write_pomdp
 from tests.planning.formats.texts import BODY, HEAD, PUBLISHED, same
 from tests.planning.models import pomdps, shared_model
 
@@ -29,13 +29,13 @@ def sparse_pomdps(draw: st.DrawFn) -> Pomdp:
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     S, A, count = draw(st.integers(1, 300)), draw(st.integers(1, 3)), draw(st.integers(1, 30))
 
-    def rows(N: int) -> Rows:
+    def rows(N: int) -> SparseTables:
         row = np.repeat(np.arange(A * S), 4)
         column = rng.integers(N, size=len(row))
-        rough = Rows.of_entries(
+        rough = SparseTables.of_entries(
             (A, S, N), row, column, rng.random(len(row)) ** draw(st.sampled_from([1, 60]))
         )
-        return rough.scaled(1 / rough.sums())
+        return rough.scale_rows(1 / rough.row_sums())
 
     names = draw(st.sampled_from(["s{}", "{}", "a.b-{}", "é{}", "1_{}", "-{}x"]))
     start = rng.random(S)

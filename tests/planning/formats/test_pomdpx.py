@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import FileError, ParseError
-from lcorpp.planning import read_pomdp, read_pomdpx
+from lcorpp.planning import flatten, read_pomdp, read_pomdpx
 from tests.planning.factored_models import rover
 from tests.planning.formats.pomdpx_texts import DIAGRAMS, HEAD, TEXT, parsed
 
 
 @pytest.mark.parametrize("text", [TEXT, HEAD + DIAGRAMS], ids=["tables", "diagrams"])
 def test_one_problem_written_three_ways(text):
-    read, own = parsed(text).flat(), rover().flat()
+    read, own = flatten(parsed(text)), flatten(rover())
     assert read.fingerprint == own.fingerprint
     assert (read.start == own.start).all()
 
@@ -20,7 +20,7 @@ def test_xml_is_read_under_any_name(tmp_path):
     """sarsop for R publishes one as .pomdp."""
     file = tmp_path / "rover.pomdp"
     file.write_text("\n" + TEXT[TEXT.index("<pomdpx") :])
-    assert read_pomdp(file).fingerprint == rover().flat().fingerprint
+    assert read_pomdp(file).fingerprint == flatten(rover()).fingerprint
 
 
 def test_functions_may_come_before_variables():
@@ -97,7 +97,7 @@ def test_observed_in_other_spellings():
 
 def test_rounding_of_the_file_is_taken_out():
     third = TEXT.replace("0 1.0 0.0", "0.33333 0.33333 0.33333")
-    assert parsed(third).flat().start.sum() == pytest.approx(1, abs=1e-12)
+    assert flatten(parsed(third)).start.sum() == pytest.approx(1, abs=1e-12)
     with pytest.raises(ParseError, match=r"the row of rover sums to 0\.999, not 1"):
         parsed(TEXT.replace("0 1.0 0.0", "0.333 0.333 0.333"))
 
@@ -105,7 +105,7 @@ def test_rounding_of_the_file_is_taken_out():
 def test_a_start_belief_is_optional_where_all_is_seen():
     seen = TEXT.replace('vnameCurr="rock_1"', 'vnameCurr="rock_1" fullyObs="true"')
     belief = seen[seen.index("<InitialStateBelief>") : seen.index("<StateTransitionFunction>")]
-    assert set(parsed(seen.replace(belief, "")).flat().start) == {1 / 6}
+    assert set(flatten(parsed(seen.replace(belief, ""))).start) == {1 / 6}
     with pytest.raises(ParseError, match="<pomdpx> needs <InitialStateBelief>"):
         parsed(TEXT.replace(belief, ""))
 

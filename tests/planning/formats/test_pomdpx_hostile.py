@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from lcorpp.errors import LcorppError, ParseError
-from lcorpp.planning import Factored
+from lcorpp.planning import Factored, flatten
 from lcorpp.planning.formats.pomdpx import decision_diagrams as pomdpx_diagrams
 from tests.planning.formats.pomdpx_texts import (
     DIAGRAMS,
@@ -58,7 +58,7 @@ def test_a_diagram_over_many_variables_is_not_too_deep():
       <InitialStateBelief>{starts}</InitialStateBelief>
       <StateTransitionFunction>{moves}</StateTransitionFunction>
       <RewardFunction>{reward}</RewardFunction></pomdpx>"""
-    assert parsed(text).flat().reward.tolist() == [[3.0]]
+    assert flatten(parsed(text)).reward.tolist() == [[3.0]]
 
 
 def test_templates_that_multiply_are_bounded(monkeypatch):
@@ -84,7 +84,7 @@ def test_templates_that_multiply_are_bounded(monkeypatch):
     with pytest.raises(ParseError, match="the decision diagram has over 1000 branches"):
         parsed(text)
     monkeypatch.undo()
-    assert set(parsed(text).flat().reward[0]) == {1.0}
+    assert set(flatten(parsed(text)).reward[0]) == {1.0}
 
 
 def test_a_small_file_cannot_ask_for_much():

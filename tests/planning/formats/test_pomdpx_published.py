@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcorpp.planning import format_pomdpx, read_factored, read_pomdp, read_pomdpx, write_pomdpx
+from lcorpp.planning import flatten, format_pomdpx, read_factored, read_pomdp, read_pomdpx, write_pomdpx
 from tests.planning.models import shared_model
 
 
@@ -55,7 +55,7 @@ def test_tag_differs_from_the_other_file_in_a_few_moves():
 def test_rock_sample_becomes_flat_without_its_zeros():
     problem = read_factored(shared_model("RockSample_7_8.pomdpx"))
     assert [v.name for v in problem.observed] == ["robot"]
-    flat = problem.flat()
+    flat = flatten(problem)
     assert (len(flat.states), len(flat.actions), len(flat.observations)) == (50 * 256, 13, 49 * 2 + 1)
     assert len(flat.transition.values) == 13 * 50 * 256
     good = [
@@ -79,4 +79,4 @@ def test_published_files_come_back_the_same(name, tmp_path):
     write_pomdpx(problem, tmp_path / name)
     back = read_factored(tmp_path / name)
     assert back.same(problem)
-    assert back.flat().fingerprint == problem.flat().fingerprint
+    assert flatten(back).fingerprint == flatten(problem).fingerprint

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from lcorpp.errors import FileError, ModelError
-from lcorpp.planning import Factored, format_pomdpx, given as table, parse_pomdpx, write_pomdpx
+from lcorpp.planning import Factored, cpt as table, flatten, format_pomdpx, parse_pomdpx, write_pomdpx
 from tests.planning.factored_models import factored_models, rover
 from tests.planning.formats.pomdpx_texts import parsed
 from tests.planning.models import pomdps
@@ -37,7 +37,7 @@ def written(problem: Factored) -> bytes:
 def test_writing_and_reading_gives_the_same_problem(problem):
     back = parse_pomdpx(written(problem))
     assert back.same(problem)
-    mine, theirs = problem.flat(), back.flat()
+    mine, theirs = flatten(problem), flatten(back)
     assert mine.fingerprint == theirs.fingerprint
     assert (mine.start == theirs.start).all()
 
@@ -45,7 +45,7 @@ def test_writing_and_reading_gives_the_same_problem(problem):
 @SUITE
 @given(pomdps())
 def test_a_flat_problem_comes_back_bit_for_bit(pomdp):
-    back = parse_pomdpx(format_pomdpx(pomdp)).flat()
+    back = flatten(parse_pomdpx(format_pomdpx(pomdp)))
     assert back.fingerprint == pomdp.fingerprint
     assert (back.start == pomdp.start).all()
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from lcorpp.planning import Pomdp, Rows, observation_probabilities, parse_pomdp, update
+from lcorpp.planning import Pomdp, SparseTables, observation_probabilities, parse_pomdp, update
 from lcorpp.planning.sarsop import numpy_kernels as twin
 from lcorpp.planning.sarsop.kernels import model_of
 from tests.planning.models import TIGER, pomdps
@@ -170,7 +170,7 @@ def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
 
 
 def test_the_twin_finds_rows_of_rows():
-    rows = Rows.of(np.array([[[0.5, 0.5], [0, 1.0]], [[1, 0], [0.25, 0.75]]]))
+    rows = SparseTables.of(np.array([[[0.5, 0.5], [0, 1.0]], [[1, 0], [0.25, 0.75]]]))
     index, owner = twin.model.entries(rows, np.array([3, 1, 0]))
     assert rows.values[index].tolist() == [0.25, 0.75, 1.0, 0.5, 0.5]
     assert owner.tolist() == [0, 0, 1, 2, 2]

@@ -67,7 +67,7 @@ def test_a_model_keeps_its_sparse_tables(kernels):
     n = 100_000
     states = np.arange(n)
     begins = np.arange(n + 1)
-    rows = lcorpp.planning.Rows
+    rows = lcorpp.planning.SparseTables
     pomdp = Pomdp(
         tuple(map(str, states)),
         ("on",),

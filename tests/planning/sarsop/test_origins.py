@@ -43,7 +43,7 @@ def most_missing(pomdp: Pomdp, pieces: Any, piece: Any, row: int) -> float:
 @pytest.mark.parametrize("model", [parse_pomdp(TIGER), parse_pomdp(LCORPP), mixed(5, hidden=4)])
 def test_every_vector_goes_on_with_others(kernels, model):
     """However much was pruned: none promises more than one step and what is left are worth, at any belief."""
-    pieces = solve(model, precision=1e-3, time_limit=5, using=kernels).policy.pieces
+    pieces = solve(model, precision=1e-3, time_limit=5, using=kernels).policy.vector_sets
     rng, scale = np.random.default_rng(0), max(np.abs(piece.vectors).max() for piece in pieces)
     for piece in pieces:
         for row in rng.permutation(len(piece.vectors))[:40]:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 
 from lcorpp.errors import ModelError, PolicyError
-from lcorpp.planning import Planner, Pomdp, Progress, parse_pomdp, read_pomdp, solve
+from lcorpp.planning import BatchPolicy, Planner, Pomdp, Progress, parse_pomdp, read_pomdp, solve
 from lcorpp.planning.evaluation.certificate import certificate
 from tests.planning.models import LCORPP, SHARED, TIGER, pomdps, shared_model
 
@@ -25,7 +25,7 @@ def test_the_authors_model_at_the_default_precision():
 
 def test_the_authors_first_steps():
     belief = np.array([0.22, 0.78, 0, 0, 0])  # not turned; the prior of the paper's example
-    planner = Planner(lcorpp, solve(lcorpp, belief).policy)
+    planner = Planner(solve(lcorpp, belief))
     for action, likely in (("move_forward", 0.717), ("move_forward", 0.958), ("greet", 0.989)):
         assert planner.action(belief) == action
         belief = planner.update(belief, action, "pos")
@@ -223,7 +223,7 @@ def test_what_is_always_seen_makes_pieces():
     assert solution.reason == "precision reached"
     policy = solution.policy
     # one piece for each place, one for being done, and one for beliefs over several
-    assert [len(piece.states) for piece in policy.pieces] == [2] * 6 + [1, 13]
+    assert [len(piece.states) for piece in policy.vector_sets] == [2] * 6 + [1, 13]
     assert policy.value(pomdp.start) == pytest.approx(solution.lower)
     assert policy.action(pomdp.start) == 0
     rng = np.random.default_rng(0)
@@ -233,7 +233,7 @@ def test_what_is_always_seen_makes_pieces():
         assert (policy.vectors @ belief).max() <= policy.value(belief) + 1e-9
         assert policy.gap(belief) >= 0
     beliefs = rng.dirichlet(np.full(13, 0.3), 20)
-    values, actions = policy.batch(beliefs)
+    values, actions = BatchPolicy(policy).values_and_actions(beliefs)
     assert values == pytest.approx([policy.value(belief) for belief in beliefs])
     alike = actions == [policy.action(belief) for belief in beliefs]
     assert alike.mean() > 0.8  # equal plans with other first actions differ by rounding alone
@@ -294,5 +294,5 @@ def test_an_interrupt_reaches_the_kernels():
 def test_the_policy_earns_what_is_claimed(name):
     """Checked from scratch: what vectors were made from and is pruned goes with the policy."""
     pomdp = read_pomdp(shared_model(name))
-    found = certificate(pomdp, solve(pomdp, time_limit=4), most_nodes=20_000)
-    assert found.verdict == "confirmed", found.told()
+    found = certificate(solve(pomdp, time_limit=4), max_nodes=20_000)
+    assert found.verdict == "confirmed", found.text

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import Rows, parse_pomdp, read_pomdp
+from lcorpp.planning import SparseTables, parse_pomdp, read_pomdp
 from lcorpp.planning.solvers.exact.finite_horizon import solve_finite_exact
 from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
 from lcorpp.planning.solvers.finite_horizon.sarsop import solve_finite
@@ -158,6 +158,6 @@ def test_too_many_steps():
 
 def test_tables_are_stacked_as_they_are():
     layers = layered(tiger, 2, 0.95)
-    assert isinstance(layers.pomdp.transition, Rows)
-    assert layers.pomdp.transition.sums() == pytest.approx(1)
+    assert isinstance(layers.pomdp.transition, SparseTables)
+    assert layers.pomdp.transition.row_sums() == pytest.approx(1)
     assert layers.belief(tiger.start, 1) == pytest.approx([0, 0, 0.5, 0.5, 0])

@@ -80,7 +80,7 @@ def test_the_policy_earns_what_it_promises_everywhere(pomdp):
     for belief in corners(pomdp):
         low, high = solution.policy.value(belief), solution.policy.upper_bound.value(belief)
         assert 0 <= high - low <= most
-        assert evaluate(pomdp, solution.policy, belief, most_nodes=150, trials=0).upper >= low - 1e-9
+        assert evaluate(pomdp, solution.policy, belief, max_nodes=150, trials=0).upper >= low - 1e-9
 
 
 def test_the_policy_earns_the_lower_bound():

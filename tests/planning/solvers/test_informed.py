@@ -93,11 +93,11 @@ def test_qmdp_is_above_fib_and_that_above_the_truth(pomdp):
 def test_the_vectors_promise_no_more_than_is_earned(solver, pomdp):
     solution = solver(pomdp, time_limit=0.3)
     for belief in (pomdp.start, *corners(pomdp)):
-        earned = evaluate(pomdp, solution.policy, belief, most_nodes=200, trials=0)
+        earned = evaluate(pomdp, solution.policy, belief, max_nodes=200, trials=0)
         assert solution.policy.value(belief) <= earned.upper + 1e-6
         assert solution.policy.gap(belief) >= 0
     assert solution.policy.value(pomdp.start) <= solution.lower + 1e-9
-    assert solution.lower <= evaluate(pomdp, solution.policy, most_nodes=200, trials=0).upper + 1e-6
+    assert solution.lower <= evaluate(pomdp, solution.policy, max_nodes=200, trials=0).upper + 1e-6
 
 
 @given(pomdps())
@@ -113,7 +113,7 @@ def test_any_table_can_be_made_honest(pomdp):
             pomdp.actions[a]
             for a in np.flatnonzero(pomdp.reward @ belief >= (pomdp.reward @ belief).max() - 1e-9)
         }
-        assert policy.value(belief) <= evaluate(pomdp, policy, belief, most_nodes=200, trials=0).upper + 1e-6
+        assert policy.value(belief) <= evaluate(pomdp, policy, belief, max_nodes=200, trials=0).upper + 1e-6
 
 
 @pytest.mark.parametrize("solver", [solve_qmdp, solve_fib])

@@ -91,7 +91,7 @@ def test_one_seed_gives_one_answer():
 def test_it_is_a_planner_as_others_are():
     planner, other = (
         PomcpPlanner(lcorpp, simulations=50),
-        Planner(lcorpp, solve_exact(lcorpp, time_limit=0.1).policy),
+        Planner(solve_exact(lcorpp, time_limit=0.1)),
     )
     assert np.array_equal(planner.start, other.start)
     after = planner.update(planner.start, "move_forward", "pos")

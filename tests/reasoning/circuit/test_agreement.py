@@ -15,7 +15,7 @@ from tests.reasoning.circuit.programs import Case, cases
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, parse_plog, parse_query
 from lcorpp.reasoning.circuit.circuit import Circuit
-from lcorpp.reasoning.reasoner import Engine
+from lcorpp.reasoning.reasoner import Reasoner
 from lcorpp.values import Distribution
 
 SUITE = settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))
@@ -46,11 +46,11 @@ def given_all(circuit: Circuit) -> Iterator[dict[str, str]]:
 def check(case: Case) -> None:
     """Hold the circuit against the enumeration, in fractions and in numbers."""
     program = parse_plog(case.text)
-    worlds, engine = Enumeration(program), Engine(program)
+    worlds, engine = Enumeration(program), Reasoner(program)
     evidence, do = dict(case.evidence), dict(case.do)
     check_question(case, engine, worlds)
     expected = outcome(lambda: worlds.exact(case.query, evidence, do))
-    circuit = outcome(lambda: program.compile(case.inputs, case.query, do))
+    circuit = outcome(lambda: Reasoner(program).compile(case.inputs, case.query, do))
     if not isinstance(circuit, Circuit):
         assert expected == circuit
         return
@@ -62,7 +62,7 @@ def check(case: Case) -> None:
         check_worlds(circuit, worlds, evidence)
 
 
-def check_question(case: Case, engine: Engine, worlds: Enumeration) -> None:
+def check_question(case: Case, engine: Reasoner, worlds: Enumeration) -> None:
     """A conjunction given literals; the compiled engine looks only at worlds with what is observed, so that
     conditions are judged there as if the observations stood in the program.
     """

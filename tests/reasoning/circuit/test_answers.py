@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning import parse_plog, read_plog
+from lcorpp.reasoning import Reasoner, parse_plog, read_plog
 
 PLOG = Path(__file__).parents[2] / "plog"
 OBSERVED = {  # P(interested) given time and place, for the label one and the label zero: PLOG.md
@@ -25,7 +25,9 @@ OBSERVED = {  # P(interested) given time and place, for the label one and the la
 
 
 def test_all_observations_of_the_paper():
-    circuit = read_plog(PLOG / "lcorpp.plog").compile(["time", "location", "classifier"], "intention")
+    circuit = Reasoner(read_plog(PLOG / "lcorpp.plog")).compile(
+        ["time", "location", "classifier"], "intention"
+    )
     for (time, location), answers in OBSERVED.items():
         for label, answer in zip(("one", "zero"), answers, strict=True):
             evidence = {"time": time, "location": location, "classifier": label}
@@ -51,12 +53,12 @@ def test_all_observations_of_the_paper():
 )
 def test_answers_of_the_papers(program, query, value, obs, do, answer):
     read = read_plog(PLOG / f"{program}.plog")
-    circuit = read.compile(list(obs), query, do)
+    circuit = Reasoner(read).compile(list(obs), query, do)
     assert circuit(obs)[value] == pytest.approx(
         float(answer), abs=1e-12 if type(answer) is Fraction else 5e-7
     )
     assert circuit.exact(obs)[value] == pytest.approx(answer, abs=0 if type(answer) is Fraction else 5e-7)
-    assert read.posterior(query, obs, do)[value] == circuit(obs)[value]
+    assert Reasoner(read).posterior(query, obs, do)[value] == circuit(obs)[value]
 
 
 def test_one_pass_for_all_dice_at_once():
@@ -66,8 +68,8 @@ def test_one_pass_for_all_dice_at_once():
         " six : dice -> boolean. six(D) :- roll(D)=6. some : boolean. some :- six(D). some=false :- not some."
     )
     chance = 1 - Fraction(3, 4) * Fraction(5, 6) ** 29
-    assert program.compile([], "some").exact({})["true"] == chance
-    given = program.compile(["roll"], "some").exact({f"roll(d{i})": "1" for i in range(29)})
+    assert Reasoner(program).compile([], "some").exact({})["true"] == chance
+    given = Reasoner(program).compile(["roll"], "some").exact({f"roll(d{i})": "1" for i in range(29)})
     assert given == {"true": Fraction(1, 6), "false": Fraction(5, 6)}
 
 
@@ -76,7 +78,7 @@ def test_sum_of_dice_against_counting():
         "i = {1..4}. score = {1..6}. sum = {0..24}. roll : i -> score. random(roll(I)). s : i -> sum."
         " s(1)=V :- roll(1)=V. s(I+1)=V+W :- s(I)=V, roll(I+1)=W."
     )
-    found = program.compile(["roll(1)"], "s(4)")
+    found = Reasoner(program).compile(["roll(1)"], "s(4)")
     counts = Counter(map(sum, product(range(1, 7), repeat=4)))
     assert found.exact({}) == {str(v): Fraction(counts[v], 6**4) for v in range(25)}
     counts = Counter(map(sum, product([2], *[range(1, 7)] * 3)))
@@ -116,7 +118,7 @@ def test_reachability_against_search():
     for k in range(10):
         found = sum(connected(3, set(blocked)) for blocked in combinations(cells, k))
         chance += found * Fraction(1, 4) ** k * Fraction(3, 4) ** (9 - k)
-    circuit = parse_plog(GRID.format(n=3)).compile(["blocked"], "arrived")
+    circuit = Reasoner(parse_plog(GRID.format(n=3))).compile(["blocked"], "arrived")
     assert circuit.exact({})["true"] == chance
     middle = {f"blocked({x},{y})": "true" for x, y in [(2, 2), (1, 2), (2, 3)]}
     assert circuit.exact(middle)["true"] == Fraction(3, 4) ** 5  # one way is left, of five cells
@@ -125,20 +127,20 @@ def test_reachability_against_search():
 
 def test_what_denies_itself_leaves_no_world():
     program = parse_plog("p, q : boolean. random(q). p=false :- not p=false, q.")
-    assert program.compile([], "q").exact({}) == {"true": 0, "false": 1}
+    assert Reasoner(program).compile([], "q").exact({}) == {"true": 0, "false": 1}
 
 
 def test_a_default_is_no_contradiction():
     program = parse_plog("p, q : boolean. random(q). p :- q. p=false :- not p.")
-    assert program.compile(["q"], "p").exact({"q": "false"}) == {"true": 0, "false": 1}
+    assert Reasoner(program).compile(["q"], "p").exact({"q": "false"}) == {"true": 0, "false": 1}
 
 
 def test_even_loop_counts_each_stable_model():
     program = parse_plog("a, b, q : boolean. random(q). a :- not b, q. b :- not a, q.")
-    circuit = program.compile([], "q")
+    circuit = Reasoner(program).compile([], "q")
     assert circuit.exact({}) == {"true": Fraction(2, 3), "false": Fraction(1, 3)}  # two worlds have q
     with pytest.raises(ProgramError, match=r"b has no value with probability 2/3; ask for b=value instead"):
-        program.compile([], "b").exact({})
+        Reasoner(program).compile([], "b").exact({})
 
 
 def test_random_terms_in_a_circle_that_no_world_closes():
@@ -147,7 +149,7 @@ def test_random_terms_in_a_circle_that_no_world_closes():
         " a=false. random(b) :- first=false. random(a) :- first=false, b. a=false :- first=false, b=false."
         " pr(b | first, a) = 3/4. pr(a | first=false, b) = 1/4."
     )
-    found = program.compile(["first"], ["a", "b"])
+    found = Reasoner(program).compile(["first"], ["a", "b"])
     assert [found.exact({"first": "true"})[q]["true"] for q in "ab"] == [Fraction(1, 2), Fraction(3, 8)]
     assert [found.exact({"first": "false"})[q]["true"] for q in "ab"] == [Fraction(1, 8), Fraction(1, 2)]
     assert found({})["a"]["true"] == 5 / 16
@@ -158,7 +160,7 @@ def test_dynamic_range_shares_among_what_is_possible():
         "s = {u, v, w}. d = {1, 2}. x, y : s. ok : s -> boolean. random(x). ok(S) :- not x=S."
         " random(y : {X : ok(X)}). pr(y=w | not x=w) = 1/4. #domain s(S)."
     )
-    circuit = program.compile(["x"], "y")
+    circuit = Reasoner(program).compile(["x"], "y")
     assert circuit.exact({"x": "u"}) == {"u": 0, "v": Fraction(3, 4), "w": Fraction(1, 4)}
     assert circuit.exact({"x": "w"}) == {"u": Fraction(1, 2), "v": Fraction(1, 2), "w": 0}
 
@@ -169,7 +171,7 @@ def test_terms_that_look_alike_are_told_apart_by_what_always_holds():
         "d = {1, 2}. #domain d(D). c : d -> boolean. may : d, boolean -> boolean. x : d -> boolean."
         " random(c(1)). c(2). may(D, true) :- c(D). random(x(D) : {X : may(D, X)})."
     )
-    assert program.compile([], "c(1)").exact({}) == {"true": 1, "false": 0}
+    assert Reasoner(program).compile([], "c(1)").exact({}) == {"true": 1, "false": 0}
 
 
 DO = """
@@ -180,7 +182,7 @@ p : boolean. x : s. random(p). random(x : {{X : ok(X)}}) :- p.
 
 
 def test_doing_in_2009_and_in_2018():
-    old, new = (parse_plog(DO.format(year)) for year in (2009, 2018))
+    old, new = (Reasoner(parse_plog(DO.format(year))) for year in (2009, 2018))
     assert old.compile([], "p", {"x": "c"}).exact({}) == {"true": Fraction(1, 2), "false": Fraction(1, 2)}
     assert new.compile([], "p", {"x": "c"}).exact({}) == {"true": 0, "false": 1}  # c is out of range
     assert old.compile([], "x", {"x": "c"}).exact({})["c"] == 1
@@ -191,7 +193,7 @@ def test_doing_in_2009_and_in_2018():
 
 def test_two_values_set_at_once():
     text = "p, q : boolean. random(p). random(q) :- p. do(q=true). q=false :- p=false."
-    old, new = (parse_plog(f"#semantics {year}. {text}") for year in (2009, 2018))
+    old, new = (Reasoner(parse_plog(f"#semantics {year}. {text}")) for year in (2009, 2018))
     with pytest.raises(UndefinedError):
         old.compile([], "p", {"q": "false"})({})
     assert new.compile([], "p", {"q": "false"}).exact({})["true"] == 0  # only where q is selected
@@ -202,19 +204,21 @@ def test_a_circle_that_no_world_reaches():
         "s = {u}. p : boolean. x : s. no : s -> boolean. random(x : {X : no(X)}). p :- p, x=u."
     )
     with pytest.raises(UndefinedError):
-        program.compile([], "p")({})
+        Reasoner(program).compile([], "p")({})
 
 
 @pytest.mark.parametrize("circular", ["", " r : boolean. r :- q, not r=false. q :- r, p=false."])
 def test_condition_1_in_2009_and_in_2018(circular):
     text = "p, q : boolean. random(p). random(q). q :- p." + circular
-    assert parse_plog("#semantics 2009. " + text).compile([], "q").exact({})["true"] == Fraction(2, 3)
+    assert Reasoner(parse_plog("#semantics 2009. " + text)).compile([], "q").exact({})["true"] == Fraction(
+        2, 3
+    )
     with pytest.raises(ProgramError, match=r"Condition 1: q .* in the world \{p=true, q=true"):
-        parse_plog("#semantics 2018. " + text).compile([], "q")
+        Reasoner(parse_plog("#semantics 2018. " + text)).compile([], "q")
 
 
 def test_no_world_at_all():
-    circuit = parse_plog("p : boolean. random(p). :- p. :- p=false.").compile(["p"], "p")
+    circuit = Reasoner(parse_plog("p : boolean. random(p). :- p. :- p=false.")).compile(["p"], "p")
     for answer in (circuit, circuit.exact, circuit.most_probable):
         with pytest.raises(UndefinedError, match="no possible world of positive measure"):
             answer({})
@@ -227,7 +231,7 @@ def test_two_thousand_observed_steps():
         " pr(x(T+1) | x(T)) = 9/10. pr(x(T+1) | x(T)=false) = 1/5."
         " pr(see(T) | x(T)) = 3/4. pr(see(T) | x(T)=false) = 1/4."
     )
-    circuit = program.compile(["see"], ["x(2000)", "x(0)"])
+    circuit = Reasoner(program).compile(["see"], ["x(2000)", "x(0)"])
     seen = {f"see({t})": "true" if t % 7 < 4 else "false" for t in range(2001)}
     forward = [0.5, 0.5]  # filtered by hand
     for t in range(2001):
@@ -247,7 +251,7 @@ def test_three_thousand_observed_coins_of_an_unknown_kind():
         "i = {1..3000}. kind = {fair, loaded}. #domain i(I). coin : kind. random(coin)."
         " heads : i -> boolean. random(heads(I)). pr(heads(I) | coin=loaded) = 2/3."
     )
-    circuit = program.compile(["heads"], "coin")
+    circuit = Reasoner(program).compile(["heads"], "coin")
     ones = 1755
     seen = {f"heads({i})": "true" if i <= ones else "false" for i in range(1, 3001)}
     odds = Fraction(2, 3) ** ones * Fraction(1, 3) ** (3000 - ones) / Fraction(1, 2) ** 3000
@@ -262,7 +266,7 @@ def test_improbable_is_not_impossible():
         " heads : i -> boolean. random(heads(I)). pr(heads(I) | coin=loaded) = 1. more : boolean."
         " random(more). pr(more | coin=fair) = 1/4. pr(more | coin=loaded) = 1."
     )
-    circuit = program.compile(["coin", "heads"], "more")
+    circuit = Reasoner(program).compile(["coin", "heads"], "more")
     seen = {"coin": "fair", **{f"heads({i})": "true" for i in range(1, 2001)}}
     assert circuit(seen)["true"] == 0.25
     assert circuit.exact(seen)["true"] == Fraction(1, 4)
@@ -275,13 +279,15 @@ def test_improbable_in_what_is_not_observed():
         " all(I+1) :- all(I), heads(I+1). last : boolean. random(last) :- all(2000)."
         " pr(last | all(2000)) = 1/4. last=false :- not all(2000)."
     )
-    assert program.compile(["all(2000)"], "last")({"all(2000)": "true"})["true"] == pytest.approx(0.25)
+    assert Reasoner(program).compile(["all(2000)"], "last")({"all(2000)": "true"})["true"] == pytest.approx(
+        0.25
+    )
 
 
 @pytest.mark.parametrize("n", [5_000, pytest.param(100_000, marks=pytest.mark.slow)])
 def test_thousands_of_values(n):
     program = parse_plog(f"n = {{1..{n}}}. x : n. random(x). pr(x=7) = 1/2. low : boolean. low :- x < 8.")
-    circuit = program.compile(["x"], "x")
+    circuit = Reasoner(program).compile(["x"], "x")
     assert circuit({})["7"] == pytest.approx(0.5, abs=1e-12)
     assert circuit({})[str(n)] == pytest.approx(0.5 / (n - 1), abs=1e-12)
     assert circuit({"x": str(n)})[str(n)] == 1.0
@@ -293,7 +299,7 @@ def test_squares_of_a_chessboard():
         "n = {1..6}. #domain n(X;Y). q : n -> n. random(q(X)). :- q(X)=V, q(Y)=V, X < Y."
         " :- q(X)=V, q(Y)=V+Y-X, X < Y. :- q(X)=V, q(Y)=V-Y+X, X < Y."
     )
-    circuit = program.compile(["q(2)"], "q(1)")
+    circuit = Reasoner(program).compile(["q(2)"], "q(1)")
     placed = [  # the four solutions for six queens, by the row of the first
         (2, 4, 6, 1, 3, 5), (3, 6, 2, 5, 1, 4), (4, 1, 5, 2, 6, 3), (5, 3, 1, 6, 4, 2),
     ]  # fmt: skip
@@ -310,7 +316,7 @@ def test_wide_constraint_counts_subsets():
         " k(1)=1 :- on(1). k(1)=0 :- on(1)=false. k(I+1)=V+1 :- k(I)=V, on(I+1). k(I+1)=V :- k(I)=V,"
         f" on(I+1)=false. :- not k({n})=20."
     )
-    circuit = program.compile(["on(1)", "on(2)", "on(3)"], "on(40)")
+    circuit = Reasoner(program).compile(["on(1)", "on(2)", "on(3)"], "on(40)")
     given = {"on(1)": "true", "on(2)": "true", "on(3)": "false"}
     assert circuit.exact(given)["true"] == Fraction(comb(n - 4, 17), comb(n - 3, 18))
     assert prod(circuit.exact({}).values()) == Fraction(1, 4)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning import Enumeration, parse_plog, read_plog
+from lcorpp.reasoning import Enumeration, Reasoner, parse_plog, read_plog
 
 PLOG = Path(__file__).parents[2] / "plog"
 NAMES = ["lcorpp", "dice", "monty_hall", "simpson", "rat", "robot", "tree", "firing_squad"]
@@ -33,7 +33,7 @@ def conditioned(program, evidence):
 def test_the_most_probable_worlds_are_those_of_the_enumeration(name):
     program = read_plog(PLOG / f"{name}.plog")
     expected = conditioned(program, {})
-    found = program.compile([], program_query(program)).most_probable({}, len(expected) + 1)
+    found = Reasoner(program).compile([], program_query(program)).most_probable({}, len(expected) + 1)
     assert [world.measure for world in found] == [measure for _, measure in expected]
     assert {(tuple(world.values.items()), world.measure) for world in found} == set(expected)
     assert sum(world.measure for world in found) == 1
@@ -48,7 +48,7 @@ def program_query(program):
 
 def test_the_most_probable_worlds_given_evidence():
     program = read_plog(PLOG / "lcorpp.plog")
-    circuit = program.compile(["time", "classifier"], "intention")
+    circuit = Reasoner(program).compile(["time", "classifier"], "intention")
     evidence = {"time": "morning", "classifier": "one"}
     expected = conditioned(program, evidence)
     for count in (1, 3, len(expected)):
@@ -64,7 +64,7 @@ def test_the_most_probable_worlds_given_evidence():
 
 def test_ties_are_all_there_and_different():
     program = parse_plog("i = {1..5}. p : i -> boolean. random(p(I)). :- p(1), p(2). #domain i(I).")
-    circuit = program.compile(["p(3)"], "p(1)")
+    circuit = Reasoner(program).compile(["p(3)"], "p(1)")
     found = circuit.most_probable({}, 100)
     assert {world.measure for world in found} == {Fraction(1, 24)}
     assert len({tuple(world.values.items()) for world in found}) == 24
@@ -73,7 +73,7 @@ def test_ties_are_all_there_and_different():
 
 def test_the_best_of_a_long_chain():
     program = parse_plog("i = {1..1500}. p : i -> boolean. random(p(I)). pr(p(I)) = 1/3. #domain i(I).")
-    circuit = program.compile(["p"], "p(1)")
+    circuit = Reasoner(program).compile(["p"], "p(1)")
     first, second = circuit.most_probable({"p(7)": "true"}, 2)
     assert first.measure == Fraction(2, 3) ** 1499
     assert [term for term, value in first.values.items() if value == "true"] == ["p(7)"]
@@ -82,7 +82,7 @@ def test_the_best_of_a_long_chain():
 
 def test_worlds_of_probability_zero_are_none():
     program = parse_plog("p, q : boolean. random(p). pr(p) = 0. random(q).")
-    circuit = program.compile(["p"], "q")
+    circuit = Reasoner(program).compile(["p"], "q")
     assert [world.measure for world in circuit.most_probable({}, 9)] == [Fraction(1, 2)] * 2
     rng = np.random.default_rng(0)
     for answer in (circuit, circuit.exact, circuit.most_probable, lambda given: circuit.sample(rng, given)):
@@ -92,7 +92,7 @@ def test_worlds_of_probability_zero_are_none():
 
 @pytest.mark.parametrize("count", [0, -1, 10**9])
 def test_how_many_worlds(count):
-    circuit = parse_plog("p : boolean. random(p).").compile([], "p")
+    circuit = Reasoner(parse_plog("p : boolean. random(p).")).compile([], "p")
     with pytest.raises(ProgramError, match=f"expected 1 to 100000 worlds, not {count}"):
         circuit.most_probable({}, count)
 
@@ -103,7 +103,7 @@ def test_how_many_worlds(count):
 )
 def test_worlds_are_drawn_as_often_as_they_should(name, evidence):
     program = read_plog(PLOG / f"{name}.plog")
-    circuit = program.compile(list(evidence), next(iter(evidence)))
+    circuit = Reasoner(program).compile(list(evidence), next(iter(evidence)))
     expected, draws, rng = dict(conditioned(program, evidence)), 4000, np.random.default_rng(0)
     counts = Counter(tuple(circuit.sample(rng, evidence).items()) for _ in range(draws))
     assert set(counts) <= set(expected)
@@ -120,7 +120,7 @@ def test_draws_of_what_is_improbable():
         " heads : i -> boolean. random(heads(I)). pr(heads(I) | coin=loaded) = 1. free : boolean."
         " random(free)."
     )
-    circuit = program.compile(["coin", "heads"], "free")
+    circuit = Reasoner(program).compile(["coin", "heads"], "free")
     seen = {"coin": "fair", **{f"heads({i})": "true" for i in range(1, 2001)}}
     drawn = circuit.sample(np.random.default_rng(0), seen)
     assert {term: drawn[term] for term in seen} == seen
@@ -128,6 +128,6 @@ def test_draws_of_what_is_improbable():
 
 
 def test_the_same_seed_draws_the_same_worlds():
-    circuit = read_plog(PLOG / "dice.plog").compile([], "roll(d1)")
+    circuit = Reasoner(read_plog(PLOG / "dice.plog")).compile([], "roll(d1)")
     draws = [[circuit.sample(np.random.default_rng(3), {}) for _ in range(2)] for _ in range(2)]
     assert draws[0] == draws[1]

@@ -13,7 +13,7 @@ import numpy as np
 
 from lcorpp.domains.sections.reasoning import Knowledge
 from lcorpp.domains.toml import Settings
-from lcorpp.errors import DomainError, expected
+from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.files import read_text
 from lcorpp.planning import Pomdp, read_pomdp
 from lcorpp.values import Array
@@ -54,7 +54,7 @@ def read_planning(section: Settings, folder: Path, knowledge: Knowledge) -> Plan
             if state not in pomdp.states or pomdp.states.index(state) == terminal:
                 raise DomainError(
                     f"{section.place('states')}: {template!r} makes {state!r}, which is not a state of"
-                    f" {states}; {expected(pomdp.states)}"
+                    f" {states}; {expected_one_of(pomdp.states)}"
                 )
             s = pomdp.states.index(state)
             if share[s].any():
@@ -86,7 +86,7 @@ def _local(section: Settings, target: str) -> tuple[dict[str, tuple[str, ...]], 
         start[name] = variable.text("start", values[name][0])
         if start[name] not in values[name]:
             raise DomainError(
-                f"{variable.place('start')}: unknown value {start[name]!r}; {expected(values[name])}"
+                f"{variable.place('start')}: unknown value {start[name]!r}; {expected_one_of(values[name])}"
             )
         variable.close()
     return values, start
@@ -99,7 +99,7 @@ def _terminal(section: Settings, pomdp: Pomdp) -> int | None:
     if name not in pomdp.states:
         raise DomainError(
             f"{section.place('terminal')}: {declared(pomdp, 'states')} has no state {name!r};"
-            f" {expected(pomdp.states)}"
+            f" {expected_one_of(pomdp.states)}"
         )
     return pomdp.states.index(name)
 
@@ -110,13 +110,13 @@ def _reports(section: Settings, pomdp: Pomdp, knowledge: Knowledge) -> dict[str,
         if action not in pomdp.actions:
             raise DomainError(
                 f"{section.place('reports', action)}: {declared(pomdp, 'actions')} has no action {action!r};"
-                f" {expected(pomdp.actions)}"
+                f" {expected_one_of(pomdp.actions)}"
             )
         if value not in knowledge.values:
             line = knowledge.program.attributes[knowledge.target].line
             raise DomainError(
                 f"{section.place('reports', action)}: {knowledge.target} cannot be {value!r}"
-                f" ({knowledge.program.file}:{line}); {expected(knowledge.values)}"
+                f" ({knowledge.program.file}:{line}); {expected_one_of(knowledge.values)}"
             )
     for value in knowledge.values:
         if value not in reports.values():

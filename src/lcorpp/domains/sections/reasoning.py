@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lcorpp.domains.toml import Settings
-from lcorpp.errors import DomainError, expected
+from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.reasoning import Program, read_plog
 
-CLASSIFIERS = ("lstm", "fast", "summaries", "forest", "minirocket", "channel")
+CLASSIFIERS = ("lstm", "lstm-fast", "summaries", "forest", "minirocket", "channel")
 """The learners of `learning.learners`, by name, and the channel in place of one."""
 
 SHORTEST, INTERVAL, LONGEST = 1e-3, 0.033, 10.0
@@ -69,19 +69,20 @@ def read_learning(section: Settings, knowledge: Knowledge) -> Learning:
     if positive is not None and positive not in knowledge.values:
         raise DomainError(
             f"{section.place('positive')}: {knowledge.target} cannot be {positive!r} ({declared});"
-            f" {expected(knowledge.values)}"
+            f" {expected_one_of(knowledge.values)}"
         )
     classifier = section.text("classifier", "lstm")
     if classifier not in CLASSIFIERS:
         raise DomainError(
-            f"{section.place('classifier')}: unknown classifier {classifier!r}; {expected(CLASSIFIERS)}"
+            f"{section.place('classifier')}: unknown classifier {classifier!r};"
+            f" {expected_one_of(CLASSIFIERS)}"
         )
     data_labels = section.mapping("data_labels") if "data_labels" in section else {}
     for word, value in data_labels.items():
         if value not in knowledge.values:
             raise DomainError(
                 f"{section.place('data_labels')}: {word!r} stands for {value!r}, which {knowledge.target}"
-                f" cannot be ({declared}); {expected(knowledge.values)}"
+                f" cannot be ({declared}); {expected_one_of(knowledge.values)}"
             )
     tracks = section.count("tracks", 2 * len(knowledge.values), 1600)
     epochs = section.count("epochs", 1, 20)
@@ -95,7 +96,7 @@ def attribute_values(place: str, name: str, program: Program) -> tuple[str, ...]
     """The values of an attribute without arguments that `program` must know."""
     if name not in program.attributes:
         raise DomainError(
-            f"{place}: {program.file} has no attribute {name!r}; {expected(tuple(program.attributes))}"
+            f"{place}: {program.file} has no attribute {name!r}; {expected_one_of(tuple(program.attributes))}"
         )
     attribute = program.attributes[name]
     if attribute.arguments:
@@ -109,7 +110,7 @@ def require_same(place: str, names: tuple[str, ...], known: tuple[str, ...], wha
     """Complain about names that are not known, and known ones that are missing."""
     for name in names:
         if name not in known:
-            raise DomainError(f"{place}: {name!r} is not among {what}; {expected(known)}")
+            raise DomainError(f"{place}: {name!r} is not among {what}; {expected_one_of(known)}")
     for name in known:
         if name not in names:
             raise DomainError(f"{place}: {name!r} is missing; expected {what}: {', '.join(known)}")

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.domains.domain import Simulation
-from lcorpp.domains.plugin import People
+from lcorpp.domains.plugin import SimulationPlugin
 from lcorpp.domains.sections.planning import Planning, declared
 from lcorpp.domains.sections.reasoning import Knowledge, Learning, attribute_values, require_same
 from lcorpp.domains.toml import Settings
-from lcorpp.errors import DomainError, expected
-from lcorpp.reasoning import Program, read_plog
+from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.reasoning import Program, Reasoner, read_plog
 from lcorpp.values import Array
 
 
@@ -25,7 +25,7 @@ def read_simulation(
         believed = knowledge.program.attributes[name]
         declared = f"the values of {name} at {knowledge.program.file}:{believed.line}"
         require_same(f"{truth.file}:{truth.attributes[name].line}", values, believed.values, declared)
-    people = People(folder / section.text("people")) if "people" in section else None
+    people = SimulationPlugin(folder / section.text("people")) if "people" in section else None
     simulation = Simulation(
         truth=truth,
         reactions=_reactions(section, knowledge, planning),
@@ -55,7 +55,7 @@ def _reactions(section: Settings, knowledge: Knowledge, planning: Planning) -> A
         if observation not in pomdp.observations:
             raise DomainError(
                 f"{section.place('feedback', value)}: {declared(pomdp, 'observations')} has no observation"
-                f" {observation!r}; {expected(pomdp.observations)}"
+                f" {observation!r}; {expected_one_of(pomdp.observations)}"
             )
     answers = list(dict.fromkeys(feedback.values()))
     if noise and len(answers) < 2:
@@ -112,9 +112,10 @@ def _channel(
         return channel
     if learning.attribute not in truth.attributes:
         return None
-    marginal = truth.posterior(knowledge.target, {})
+    reasoner = Reasoner(truth)
+    marginal = reasoner.posterior(knowledge.target, {})
     return {
-        value: dict(truth.posterior(learning.attribute, {knowledge.target: value}))
+        value: dict(reasoner.posterior(learning.attribute, {knowledge.target: value}))
         if marginal[value]
         else dict.fromkeys(words, 1 / len(words))  # never met, so never asked
         for value in knowledge.values

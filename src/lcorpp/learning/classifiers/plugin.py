@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import inspect
-import sys
-import traceback
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
+from lcorpp.user_code import describe_failure, load_file
 
 try:  # joblib's own copy, where it has one: what is registered with another one would not count
     from joblib.externals.cloudpickle import register_pickle_by_value
@@ -39,14 +37,14 @@ def load_learner_plugin(name: str, arguments: Mapping[str, Any], wanted: Collect
     function = getattr(module, function_name, None)
     if not callable(function):
         known = [key for key, value in vars(module).items() if callable(value) and not key.startswith("_")]
-        raise DataError(f"{place} has no function {function_name!r}; {expected(known)}")
+        raise DataError(f"{place} has no function {function_name!r}; {expected_one_of(known)}")
     parameters = inspect.signature(function).parameters.values()
     needed = [
         p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
     ]
     for key in needed:
         if key not in arguments:
-            raise DataError(f"{name} asks for {key!r}; {expected(list(arguments))}")
+            raise DataError(f"{name} asks for {key!r}; {expected_one_of(list(arguments))}")
     given = {p.name: arguments[p.name] for p in parameters if p.name in arguments}
     for key in wanted:
         if key not in given:
@@ -54,7 +52,7 @@ def load_learner_plugin(name: str, arguments: Mapping[str, Any], wanted: Collect
     try:
         return function(**given)
     except (Exception, SystemExit) as error:
-        raise _blamed(module, place, f"{function_name}() failed", error) from error
+        raise DataError(describe_failure(error, place, module, f"{function_name}() failed")) from error
 
 
 def _module(name: str) -> ModuleType:
@@ -69,27 +67,7 @@ def _module(name: str) -> ModuleType:
 
 
 def _file(path: Path) -> ModuleType:
-    """The file as a module that worker processes get by value, as they could not import it by its name."""
-    name = f"lcorpp_learner_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None or not path.is_file():
-        raise DataError(f"{path}: not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
-        del sys.modules[name]
-        raise _blamed(module, str(path), "cannot be loaded", error) from error
+    """Load a file as a module that is pickled by value: worker processes cannot import it by name."""
+    module = load_file(path, f"lcorpp_learner_{path.stem}", DataError, importable=True)
     register_pickle_by_value(module)
     return module
-
-
-def _blamed(module: ModuleType, place: str, what: str, error: BaseException) -> DataError:
-    """The user's own error, with the deepest line of the user's own file."""
-    file = getattr(module, "__file__", None)
-    if isinstance(error, SyntaxError) and error.lineno and error.filename == file:
-        return DataError(f"{place}:{error.lineno}: {what}: SyntaxError: {error.msg}")
-    frames = traceback.extract_tb(error.__traceback__)
-    line = next((frame.lineno for frame in reversed(frames) if frame.filename == file), None)
-    return DataError(f"{place}{f':{line}' if line else ''}: {what}: {type(error).__name__}: {error}")

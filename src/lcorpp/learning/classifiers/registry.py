@@ -15,7 +15,7 @@ from typing import Any
 
 from sklearn.pipeline import Pipeline
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.classifiers.contract import SigmoidScores, ensure_predict_proba
 from lcorpp.learning.classifiers.pipelines import fast_pipeline, paper_pipeline
 from lcorpp.learning.classifiers.plugin import load_learner_plugin
@@ -146,7 +146,8 @@ def learner(
 
     Raises:
         DataError: the learner is unknown, a package that it needs is missing, the function fails or does not
-            return a classifier, or `epochs`, `device` or `features` is given to a learner without that option.
+            return a classifier, or `epochs`, `device` or `features` is given to a learner without that
+            option.
     """
     config = LearnerConfig(interval, tuple(inputs), tuple(features), seed, epochs, device)
     if ":" in name:
@@ -157,8 +158,8 @@ def learner(
         raise DataError(f"learner {name!r} is now called {RENAMED[name]!r}")
     if name not in LEARNERS:
         raise DataError(
-            f"unknown learner {name!r}; {expected([*LEARNERS])}, or one of your own as MODULE:FUNCTION or"
-            " FILE.py:FUNCTION"
+            f"unknown learner {name!r}; {expected_one_of([*LEARNERS])}, or one of your own as"
+            " MODULE:FUNCTION or FILE.py:FUNCTION"
         )
     row = LEARNERS[name]
     if not row.iterative:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 
 SKOPS = "skops"
 """The stored kind of such a step, and the name of its array."""
@@ -52,7 +52,7 @@ def dump_step(name: str, step: Any, native: Sequence[str]) -> npt.NDArray[np.uin
     except ModuleNotFoundError:
         raise DataError(
             f"step {name!r} of kind {kind} can be stored only with skops: pip install 'lcorpp[skops]';"
-            f" without it {expected(native)}"
+            f" without it {expected_one_of(native)}"
         ) from None
     try:
         content = skops_io.dumps(step)

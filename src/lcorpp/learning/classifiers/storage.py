@@ -1,9 +1,9 @@
 """Storage of a trained classifier in one file of numbers and JSON; loading it executes nothing.
 
-The file is a numpy archive (.npz). Its entry `classifier` is JSON: format and version, the kind and parameters
-of each step of the pipeline, the confusion matrix, the calibration and the decision threshold. The entries
-`<step>/<name>` are the fitted arrays of the steps. Steps of other libraries, such as forests, are stored by
-skops if it is installed, see `skops_storage`; pickles are neither written nor read.
+The file is a numpy archive (.npz). Its entry `classifier` is JSON: format and version, the kind and
+parameters of each step of the pipeline, the confusion matrix, the calibration and the decision threshold. The
+entries `<step>/<name>` are the fitted arrays of the steps. Steps of other libraries, such as forests, are
+stored by skops if it is installed, see `skops_storage`; pickles are neither written nor read.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.pipeline import Pipeline
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.files import read_bytes, write_atomically
 from lcorpp.learning.classifiers.skops_storage import SKOPS, dump_step, load_step
 from lcorpp.learning.classifiers.trained import TrainedClassifier
@@ -56,7 +56,8 @@ def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
     """Write a trained pipeline, e.g. of a `learner`, with its confusion matrix, calibration and threshold.
 
     Raises:
-        DataError: the classifier is not a pipeline, is not trained, or has a step that cannot be stored safely.
+        DataError: the classifier is not a pipeline, is not trained, or has a step that cannot be stored
+            safely.
         FileError: the file cannot be written.
     """
     if not isinstance(classifier.estimator, Pipeline):
@@ -155,7 +156,7 @@ def _load_step(step: dict[str, Any], arrays: dict[str, npt.NDArray[Any]]) -> Any
     if step["kind"] == SKOPS:
         return load_step(step["name"], own[SKOPS])
     if step["kind"] not in kinds:
-        raise DataError(f"step of unknown kind {step['kind']!r}; {expected(list(kinds))}")
+        raise DataError(f"step of unknown kind {step['kind']!r}; {expected_one_of(list(kinds))}")
     kind = kinds[step["kind"]]
     current_names = {stored: name for name, stored in kind.stored_names.items()}
     parameters = {  # JSON has no tuples

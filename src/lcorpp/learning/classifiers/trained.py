@@ -123,8 +123,8 @@ def train_and_validate(
 ) -> tuple[TrainedClassifier, Validation]:
     """Train on all of `dataset` and cross-validate: rho and C of Algorithm 1, lines 1 and 2.
 
-    The final training runs in parallel with the folds; arguments and errors are those of `cross_validate`. The
-    calibration is fitted to all out-of-fold predictions.
+    The final training runs in parallel with the folds; arguments and errors are those of `cross_validate`.
+    The calibration is fitted to all out-of-fold predictions.
     """
     trained, validation = fit_and_validate(estimator, dataset, folds, seed, jobs, progress)
     calibration = fit_calibration(validation.classes, validation.probabilities, validation.labels)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcorpp.learning.data.csv_reader import Batch, Lines
-from lcorpp.learning.data.repairs import Ledger, Source
+from lcorpp.learning.data.csv_reader import Lines, RowBatch
+from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.values import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Raw:
+class RawTrack:
     """All rows of one id in the order of the file, unchecked.
 
     lines: (rows,) where they are. times: (rows,) seconds. columns: name -> (rows,).
@@ -29,14 +29,14 @@ class Raw:
     def __len__(self) -> int:
         return len(self.lines)
 
-    def take(self, rows: Lines | slice) -> Raw:
+    def take(self, rows: Lines | slice) -> RawTrack:
         """Some of the rows, in the given order."""
         columns = {name: values[rows] for name, values in self.columns.items()}
-        return Raw(self.id, self.lines[rows], self.times[rows], columns, self.words)
+        return RawTrack(self.id, self.lines[rows], self.times[rows], columns, self.words)
 
 
-class Assembly:
-    """Batches go in, one `Raw` for every id comes out, in the order in which the ids first appear.
+class TrackAssembler:
+    """Batches go in, one `RawTrack` for every id comes out, in the order in which the ids first appear.
 
     Args:
         names: the number columns besides "time".
@@ -52,7 +52,7 @@ class Assembly:
         self._pieces: list[list[tuple[Lines, Array]]] = []
         self._found: list[dict[str, dict[str, int]]] = []
 
-    def add(self, batch: Batch) -> None:
+    def add(self, batch: RowBatch) -> None:
         """Take in the rows of a batch, whose text "track" says whose each is."""
         codes = np.array(
             [self._codes.setdefault(name, len(self._codes)) for name in batch.texts["track"]], dtype=np.intp
@@ -73,7 +73,7 @@ class Assembly:
                         first = next(row for row in rows.tolist() if texts[row] == text)
                         seen[text] = int(batch.lines[first])
 
-    def without_cut_word(self, source: Source, ledger: Ledger) -> None:
+    def without_cut_word(self, source: RowSource, repair_log: RepairLog) -> None:
         """Leave out the very last row if the file ends in the middle of its label or group.
 
         That is told by a word of its own, which is the beginning of the word that the track had before.
@@ -88,13 +88,15 @@ class Assembly:
                 if first == line and whole is not None:
                     message = f"the file ends in the middle of its last line: {word} {text!r} after {whole!r}"
                     name = list(self._codes)[code]
-                    ledger.mend("cut", source, line, message, "left out", field=word, track=name)
+                    repair_log.repair_or_raise(
+                        "cut", source, line, message, "left out", field=word, track=name
+                    )
                     del seen[text]
                     lines, table = self._pieces[code][-1]
                     self._pieces[code][-1] = lines[:-1], table[:, :-1]
                     return
 
-    def raws(self) -> Iterator[Raw]:
+    def raw_tracks(self) -> Iterator[RawTrack]:
         """Every id's rows; what is handed out is forgotten here."""
         for name, code in self._codes.items():
             pieces, self._pieces[code] = self._pieces[code], []
@@ -104,4 +106,4 @@ class Assembly:
                 column: values * self._scale.get(column, 1.0)
                 for column, values in zip(self._names, table[1:], strict=True)
             }
-            yield Raw(name, lines, table[0], columns, self._found[code])
+            yield RawTrack(name, lines, table[0], columns, self._found[code])

@@ -11,16 +11,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from lcorpp.errors import ParseError
-from lcorpp.learning.data.assembly import Assembly
+from lcorpp.learning.data.assembly import TrackAssembler
 from lcorpp.learning.data.csv_reader import CsvFile
-from lcorpp.learning.data.ingest import Request, gathered
+from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.tracks import Track
 
 FIELDS = ("time", "track", "x", "y", "z", "velocity", "heading", "facing")
 MILLIMETRE = 1e-3
 
 
-def read_atc(path: Path, request: Request) -> tuple[list[Track], tuple[str, ...]]:
+def read_atc(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
     """Read a file of this form; only batches of its text are in memory, and the rows that are asked for.
 
     Returns:
@@ -33,8 +33,8 @@ def read_atc(path: Path, request: Request) -> tuple[list[Track], tuple[str, ...]
     numbers = tuple(name for name in FIELDS if name != "track")
     file = CsvFile(path, {name: cell for cell, name in enumerate(FIELDS)}, len(FIELDS), numbers)
     scale = dict.fromkeys(("x", "y", "z", "velocity"), MILLIMETRE)
-    assembly = Assembly(numbers[1:], scale=scale)
-    tracks = gathered(file, file.batches(request.ledger, request.progress), assembly, request)
-    if not tracks and request.only is None and not request.ledger.mends:
+    assembler = TrackAssembler(numbers[1:], scale=scale)
+    tracks = assemble_tracks(file, file.batches(options.repair_log, options.progress), assembler, options)
+    if not tracks and options.only is None and not options.repair_log.repairs:
         raise ParseError(str(path), 1, 1, f"the file is empty; expected rows of {', '.join(FIELDS)}")
-    return tracks, file.notes(request.ledger)
+    return tracks, file.notes(options.repair_log)

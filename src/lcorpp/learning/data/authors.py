@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from lcorpp.errors import ParseError, expected
+from lcorpp.errors import ParseError, expected_one_of
 from lcorpp.files import read_text
 from lcorpp.values import Array, Dataset
 
@@ -104,7 +104,7 @@ def _row(path: Path, line: int, text: str, labels: Mapping[str, str]) -> _Row:
         if not np.isfinite(row.positions[index]):
             _fail(path, row, index + 1, f"{cell!r} is not finite; expected a position in mm")
     if row.label not in labels:
-        _fail(path, row, POINTS + 1, f"unknown label {row.label!r}; {expected(list(labels))}")
+        _fail(path, row, POINTS + 1, f"unknown label {row.label!r}; {expected_one_of(list(labels))}")
     return row
 
 

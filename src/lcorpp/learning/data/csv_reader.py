@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import FileError, LcorppError, ParseError
 from lcorpp.files import open_text
-from lcorpp.learning.data.repairs import Ledger
+from lcorpp.learning.data.repairs import RepairLog
 from lcorpp.values import Array
 
 LINES = 50_000
@@ -32,7 +32,7 @@ Lines = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class RowBatch:
     """Rows in columns.
 
     lines: (rows,) their numbers in the file, from 1. numbers: name -> (rows,), NaN where a cell is empty.
@@ -69,31 +69,31 @@ class CsvFile:
         )
         self.ended = True
 
-    def notes(self, ledger: Ledger) -> tuple[str, ...]:
+    def notes(self, repair_log: RepairLog) -> tuple[str, ...]:
         """What is to be known of a file that was read."""
-        if self.ended or any(mend.reason == "cut" for mend in ledger.mends):
+        if self.ended or any(repair.reason == "cut" for repair in repair_log.repairs):
             return ()
         return ("the last line has no line end: its last number may have been cut",)
 
-    def refusal(self, line: int, field: str, message: str) -> LcorppError:
+    def error_at(self, line: int, field: str, message: str) -> LcorppError:
         """A ParseError at a field; the line is read again to show it."""
         with open_text(self.path) as file:
             text = next(islice(file, line - 1, None), "")
         return ParseError(self.file, line, column_of(text, self._cells.get(field, 0)), message, text)
 
-    def batches(self, ledger: Ledger, progress: Progress | None = None) -> Iterator[Batch]:
+    def batches(self, repair_log: RepairLog, progress: Progress | None = None) -> Iterator[RowBatch]:
         """All rows, blank lines aside.
 
         Raises:
             FileError: the file cannot be read, or is not UTF-8.
-            ParseError: a row cannot be read, unless `ledger` allows the repairs `rows` and `cut`.
+            ParseError: a row cannot be read, unless `repair_log` allows the repairs `rows` and `cut`.
         """
         size, read, number = self.path.stat().st_size, 0, 1
         with open_text(self.path) as file:
             while lines := self._some(file, number):
                 self.ended = lines[-1].endswith("\n")
                 first = min(max(0, self._header + 1 - number), len(lines))
-                yield self._batch(lines[first:], number + first, ledger)
+                yield self._batch(lines[first:], number + first, repair_log)
                 number += len(lines)
                 read += sum(map(len, lines))
                 if progress is not None:
@@ -109,24 +109,24 @@ class CsvFile:
         except OSError as error:
             raise FileError(f"{self.file}: cannot be read: {error.strerror or error}") from None
 
-    def _batch(self, lines: list[str], number: int, ledger: Ledger) -> Batch:
+    def _batch(self, lines: list[str], number: int, repair_log: RepairLog) -> RowBatch:
         batch = self._at_once(lines, number)
         if batch is not None:
             return batch
         kept, numbers = [], []
         for line, text in enumerate(lines, start=number):
-            row = self._row(line, text, ledger)
+            row = self._row(line, text, repair_log)
             if row is not None:
                 kept.append(row)
                 numbers.append(line)
         columns = list(zip(*kept, strict=True)) or [()] * self._width
-        return Batch(
+        return RowBatch(
             np.array(numbers, dtype=np.int64),
             {name: np.array([float(c) for c in columns[self._cells[name]]]) for name in self._numbers},
             {name: [word.strip() for word in columns[self._cells[name]]] for name in self._texts},
         )
 
-    def _at_once(self, lines: list[str], number: int) -> Batch | None:
+    def _at_once(self, lines: list[str], number: int) -> RowBatch | None:
         """All lines converted by numpy, a tenth of the time; None where that fails."""
         if not lines or not lines[0].strip():
             return None
@@ -137,13 +137,13 @@ class CsvFile:
         texts = {name: table[name].tolist() for name in self._texts}
         if len(table) != len(lines) or any(max(map(len, words)) >= LONGEST for words in texts.values()):
             return None
-        return Batch(
+        return RowBatch(
             np.arange(number, number + len(lines), dtype=np.int64),
             {name: np.ascontiguousarray(table[name]) for name in self._numbers},
             {name: [word.strip() for word in words] for name, words in texts.items()},
         )
 
-    def _row(self, line: int, text: str, ledger: Ledger) -> list[str] | None:
+    def _row(self, line: int, text: str, repair_log: RepairLog) -> list[str] | None:
         """The cells of a line, empty numbers as NaN; None if it is blank or left out."""
         if not text.strip():
             return None
@@ -152,12 +152,12 @@ class CsvFile:
         try:
             (row,) = csv.reader([text], strict=True)
         except (ValueError, csv.Error) as error:
-            ledger.mend(reason, self, line, f"not a row of CSV ({error}){aside}", left_out)
+            repair_log.repair_or_raise(reason, self, line, f"not a row of CSV ({error}){aside}", left_out)
             return None
         if len(row) != self._width:
             names = ", ".join(sorted(self._cells, key=self._cells.__getitem__))
             message = f"{len(row)} columns; expected {self._width}, with {names}{aside}"
-            ledger.mend(reason, self, line, message, left_out)
+            repair_log.repair_or_raise(reason, self, line, message, left_out)
             return None
         for name in self._numbers:
             cell = row[self._cells[name]]
@@ -165,7 +165,7 @@ class CsvFile:
                 row[self._cells[name]] = "nan"
             elif not _is_number(cell):
                 message = f"{cell!r} is not a number; expected the {name}{aside}"
-                ledger.mend(reason, self, line, message, left_out, field=name)
+                repair_log.repair_or_raise(reason, self, line, message, left_out, field=name)
                 return None
         return row
 

@@ -9,7 +9,7 @@ from lcorpp.errors import DataError
 from lcorpp.values import Array, Dataset
 
 
-def checked_tracks(tracks: npt.ArrayLike) -> Array:
+def check_tracks(tracks: npt.ArrayLike) -> Array:
     """`tracks` as float64 (cases, channels, time points), known to be finite and to hold motion.
 
     Raises:
@@ -36,7 +36,7 @@ def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
         DataError: fewer than two classes, a class in fewer groups than folds, a number that is not finite,
             tracks of fewer than two points, or tracks that are all the same.
     """
-    tracks = checked_tracks(dataset.trajectories)
+    tracks = check_tracks(dataset.trajectories)
     classes = sorted(set(dataset.labels))
     if len(classes) < 2:
         raise DataError(

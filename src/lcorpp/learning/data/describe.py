@@ -21,23 +21,23 @@ SHAPE = 16
 
 
 @dataclass(frozen=True)
-class Spread:
+class Quantiles:
     """How a number is spread over tracks or samples: its extremes, quartiles and 95 % quantile."""
 
-    least: float
+    min: float
     quarter: float
     median: float
     three_quarters: float
     high: float
-    most: float
+    max: float
 
     @classmethod
-    def of(cls, values: Array) -> Spread:
+    def of(cls, values: Array) -> Quantiles:
         return cls(*np.quantile(values, [0, 0.25, 0.5, 0.75, 0.95, 1]).tolist())
 
 
 @dataclass(frozen=True)
-class Class:
+class ClassSummary:
     """The tracks of one class, None being those without a label.
 
     tracks, groups, samples: how many. duration: seconds of a track. speed: m/s, of every track its way by
@@ -48,8 +48,8 @@ class Class:
     tracks: int
     groups: int
     samples: int
-    duration: Spread
-    speed: Spread
+    duration: Quantiles
+    speed: Quantiles
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,9 @@ class Description:
     reused: groups that have several tracks -> how many.
     """
 
-    classes: tuple[Class, ...]
+    classes: tuple[ClassSummary, ...]
     channels: tuple[str, ...]
-    interval: Spread
+    interval: Quantiles
     jitter: float
     fastest: tuple[float, str]
     identical: tuple[tuple[str, str], ...]
@@ -101,7 +101,7 @@ def describe(recording: Recording) -> Description:
     return Description(
         tuple(_class(name, [t for t in tracks if t.label == name]) for name in names),
         tuple(common),
-        Spread.of(np.concatenate(steps)),
+        Quantiles.of(np.concatenate(steps)),
         float(np.mean([step.std() / step.mean() for step in steps])),
         (peaks[peak], tracks[peak].id),
         identical,
@@ -110,14 +110,14 @@ def describe(recording: Recording) -> Description:
     )
 
 
-def _class(name: str | None, tracks: Sequence[Track]) -> Class:
-    return Class(
+def _class(name: str | None, tracks: Sequence[Track]) -> ClassSummary:
+    return ClassSummary(
         name,
         len(tracks),
         len({track.group for track in tracks}),
         sum(len(track) for track in tracks),
-        Spread.of(np.array([track.duration for track in tracks])),
-        Spread.of(np.array([_speed(track) for track in tracks])),
+        Quantiles.of(np.array([track.duration for track in tracks])),
+        Quantiles.of(np.array([_speed(track) for track in tracks])),
     )
 
 
@@ -155,7 +155,7 @@ def _same(one: Track, other: Track) -> bool:
     return len(one) == len(other) and bool(np.array_equal(one.place, other.place))
 
 
-def told(pairs: Iterable[tuple[str, str]], limit: int = 5) -> str:
+def join_pairs(pairs: Iterable[tuple[str, str]], limit: int = 5) -> str:
     """Some pairs of ids in words."""
     shown = [f"{one} and {other}" for one, other in pairs]
     more = f", ... ({len(shown)} pairs)" if len(shown) > limit else ""

@@ -161,7 +161,7 @@ class ResumingDownload:
         return self._part.stat().st_size if self._part.exists() else 0
 
     def _bring(self, url: str) -> bool:
-        """One request; whether the file is whole after it."""
+        """One options; whether the file is whole after it."""
         import requests
 
         have, version = self._size(), self._known_version()

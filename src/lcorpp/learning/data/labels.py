@@ -8,19 +8,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from lcorpp.errors import DataError, ParseError, expected
+from lcorpp.errors import DataError, ParseError, expected_one_of
 from lcorpp.files import read_text
-from lcorpp.learning.data.assembly import Raw
+from lcorpp.learning.data.assembly import RawTrack
 from lcorpp.learning.data.cleaning import ClassOf
 from lcorpp.learning.data.csv_reader import column_of
-from lcorpp.learning.data.repairs import Ledger, Source
+from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
 
 HEADINGS = ("id", "track", "person")
 """How the first column of a file of labels may be called, if it has a line that says so."""
 
 
-def meaning(word: str, labels: Mapping[str, str] | None) -> str | None:
+def class_of_label(word: str, labels: Mapping[str, str] | None) -> str | None:
     """The class of a written label; None if it is unknown.
 
     Args:
@@ -31,15 +31,15 @@ def meaning(word: str, labels: Mapping[str, str] | None) -> str | None:
     return labels.get(word, word if word in labels.values() else None)
 
 
-def class_reader(labels: Mapping[str, str] | None, source: Source, ledger: Ledger) -> ClassOf:
+def make_label_reader(labels: Mapping[str, str] | None, source: RowSource, repair_log: RepairLog) -> ClassOf:
     """What tells the class of a label in a line of `source`; one that has none is refused or left out."""
 
-    def class_of(word: str, line: int, raw: Raw) -> str | None:
-        found = meaning(word, labels)
+    def class_of(word: str, line: int, raw: RawTrack) -> str | None:
+        found = class_of_label(word, labels)
         if found is None:
             message = unknown(word, labels)
             where = {"field": "label", "track": raw.id}
-            ledger.mend("labels", source, line, message, "left out", **where, rows=len(raw))
+            repair_log.repair_or_raise("labels", source, line, message, "left out", **where, rows=len(raw))
         return found
 
     return class_of
@@ -48,7 +48,7 @@ def class_reader(labels: Mapping[str, str] | None, source: Source, ledger: Ledge
 def unknown(word: str, labels: Mapping[str, str] | None) -> str:
     """What is wrong with a label that has no meaning."""
     known = dict.fromkeys((*(labels or {}), *(labels or {}).values()))
-    wanted = expected(list(known)) if labels else "expected the name of a class"
+    wanted = expected_one_of(list(known)) if labels else "expected the name of a class"
     return f"unknown label {word!r}; {wanted}" if word else f"no label; {wanted}"
 
 
@@ -78,7 +78,7 @@ def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> di
             message = f"{len(row)} columns; expected 2: an id and its label"
             raise ParseError(str(path), number, 1, message, text)
         name, word = row
-        found = meaning(word, labels)
+        found = class_of_label(word, labels)
         if found is None:
             raise ParseError(str(path), number, column_of(text, 1), unknown(word, labels), text)
         if classes.setdefault(name, found) != found:
@@ -89,13 +89,15 @@ def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> di
     return classes
 
 
-def labelled(tracks: list[Track], classes: Mapping[str, str], file: Path, ledger: Ledger) -> list[Track]:
+def attach_labels(
+    tracks: list[Track], classes: Mapping[str, str], file: Path, repair_log: RepairLog
+) -> list[Track]:
     """The tracks whose ids have a class, with it.
 
     An id that was given away twice has one label for two people: those tracks are refused or left out.
 
     Raises:
-        DataError: a track has a label of its own, or an id was split and `ledger` does not allow `labels`.
+        DataError: a track has a label of its own, or an id was split and repair `labels` was not requested.
     """
     parts: dict[str, list[Track]] = {}
     for track in tracks:
@@ -111,7 +113,9 @@ def labelled(tracks: list[Track], classes: Mapping[str, str], file: Path, ledger
             continue
         message = f"its id was given to {len(own)} people; the label {classes[name]!r} may be any one's"
         rows = sum(len(track) for track in own)
-        ledger.mend("labels", WholeFile(str(file)), 1, message, "left out", track=name, rows=rows)
+        repair_log.repair_or_raise(
+            "labels", WholeFile(str(file)), 1, message, "left out", track=name, rows=rows
+        )
     return found
 
 
@@ -121,5 +125,5 @@ class WholeFile:
     def __init__(self, file: str) -> None:
         self.file, self.ended = file, True
 
-    def refusal(self, line: int, field: str, message: str) -> DataError:
+    def error_at(self, line: int, field: str, message: str) -> DataError:
         return DataError(f"{self.file}: {message}")

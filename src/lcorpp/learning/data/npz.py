@@ -13,7 +13,7 @@ import numpy as np
 
 from lcorpp.errors import DataError
 from lcorpp.files import read_bytes, write_atomically
-from lcorpp.learning.data.dataset import checked_tracks
+from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.values import Array, Dataset
 
@@ -69,7 +69,7 @@ def load_dataset(path: str | Path) -> Dataset:
                 f"{head['format']!r} of version {head['version']!r}; expected {FORMAT!r} {VERSION}"
             )
         return Dataset(
-            checked_tracks(tracks),
+            check_tracks(tracks),
             tuple(map(str, head["labels"])),
             tuple(map(str, head["groups"])),
             str(head["source"]),
@@ -84,13 +84,13 @@ def load_dataset(path: str | Path) -> Dataset:
         raise DataError(f"{path}: not a stored data set, or a damaged one: {why}") from None
 
 
-def recording_of(dataset: Dataset) -> Recording:
+def to_recording(dataset: Dataset) -> Recording:
     """A data set as tracks that all begin at 0 s; several of one group are told apart by a number.
 
     Raises:
         DataError: it has no x and y, or a number that is not finite.
     """
-    checked_tracks(dataset.trajectories)
+    check_tracks(dataset.trajectories)
     times: Array = np.arange(dataset.trajectories.shape[2], dtype=np.float64) * dataset.interval
     seen: dict[str, int] = {}
     tracks = []

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.errors import DataError, FileError, expected
-from lcorpp.learning.data.assembly import Assembly
-from lcorpp.learning.data.csv_formats import NAMES, NEEDED, WORDS, unused
-from lcorpp.learning.data.csv_reader import LINES, Batch, Progress
-from lcorpp.learning.data.ingest import Request, gathered
+from lcorpp.errors import DataError, FileError, expected_one_of
+from lcorpp.learning.data.assembly import TrackAssembler
+from lcorpp.learning.data.csv_formats import NAMES, NEEDED, WORDS, note_unused_columns
+from lcorpp.learning.data.csv_reader import LINES, Progress, RowBatch
+from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.tracks import Track
 
 SUFFIXES = (".parquet", ".pq")
@@ -53,19 +53,19 @@ class ParquetFile:
         for name in NEEDED:
             if name not in self.names:
                 raise DataError(
-                    f"{path}: no column {name!r}; {expected(list(NAMES))}, and found {self.names}"
+                    f"{path}: no column {name!r}; {expected_one_of(list(NAMES))}, and found {self.names}"
                 )
         if len(set(self.names)) < len(self.names):
             raise DataError(f"{path}: a column is there twice: {', '.join(self.names)}")
 
-    def refusal(self, line: int, field: str, message: str) -> DataError:
+    def error_at(self, line: int, field: str, message: str) -> DataError:
         """A DataError that names the row and the column."""
         column = f", column {field!r}" if field else ""
         return DataError(f"{self.file}: row {line}{column}: {message}")
 
     def batches(
         self, numbers: tuple[str, ...], words: tuple[str, ...], progress: Progress | None = None
-    ) -> Iterator[Batch]:
+    ) -> Iterator[RowBatch]:
         """All rows; what is null is NaN, or no word.
 
         Raises:
@@ -75,7 +75,7 @@ class ParquetFile:
         line, rows = 1, self._table.metadata.num_rows
         try:
             for part in self._table.iter_batches(batch_size=LINES, columns=list(wanted.values())):
-                yield Batch(
+                yield RowBatch(
                     np.arange(line, line + part.num_rows, dtype=np.int64),
                     {name: self._numbers(part.column(wanted[name]), name) for name in numbers},
                     {name: self._words(part.column(wanted[name]), name) for name in words},
@@ -89,7 +89,7 @@ class ParquetFile:
     def _numbers(self, column: Any, name: str) -> Any:
         types = self._arrow.types
         if not (types.is_integer(column.type) or types.is_floating(column.type)):
-            raise self.refusal(1, name, f"the column is of type {column.type}; expected numbers")
+            raise self.error_at(1, name, f"the column is of type {column.type}; expected numbers")
         values = self._arrow.compute.cast(column, self._arrow.float64(), safe=False)
         return self._arrow.compute.fill_null(values, float("nan")).to_numpy(zero_copy_only=False)
 
@@ -98,14 +98,14 @@ class ParquetFile:
         if types.is_dictionary(column.type):
             column = column.dictionary_decode()
         if types.is_floating(column.type) or types.is_nested(column.type):
-            raise self.refusal(
+            raise self.error_at(
                 1, name, f"the column is of type {column.type}; expected words or whole numbers"
             )
         words = self._arrow.compute.cast(column, self._arrow.string())
         return ["" if word is None else word.strip() for word in words.to_pylist()]
 
 
-def read_parquet(path: Path, request: Request) -> tuple[list[Track], tuple[str, ...]]:
+def read_parquet(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
     """Read a file of this form.
 
     Returns:
@@ -119,9 +119,9 @@ def read_parquet(path: Path, request: Request) -> tuple[list[Track], tuple[str, 
     file = ParquetFile(path)
     words = tuple(name for name in WORDS if name in file.names)
     numbers = tuple(name for name in NAMES if name in file.names and name not in ("track", *WORDS))
-    assembly = Assembly(numbers[1:], words)
-    batches = file.batches(numbers, ("track", *words), request.progress)
-    tracks = gathered(file, batches, assembly, request)
-    if not tracks and request.only is None and not request.ledger.mends:
+    assembler = TrackAssembler(numbers[1:], words)
+    batches = file.batches(numbers, ("track", *words), options.progress)
+    tracks = assemble_tracks(file, batches, assembler, options)
+    if not tracks and options.only is None and not options.repair_log.repairs:
         raise DataError(f"{path}: no rows")
-    return tracks, unused(file.names)
+    return tracks, note_unused_columns(file.names)

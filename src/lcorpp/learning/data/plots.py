@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from lcorpp.errors import DataError
 from lcorpp.learning.data.tracks import Recording, Track
-from lcorpp.plot_style import COLOURS, INK, MUTED, drawn, tidy
+from lcorpp.plot_style import COLOURS, INK, MUTED, despine, with_style
 from lcorpp.values import Array
 
 MOST = 300
@@ -31,8 +31,8 @@ ORDER = (5, 1, 2, 3, 6, 0)
 """Which of the house's colours the classes get."""
 
 
-@drawn
-def draw_tracks(recording: Recording, *, title: str = "", most: int = MOST) -> Figure:
+@with_style
+def plot_tracks(recording: Recording, *, title: str = "", most: int = MOST) -> Figure:
     """A panel of tracks for each class, all to one scale, above the speeds of all classes.
 
     A dot is where a track ends, a cross where the robot stands. The speeds are the median of the class and
@@ -109,7 +109,7 @@ def _draw_speeds(axes: Axes, names: Sequence[str | None], classes: Sequence[Sequ
     axes.set_ylim(bottom=0)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(frameon=False, ncols=len(names), loc="lower left", bbox_to_anchor=(0, 1))
-    tidy(axes)
+    despine(axes)
 
 
 def _speeds_before_end(tracks: Sequence[Track]) -> tuple[Array, Array]:

@@ -17,18 +17,18 @@ from lcorpp.learning.data.authors import read_authors
 from lcorpp.learning.data.cleaning import GAP
 from lcorpp.learning.data.csv_formats import NEEDED, read_long_csv
 from lcorpp.learning.data.csv_reader import Progress
-from lcorpp.learning.data.ingest import Request
-from lcorpp.learning.data.labels import WholeFile, labelled, meaning, read_labels, unknown
-from lcorpp.learning.data.npz import SUFFIX, load_dataset, recording_of
+from lcorpp.learning.data.ingest import ReadOptions
+from lcorpp.learning.data.labels import WholeFile, attach_labels, class_of_label, read_labels, unknown
+from lcorpp.learning.data.npz import SUFFIX, load_dataset, to_recording
 from lcorpp.learning.data.parquet import SUFFIXES, read_parquet
-from lcorpp.learning.data.repairs import Ledger
+from lcorpp.learning.data.repairs import RepairLog
 from lcorpp.learning.data.tracks import Recording
-from lcorpp.learning.data.units import in_metres
-from lcorpp.learning.data.windows import INTERVAL, POINTS, dataset_of
+from lcorpp.learning.data.units import convert_to_metres
+from lcorpp.learning.data.windows import INTERVAL, POINTS, to_dataset
 from lcorpp.learning.store import is_store, read_store
 from lcorpp.values import Dataset
 
-Kind = Literal["authors", "npz", "store", "parquet", "atc", "long"]
+Format = Literal["authors", "npz", "store", "parquet", "atc", "long"]
 
 RECTANGULAR = ("authors", "npz", "store")
 """The kinds whose tracks all have the same time points."""
@@ -58,16 +58,16 @@ def read_data(
     otherwise; of other formats the last ten seconds of each track are taken, 304 points .033 s apart.
 
     Args:
-        interval, points, channels: of the data set; see `dataset_of`.
+        interval, points, channels: of the data set; see `to_dataset`.
         others: as those of `read_recording`.
 
     Raises:
-        FileError, ParseError, DataError: as `read_recording` and `dataset_of`.
+        FileError, ParseError, DataError: as `read_recording` and `to_dataset`.
     """
-    kind = kind_of(path)
+    kind = detect_format(path)
     asked = (interval, points, channels, robot, label_file)
     if kind in RECTANGULAR:
-        whole = _rectangular(Path(path), kind, labels, Ledger(repair))
+        whole = _rectangular(Path(path), kind, labels, RepairLog(repair))
         if all(argument is None for argument in asked):
             return whole
         interval, points = interval or whole.interval, points or whole.trajectories.shape[2]
@@ -81,7 +81,7 @@ def read_data(
         progress=progress,
     )
     try:
-        return dataset_of(
+        return to_dataset(
             recording, interval=interval or INTERVAL, points=points or POINTS, channels=channels
         )
     except DataError as error:
@@ -117,32 +117,32 @@ def read_recording(
         ParseError: a row or a track is wrong, and its repair was not asked for.
         DataError: as ParseError, where a file has no lines; or an argument is wrong.
     """
-    file, kind = Path(path), kind_of(path)
+    file, kind = Path(path), detect_format(path)
     if not gap > 0:
         raise DataError(f"the longest silence is {gap} s; expected a number above 0")
-    ledger = Ledger(repair)
+    repair_log = RepairLog(repair)
     classes = None if label_file is None else read_labels(label_file, labels)
     if kind in RECTANGULAR:
         if classes is not None:
             raise DataError(f"{path}: has labels of its own; {label_file} cannot give others")
-        whole = recording_of(_rectangular(file, kind, labels, ledger))
-        recording = replace(whole, mends=tuple(ledger.mends))
+        whole = to_recording(_rectangular(file, kind, labels, repair_log))
+        recording = replace(whole, repairs=tuple(repair_log.repairs))
     else:
         only = None if classes is None else classes.keys()
-        request = Request(ledger, labels, only, gap, progress)
+        options = ReadOptions(repair_log, labels, only, gap, progress)
         reader = {"atc": read_atc, "long": read_long_csv, "parquet": read_parquet}[kind]
-        tracks, notes = reader(file, request)
+        tracks, notes = reader(file, options)
         if classes is not None:
-            found = labelled(tracks, classes, file, ledger)
+            found = attach_labels(tracks, classes, file, repair_log)
             missing = len(classes) - len({track.group for track in found})
             if missing:
                 notes = (*notes, f"{missing} of {len(classes)} ids of {label_file} have no tracks")
             tracks = found
-        recording = Recording(tuple(tracks), file.name, notes, tuple(ledger.mends))
-    return recording if robot is None else recording.seen_from(*robot)
+        recording = Recording(tuple(tracks), file.name, notes, tuple(repair_log.repairs))
+    return recording if robot is None else recording.in_robot_frame(*robot)
 
 
-def kind_of(path: str | Path) -> Kind:
+def detect_format(path: str | Path) -> Format:
     """What a file or a folder holds.
 
     Raises:
@@ -200,27 +200,29 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _in_metres(dataset: Dataset, file: Path, ledger: Ledger) -> Dataset:
+def _in_metres(dataset: Dataset, file: Path, repair_log: RepairLog) -> Dataset:
     """A stored data set in metres, as the tracks of a file are."""
-    tracks = recording_of(dataset).tracks
-    scaled = in_metres(tracks, [1] * len(tracks), WholeFile(str(file)), ledger)
+    tracks = to_recording(dataset).tracks
+    scaled = convert_to_metres(tracks, [1] * len(tracks), WholeFile(str(file)), repair_log)
     if all(new is old for new, old in zip(scaled, tracks, strict=True)):
         return dataset
     rows = [np.stack([track.columns[name] for name in dataset.channels]) for track in scaled]
     return replace(dataset, trajectories=np.stack(rows))
 
 
-def _rectangular(file: Path, kind: Kind, labels: Mapping[str, str] | None, ledger: Ledger) -> Dataset:
+def _rectangular(
+    file: Path, kind: Format, labels: Mapping[str, str] | None, repair_log: RepairLog
+) -> Dataset:
     if kind == "authors":
         return read_authors(file, labels=labels or WRITTEN)
     dataset = load_dataset(file) if kind == "npz" else read_store(file).dataset()
     if kind == "npz":
-        dataset = _in_metres(dataset, file, ledger)
-    classes = [meaning(word, labels) for word in dataset.labels]
+        dataset = _in_metres(dataset, file, repair_log)
+    classes = [class_of_label(word, labels) for word in dataset.labels]
     for case, (word, found) in enumerate(zip(dataset.labels, classes, strict=True)):
         if found is None:
             message = f"case {case} (counted from 0): {unknown(word, labels)}"
             track = dataset.groups[case]
-            ledger.mend("labels", WholeFile(str(file)), 1, message, "left out", track=track)
+            repair_log.repair_or_raise("labels", WholeFile(str(file)), 1, message, "left out", track=track)
     known = [case for case, found in enumerate(classes) if found is not None]
     return replace(dataset.take(known), labels=tuple(str(classes[case]) for case in known))

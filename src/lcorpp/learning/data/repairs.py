@@ -1,7 +1,7 @@
 """What may be wrong with recorded rows and tracks: refused, or repaired where that is asked for.
 
 Nothing is repaired silently. Each repair has a name; what is not asked for by name is refused with its place,
-and what is repaired is kept in a ledger, row by row.
+and what is repaired is kept in a `RepairLog`, row by row.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Protocol
 
-from lcorpp.errors import DataError, LcorppError, expected
-from lcorpp.learning.data.tracks import Mend
+from lcorpp.errors import DataError, LcorppError, expected_one_of
+from lcorpp.learning.data.tracks import Repair
 
 REPAIRS = {
     "rows": "leave out rows that cannot be read: too many or too few columns, or words for numbers",
@@ -30,7 +30,7 @@ ALL = "all"
 """The name that asks for every repair."""
 
 
-class Source(Protocol):
+class RowSource(Protocol):
     """Something rows are read from, which can tell where a row is.
 
     file: its name. ended: whether its last line, once read, had an end.
@@ -39,12 +39,12 @@ class Source(Protocol):
     file: str
     ended: bool
 
-    def refusal(self, line: int, field: str, message: str) -> LcorppError:
+    def error_at(self, line: int, field: str, message: str) -> LcorppError:
         """The error to raise for a field of a line (counted from 1)."""
         ...
 
 
-class Ledger:
+class RepairLog:
     """Which repairs were asked for, and what was repaired so far.
 
     Args:
@@ -58,14 +58,14 @@ class Ledger:
         names = [asked] if isinstance(asked, str) else list(asked)
         for name in names:
             if name not in REPAIRS and name != ALL:
-                raise DataError(f"unknown repair {name!r}; {expected((*REPAIRS, ALL))}")
+                raise DataError(f"unknown repair {name!r}; {expected_one_of((*REPAIRS, ALL))}")
         self.asked = frozenset(REPAIRS if ALL in names else names)
-        self.mends: list[Mend] = []
+        self.repairs: list[Repair] = []
 
-    def mend(
+    def repair_or_raise(
         self,
         reason: str,
-        source: Source,
+        source: RowSource,
         line: int,
         message: str,
         done: str,
@@ -83,9 +83,9 @@ class Ledger:
             track: whose row it is. rows: how many rows are changed.
 
         Raises:
-            ParseError, DataError: the repair was not asked for; see `Source.refusal`.
+            ParseError, DataError: the repair was not asked for; see `RowSource.error_at`.
         """
         if reason not in self.asked:
             whose = f"track {track!r}: " if track else ""
-            raise source.refusal(line, field, f"{whose}{message}; repair {reason!r} would {REPAIRS[reason]}")
-        self.mends.append(Mend(reason, source.file, line, track, rows, f"{message}: {done}"))
+            raise source.error_at(line, field, f"{whose}{message}; repair {reason!r} would {REPAIRS[reason]}")
+        self.repairs.append(Repair(reason, source.file, line, track, rows, f"{message}: {done}"))

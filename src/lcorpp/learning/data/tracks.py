@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import DataError, expected
-from lcorpp.values import CHANNELS, Array, frozen
+from lcorpp.errors import DataError, expected_one_of
+from lcorpp.values import CHANNELS, Array, freeze
 
 COLUMNS = ("x", "y", "z", "velocity", "heading", "facing")
 """What a track may tell at each time: the channels of a `Dataset`, and z, the height of the head (m)."""
@@ -20,7 +20,7 @@ ANGLES = ("heading", "facing")
 """The columns that are angles, in radians."""
 
 
-class Mend(NamedTuple):
+class Repair(NamedTuple):
     """One thing that was repaired because it was asked for.
 
     reason: the name of the repair, one of `repair.REPAIRS`. file, line: where it began, counted from 1.
@@ -58,14 +58,14 @@ class Track:
     group: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "times", frozen(self.times))
-        columns = {name: frozen(values) for name, values in self.columns.items()}
+        object.__setattr__(self, "times", freeze(self.times))
+        columns = {name: freeze(values) for name, values in self.columns.items()}
         object.__setattr__(self, "columns", MappingProxyType(columns))
         object.__setattr__(self, "group", self.group or self.id)
         where, samples = f"track {self.id!r}", self.times.shape
         for name in columns:
             if name not in COLUMNS:
-                raise DataError(f"{where}: unknown column {name!r}; {expected(COLUMNS)}")
+                raise DataError(f"{where}: unknown column {name!r}; {expected_one_of(COLUMNS)}")
             if columns[name].shape != samples or len(samples) != 1:
                 raise DataError(f"{where}: {name} of shape {columns[name].shape}, times of shape {samples}")
             if not (np.abs(columns[name]) <= LARGEST).all():
@@ -97,16 +97,16 @@ class Track:
         speeds: Array = np.hypot(step[0], step[1]) / np.diff(self.times)
         return speeds
 
-    def seen_from(self, x: float, y: float, angle: float) -> Track:
+    def in_robot_frame(self, x: float, y: float, angle: float) -> Track:
         """The same motion in the frame of a robot at (x, y), metres, that faces `angle`, radians."""
         cosine, sine = np.cos(angle), np.sin(angle)
         dx, dy = self.columns["x"] - x, self.columns["y"] - y
         moved = {"x": cosine * dx + sine * dy, "y": cosine * dy - sine * dx}
-        turned = {name: wrapped(self.columns[name] - angle) for name in ANGLES if name in self.columns}
+        turned = {name: wrap_angle(self.columns[name] - angle) for name in ANGLES if name in self.columns}
         return replace(self, columns={**self.columns, **moved, **turned})
 
 
-def wrapped(angle: npt.ArrayLike) -> Array:
+def wrap_angle(angle: npt.ArrayLike) -> Array:
     """Angles of any size as the same ones in (-pi, pi]."""
     turned: Array = np.pi - (np.pi - np.asarray(angle, dtype=np.float64)) % (2 * np.pi)
     return turned
@@ -117,13 +117,13 @@ class Recording:
     """Tracks of unequal length, as they were read.
 
     tracks: with ids that differ. source: where they come from, for people to read.
-    notes: what their user has to know. mends: what was repaired, in the order it was found.
+    notes: what their user has to know. repairs: what was repaired, in the order it was found.
     """
 
     tracks: tuple[Track, ...]
     source: str = ""
     notes: tuple[str, ...] = ()
-    mends: tuple[Mend, ...] = ()
+    repairs: tuple[Repair, ...] = ()
 
     def __post_init__(self) -> None:
         names = [track.id for track in self.tracks]
@@ -144,15 +144,15 @@ class Recording:
         """The channels of a `Dataset` that every track has, in the order of `CHANNELS`."""
         return tuple(name for name in CHANNELS if all(name in track.columns for track in self.tracks))
 
-    def seen_from(self, x: float, y: float, angle: float) -> Recording:
-        """All tracks in the frame of a robot; see `Track.seen_from`."""
-        return replace(self, tracks=tuple(track.seen_from(x, y, angle) for track in self.tracks))
+    def in_robot_frame(self, x: float, y: float, angle: float) -> Recording:
+        """All tracks in the frame of a robot; see `Track.in_robot_frame`."""
+        return replace(self, tracks=tuple(track.in_robot_frame(x, y, angle) for track in self.tracks))
 
 
-def mended_rows(mends: Iterable[Mend]) -> dict[str, tuple[int, int]]:
+def count_repairs(repairs: Iterable[Repair]) -> dict[str, tuple[int, int]]:
     """For each reason how many rows were changed, and in how many places."""
     counts: dict[str, tuple[int, int]] = {}
-    for mend in mends:
-        rows, places = counts.get(mend.reason, (0, 0))
-        counts[mend.reason] = rows + mend.rows, places + 1
+    for repair in repairs:
+        rows, places = counts.get(repair.reason, (0, 0))
+        counts[repair.reason] = rows + repair.rows, places + 1
     return counts

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.learning.data.repairs import Ledger, Source
+from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
 from lcorpp.values import Array
 
@@ -22,8 +22,8 @@ FACTOR = 1000.0
 LENGTHS = ("x", "y", "z")
 
 
-def in_metres(
-    tracks: Sequence[Track], first_lines: Sequence[int], source: Source, ledger: Ledger
+def convert_to_metres(
+    tracks: Sequence[Track], first_lines: Sequence[int], source: RowSource, repair_log: RepairLog
 ) -> list[Track]:
     """The tracks of one file with positions in metres and speeds in metres per second.
 
@@ -34,7 +34,7 @@ def in_metres(
         first_lines: where each track begins in the file.
 
     Raises:
-        ParseError, DataError: there are such tracks, and `ledger` does not allow the repair `units`, or no
+        ParseError, DataError: there are such tracks and repair `units` was not requested, or no
             factor of 1000 explains them.
     """
     if not tracks:
@@ -60,8 +60,8 @@ def in_metres(
             f"it looks like {unit}" if human else "no unit of length explains it"
         )
         if not human:
-            raise source.refusal(first_lines[row], "x", f"track {track.id!r}: {message}")
-        ledger.mend(
+            raise source.error_at(first_lines[row], "x", f"track {track.id!r}: {message}")
+        repair_log.repair_or_raise(
             "units",
             source,
             first_lines[row],

@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from lcorpp.errors import DataError, expected
-from lcorpp.learning.data.tracks import ANGLES, Recording, Track, wrapped
+from lcorpp.errors import DataError, expected_one_of
+from lcorpp.learning.data.tracks import ANGLES, Recording, Track, wrap_angle
 from lcorpp.values import CHANNELS, Array, Dataset
 
 INTERVAL, POINTS = 0.033, 304
@@ -17,7 +17,7 @@ INTERVAL, POINTS = 0.033, 304
 End = Literal["last", "first"]
 
 
-def dataset_of(
+def to_dataset(
     recording: Recording,
     *,
     interval: float = INTERVAL,
@@ -48,7 +48,7 @@ def dataset_of(
     if not 0 < interval < float("inf"):
         raise DataError(f"the interval is {interval} s; expected a finite number above 0")
     if end not in ("last", "first"):
-        raise DataError(f"unknown end {end!r}; {expected(('last', 'first'))}")
+        raise DataError(f"unknown end {end!r}; {expected_one_of(('last', 'first'))}")
     if not recording.tracks:
         raise DataError(f"{recording.source or 'the recording'}: there are no tracks")
     names = recording.channels if channels is None else tuple(channels)
@@ -66,7 +66,7 @@ def dataset_of(
     if len(kept) < len(recording):
         notes = (*notes, _left_out(recording, kept, needed))
     return Dataset(
-        np.stack([window(track, names, interval, points, end) for track in kept]),
+        np.stack([extract_window(track, names, interval, points, end) for track in kept]),
         tuple(str(track.label) for track in kept),
         tuple(track.group for track in kept),
         recording.source,
@@ -76,7 +76,7 @@ def dataset_of(
     )
 
 
-def window(track: Track, channels: Sequence[str], interval: float, points: int, end: End) -> Array:
+def extract_window(track: Track, channels: Sequence[str], interval: float, points: int, end: End) -> Array:
     """(channels, points) of one track; outside of its times it stays where it begins or ends."""
     steps = np.arange(points) * interval
     at = track.times[0] + steps if end == "first" else track.times[-1] - steps[::-1]
@@ -84,7 +84,7 @@ def window(track: Track, channels: Sequence[str], interval: float, points: int, 
     for name in channels:
         values = track.columns[name]
         if name in ANGLES:
-            rows.append(wrapped(np.interp(at, track.times, np.unwrap(values))))
+            rows.append(wrap_angle(np.interp(at, track.times, np.unwrap(values))))
         else:
             rows.append(np.interp(at, track.times, values))
     return np.stack(rows)
@@ -97,9 +97,9 @@ def _check(track: Track, channels: Sequence[str]) -> None:
         )
     for name in channels:
         if name not in CHANNELS:
-            raise DataError(f"unknown channel {name!r}; {expected(CHANNELS)}")
+            raise DataError(f"unknown channel {name!r}; {expected_one_of(CHANNELS)}")
         if name not in track.columns:
-            raise DataError(f"track {track.id!r} has no {name}; {expected(list(track.columns))}")
+            raise DataError(f"track {track.id!r} has no {name}; {expected_one_of(list(track.columns))}")
 
 
 def _left_out(recording: Recording, kept: list[Track], needed: float) -> str:

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lcorpp.errors import DataError, FileError, expected
-from lcorpp.files import written_atomically
+from lcorpp.errors import DataError, FileError, expected_one_of
+from lcorpp.files import open_atomically
 from lcorpp.learning.data.csv_formats import NAMES
 from lcorpp.learning.data.parquet import SUFFIXES, pyarrow
-from lcorpp.learning.data.tracks import COLUMNS, Mend, Recording, Track
+from lcorpp.learning.data.tracks import COLUMNS, Recording, Repair, Track
 
 DECIMALS = 4
 """Of every number in CSV: a tenth of a millimetre and of a millisecond."""
@@ -38,10 +38,12 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     elif suffix in SUFFIXES:
         _write_parquet(recording, path)
     else:
-        raise FileError(f"{path}: not the name of a recording; {expected(('.csv', *SUFFIXES))} at its end")
+        raise FileError(
+            f"{path}: not the name of a recording; {expected_one_of(('.csv', *SUFFIXES))} at its end"
+        )
 
 
-def columns_of(recording: Recording) -> tuple[str, ...]:
+def select_columns(recording: Recording) -> tuple[str, ...]:
     """The columns that are written, in the order of `long_csv.NAMES`."""
     numbers = [name for name in COLUMNS if all(name in track.columns for track in recording.tracks)]
     words = [] if None in recording.labels else ["label"]
@@ -51,8 +53,8 @@ def columns_of(recording: Recording) -> tuple[str, ...]:
 
 
 def _write_csv(recording: Recording, path: str | Path) -> None:
-    names = columns_of(recording)
-    with written_atomically(path) as file:
+    names = select_columns(recording)
+    with open_atomically(path) as file:
         file.write(_csv_line(names))
         for track in recording.tracks:
             file.write(_rows(track, names, path))
@@ -84,11 +86,11 @@ def _rows(track: Track, names: tuple[str, ...], path: str | Path) -> bytes:
 
 
 def _write_parquet(recording: Recording, path: str | Path) -> None:
-    arrow, names = pyarrow(), columns_of(recording)
+    arrow, names = pyarrow(), select_columns(recording)
     words = [name for name in names if name in ("track", "label", "group")]
     fields = [(name, arrow.string() if name in words else arrow.float64()) for name in names]
     schema = arrow.schema(fields)
-    with written_atomically(path) as file, arrow.parquet.ParquetWriter(file, schema) as writer:
+    with open_atomically(path) as file, arrow.parquet.ParquetWriter(file, schema) as writer:
         for start in range(0, len(recording), 1000):
             some = recording.tracks[start : start + 1000]
             columns = []
@@ -103,10 +105,10 @@ def _write_parquet(recording: Recording, path: str | Path) -> None:
             writer.write_table(arrow.table(dict(zip(names, map(arrow.array, columns), strict=True)), schema))
 
 
-def mends_table(mends: Iterable[Mend]) -> str:
+def repairs_to_csv(repairs: Iterable[Repair]) -> str:
     """Every mend as a line of CSV text below a heading."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(Mend._fields)
-    table.writerows(mends)
+    table.writerow(Repair._fields)
+    table.writerows(repairs)
     return text.getvalue()

@@ -16,13 +16,13 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import softmax
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.validation import Validation
-from lcorpp.values import Array, Likelihood, frozen
+from lcorpp.values import Array, Likelihood, freeze
 
 MIN_PROBABILITY = 1e-3
-"""Smaller probabilities are raised to this one: no data set of thousands justifies a smaller one, and a forest
-whose trees all agree gives 0."""
+"""Smaller probabilities are raised to this one: no data set of thousands justifies a smaller one, and a
+forest whose trees all agree gives 0."""
 
 STARTS = ((0.0, 0.01), (1.0, 0.1))
 """Starting points of a fit: logarithm of the slope, and sum of the lapses. The better result is taken."""
@@ -35,8 +35,8 @@ MIN_LAPSE, MAX_LAPSE_SUM = 1e-6, 0.9
 class Calibration:
     """The calibration curve ``lapses + (1 - sum of lapses) softmax(slope log p + offsets)``.
 
-    For two classes without lapses this is Platt's logistic curve; with them it is the psychometric curve, whose
-    ends lie above 0 and below 1.
+    For two classes without lapses this is Platt's logistic curve; with them it is the psychometric curve,
+    whose ends lie above 0 and below 1.
 
     classes: (K,) the class names, in the order of the probabilities.
     slope: above 0; below 1 the classifier was overconfident.
@@ -56,7 +56,7 @@ class Calibration:
 
     def __post_init__(self) -> None:
         for name in ("offsets", "lapses", "shares"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            object.__setattr__(self, name, freeze(getattr(self, name)))
         k = len(self.classes)
         if k < 2 or any(part.shape != (k,) for part in (self.offsets, self.lapses, self.shares)):
             raise DataError(f"a calibration of {k} classes needs as many offsets, lapses and shares")
@@ -84,7 +84,7 @@ class Calibration:
         return np.asarray(self.lapses + (1 - self.lapses.sum()) * curve)
 
     def likelihoods(self, probabilities: Array) -> list[Likelihood]:
-        """The likelihood of each case (cases, K): calibrated probabilities divided by the class frequencies."""
+        """The likelihood of each case (cases, K): calibrated probabilities over class frequencies."""
         weights = self.calibrate(probabilities) / self.shares
         return [Likelihood(self.classes, row) for row in weights]
 
@@ -135,8 +135,10 @@ def fit_calibration(classes: Sequence[str], probabilities: Array, labels: Sequen
         curve = softmax(slope * logs + offsets, axis=1)
         calibrated = lapses + (1 - lapses.sum()) * curve
         by_probability = -targets / calibrated / cases
-        by_score = (1 - lapses.sum()) * curve * (
-            by_probability - (by_probability * curve).sum(axis=1, keepdims=True)
+        by_score = (
+            (1 - lapses.sum())
+            * curve
+            * (by_probability - (by_probability * curve).sum(axis=1, keepdims=True))
         )
         by_lapse = by_probability.sum(axis=0) - (by_probability * curve).sum()
         by_slope = slope * float((by_score * logs).sum()) + parameters[0] / cases
@@ -182,5 +184,5 @@ def _class_indices(classes: Sequence[str], labels: Sequence[str]) -> np.ndarray:
         raise DataError("no cases to calibrate on")
     for name in labels:
         if name not in columns:
-            raise DataError(f"a case is of class {name!r}; {expected(list(classes))}")
+            raise DataError(f"a case is of class {name!r}; {expected_one_of(list(classes))}")
     return np.array([columns[name] for name in labels], dtype=np.intp)

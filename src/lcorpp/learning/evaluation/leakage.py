@@ -1,17 +1,18 @@
 """Label leakage: can a data set's labels be predicted from shortcut features instead of motion?
 
 A shortcut feature is something other than motion, e.g. the last position. A simple model is trained on it and
-cross-validated. If the model separates the classes, a classifier may do the same, and its score says little about
-motion.
+cross-validated. If the model separates the classes, a classifier may do the same, and its score says little
+about motion.
 
-The model is kernel ridge regression on the ranks of the features, with Gaussian kernels of several widths. It fits
-any shape, is robust to outliers, works with few cases and takes milliseconds. On the authors' 123 tracks its AUC is
-.99 by end position and .86 by sampling; nearest neighbours reach .97 and .79; forests, ten times slower, .99 and
-.86. The AUC is the mean over several splits, because that of one split of a hundred cases may be off by .02.
+The model is kernel ridge regression on the ranks of the features, with Gaussian kernels of several widths. It
+fits any shape, is robust to outliers, works with few cases and takes milliseconds. On the authors' 123 tracks
+its AUC is .99 by end position and .86 by sampling; nearest neighbours reach .97 and .79; forests, ten times
+slower, .99 and .86. The AUC is the mean over several splits, because that of one split of a hundred cases may
+be off by .02.
 
-The traces of sampling are those that resampling leaves in exact numbers: points on a straight line between two
-others, positions that repeat to the last digit, values on a grid. Smooth and rough motion have the same traces, so
-a difference in motion is not mistaken for one in recording.
+The traces of sampling are those that resampling leaves in exact numbers: points on a straight line between
+two others, positions that repeat to the last digit, values on a grid. Smooth and rough motion have the same
+traces, so a difference in motion is not mistaken for one in recording.
 
 Source: Rifkin and Klautau, "In defense of one-vs-all classification", JMLR 5, 2004, section 2.3 (regularised
 least squares); Williams and Seeger, NIPS 2000 (the landmarks).
@@ -40,7 +41,8 @@ MIN_SUSPICIOUS_AUC = 0.7
 
 DIVISIONS, FOLDS = 5, 5
 WIDTHS, RIDGE, LANDMARKS = (0.3, 1.0), 0.5, 300
-"""Widths of the kernels in units of the median distance, ridge penalty, and maximal number of landmark cases."""
+"""Widths of the kernels in units of the median distance, ridge penalty, and maximal number of landmark
+cases."""
 
 RESAMPLES, CONFIDENCE = 300, 0.95
 
@@ -75,8 +77,8 @@ class Leak:
     """How well one shortcut predicts the labels.
 
     name: one of `SHORTCUT_FEATURES`.
-    auc: area under the ROC curve, mean over divisions, with a 95 % interval from resampled groups; .5 is chance, 1
-        a perfect leak; for more than two classes, the mean of each against the others.
+    auc: area under the ROC curve, mean over divisions, with a 95 % interval from resampled groups; .5 is
+        chance, 1 a perfect leak; for more than two classes, the mean of each against the others.
     """
 
     name: str
@@ -96,8 +98,8 @@ def check_leakage(
 ) -> tuple[Leak, ...]:
     """Measure how well end position, duration and sampling alone predict the labels of `data`.
 
-    All tracks of a `Dataset` have the same duration and interval; only traces of an earlier resampling are left.
-    A `Recording` still has the original sampling.
+    All tracks of a `Dataset` have the same duration and interval; only traces of an earlier resampling are
+    left. A `Recording` still has the original sampling.
 
     Args:
         divisions: number of random splits; the AUC is their mean.
@@ -130,7 +132,8 @@ def check_leakage(
 def leakage_note(data: Dataset | Recording) -> str | None:
     """A warning to print with any score on `data`; None if no leak is found.
 
-    It uses `check_leakage` with two divisions, which is faster and accurate enough for a warning. Data that cannot
+    It uses `check_leakage` with two divisions, which is faster and accurate enough for a warning. Data that
+    cannot
     be checked give None: they are not trainable either, and `check_trainable` has the better message.
     """
     if _missing_for_check(data) is not None:
@@ -140,8 +143,9 @@ def leakage_note(data: Dataset | Recording) -> str | None:
         return None
     shortcuts = " and ".join(f"{leak.name} alone (AUC {leak.auc.estimate:.2f})" for leak in flagged)
     return (
-        f"The label can be predicted from {shortcuts}: a classifier that sees positions or every sample may learn"
-        " places and recordings, not intentions; give it motion relative to the first point, at a low rate."
+        f"The label can be predicted from {shortcuts}: a classifier that sees positions or every sample may"
+        " learn places and recordings, not intentions; give it motion relative to the first point, at a low"
+        " rate."
     )
 
 
@@ -205,7 +209,9 @@ def _missing_for_check(data: Dataset | Recording) -> str | None:
     return None
 
 
-def _measure_leak(name: str, features: Array, labels: Words, groups: Words, folds: Indices, seed: int) -> Leak:
+def _measure_leak(
+    name: str, features: Array, labels: Words, groups: Words, folds: Indices, seed: int
+) -> Leak:
     """The leak by features (cases, features); folds: (divisions, cases) the test fold of each case."""
     features = features[:, np.ptp(features, axis=0) > 0]
     if not features.shape[1]:  # constant features predict nothing

@@ -1,6 +1,7 @@
 """Metrics of probabilities, one class against the rest: AUC, Brier score, expected calibration error.
 
-Every metric takes `weights` (resamples, cases), the number of times each case counts, and returns one value per
+Every metric takes `weights` (resamples, cases), the number of times each case counts, and returns one value
+per
 row: a row of ones gives the metric itself, `cluster_bootstrap_weights` its bootstrap distribution.
 """
 
@@ -45,7 +46,7 @@ def cluster_bootstrap_weights(groups: Sequence[str], *, count: int = RESAMPLES, 
 
 
 def bootstrap_interval(value: float, resampled: Array) -> Interval:
-    """The 95 % percentile interval of a metric from its values on resamples (count,); NaN values are ignored."""
+    """The 95 % percentile interval of a metric from its values on resamples (count,); NaN is ignored."""
     known = resampled[np.isfinite(resampled)]
     if not len(known) or not np.isfinite(value):
         return Interval(float("nan"), float("nan"), float("nan"))
@@ -124,7 +125,8 @@ def expected_ece_if_calibrated(scores: Array, *, seed: int = 0) -> float:
 class ReliabilityBin:
     """A bin of a reliability diagram.
 
-    predicted: mean predicted probability. observed: fraction of positives with its 95 % interval. cases: number.
+    predicted: mean predicted probability. observed: fraction of positives with its 95 % interval. cases:
+        number.
     """
 
     predicted: float

@@ -33,8 +33,8 @@ class ProbabilityQuality:
 
     scores: (cases,) the out-of-fold probabilities.
     brier: Brier score.
-    ece: expected calibration error. ece_if_calibrated: its expectation if the probabilities were perfect, which
-        is above 0 for a finite number of cases.
+    ece: expected calibration error. ece_if_calibrated: its expectation if the probabilities were perfect,
+        which is above 0 for a finite number of cases.
     reliability: the reliability diagram.
     """
 
@@ -51,8 +51,8 @@ class ClassReport:
 
     name: the class. cases: number of its cases. positive: (all cases,) which cases are of it.
     auc: area under the ROC curve. roc: (2, points) the curve: false positive rate and true positive rate.
-    raw: quality of the classifier's probabilities. calibrated: the same after calibration, each fold calibrated
-        by a fit to the others.
+    raw: quality of the classifier's probabilities. calibrated: the same after calibration, each fold
+        calibrated by a fit to the others.
     thresholds: the best decision threshold for each goal.
     """
 
@@ -71,7 +71,7 @@ class ClassReport:
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table of a report. predicted: the column of the confusion matrix, "" for other quantities."""
+    """A row of a report's table. predicted: column of the confusion matrix, "" for other quantities."""
 
     class_name: str
     quantity: str
@@ -114,7 +114,11 @@ class EvaluationReport:
 
     def _repr_html_(self) -> str:
         body = [
-            (row.class_name, row.quantity, str(row.interval) if row.has_interval else f"{row.interval.estimate:.3f}")
+            (
+                row.class_name,
+                row.quantity,
+                str(row.interval) if row.has_interval else f"{row.interval.estimate:.3f}",
+            )
             for row in self.rows()
         ]
         return html_table(("class", "quantity", "value [95 % interval]"), body, caption=self.title)
@@ -161,8 +165,8 @@ def build_report(
     Args:
         validation: the result of `cross_validate`, with labels.
         positive: the positive one of two classes; None takes the last in order.
-        prevalence: class -> its prevalence where the classifier is used, for which thresholds are chosen; None
-            takes the frequencies among the cases.
+        prevalence: class -> its prevalence where the classifier is used, for which thresholds are chosen;
+            None takes the frequencies among the cases.
         costs: of a false negative and of a false positive: an additional goal of thresholds.
         learner, source: names to print.
 

@@ -66,7 +66,10 @@ def as_json(report: EvaluationReport) -> dict[str, Any]:
             one.name: {
                 "cases": one.cases,
                 "auc": _interval(one.auc),
-                "roc": {"false_positive_rate": one.roc[0].tolist(), "true_positive_rate": one.roc[1].tolist()},
+                "roc": {
+                    "false_positive_rate": one.roc[0].tolist(),
+                    "true_positive_rate": one.roc[1].tolist(),
+                },
                 "raw": _quality(one.raw),
                 "calibrated": _quality(one.calibrated),
                 "thresholds": [asdict(choice) for choice in one.thresholds],

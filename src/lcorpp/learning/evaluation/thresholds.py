@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.metrics import Flags
 from lcorpp.values import Array
 
@@ -129,7 +129,7 @@ def resolve_goal(goal: str | tuple[float, float]) -> tuple[str, Goal]:
     if not isinstance(goal, str):
         return "cost", cost_goal(*goal)
     if goal not in GOALS:
-        raise DataError(f"unknown goal {goal!r}; {expected([*GOALS])} or two costs")
+        raise DataError(f"unknown goal {goal!r}; {expected_one_of([*GOALS])} or two costs")
     return goal, GOALS[goal]
 
 
@@ -146,8 +146,8 @@ def choose_threshold(
     Args:
         scores: (cases,) the probability of the positive class. positive: (cases,) the truth.
         folds: (cases,) the fold in which each case was held out.
-        prevalence: fraction of positives where the classifier is used, between 0 and 1; the fraction among the
-            cases does not matter.
+        prevalence: fraction of positives where the classifier is used, between 0 and 1; the fraction among
+            the cases does not matter.
         goal: "accuracy", "f1", "youden", or the costs of a false negative and of a false positive.
 
     Raises:

@@ -145,19 +145,21 @@ def cross_validate(
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Validation:
-    """Predict every case by a classifier trained on the other folds; folds are stratified and keep groups whole.
+    """Predict every case by a classifier trained on the other folds.
+
+    The folds are stratified and keep groups whole.
 
     Args:
-        estimator: a scikit-learn classifier on (cases, channels, time points), see `ensure_predict_proba`; each
-            fold uses a clone. Its own `progress` is not called.
+        estimator: a scikit-learn classifier on (cases, channels, time points), see `ensure_predict_proba`;
+            each fold uses a clone. Its own `progress` is not called.
         folds: number of folds.
         seed: seed of the split.
         jobs: number of processes; it does not affect the result.
         progress: callback after each fold.
 
     Raises:
-        DataError: `dataset` is not trainable or cannot be split, see `check_trainable`; or the estimator fails,
-            or gives no probabilities.
+        DataError: `dataset` is not trainable or cannot be split, see `check_trainable`; or the estimator
+            fails, or gives no probabilities.
     """
     return fit_and_validate(estimator, dataset, folds, seed, jobs, progress, whole=False)[1]
 
@@ -256,7 +258,7 @@ def _train_and_predict(
     train: Indices,
     test: Indices,
 ) -> tuple[int, Any, Array | None]:
-    """Train on some cases; return the classifier if there are no test cases, else the predictions for them."""
+    """Train on some cases; return the predictions for the test cases, or the classifier if there are none."""
     trained = fit_clone(estimator, tracks[train], labels[train])
     if trained.classes_.tolist() != classes.tolist():
         raise DataError(f"the classifier learnt {trained.classes_.tolist()}, not {classes.tolist()}")

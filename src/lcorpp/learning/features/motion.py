@@ -1,7 +1,7 @@
 """Motion preprocessing: raw tracks -> motion features at a fixed rate, independent of place.
 
-Both steps are scikit-learn transformers on arrays (cases, channels, time points) for use in a Pipeline, so that
-everything they estimate is estimated from training data only.
+Both steps are scikit-learn transformers on arrays (cases, channels, time points) for use in a Pipeline, so
+that everything they estimate is estimated from training data only.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
-from lcorpp.learning.data.dataset import checked_tracks
+from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.features.motion_features import (
     ANGLES,
     Pose,
@@ -37,24 +37,27 @@ from lcorpp.values import Array
 class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
     """Motion features of tracks at a fixed rate, in the robot's frame and relative to the first point.
 
-    The place of a track often leaks its label (see `leakage`); its motion does not. Point j of the result uses
-    samples up to j / rate seconds after the first one only, so a prefix of a track gives a prefix of the result,
-    number for number. 304 points .033 seconds apart become 30 points at 3 per second, as in the paper.
+    The place of a track often leaks its label (see `leakage`); its motion does not. Point j of the result
+    uses samples up to j / rate seconds after the first one only, so a prefix of a track gives a prefix of the
+    result, number for number. 304 points .033 seconds apart become 30 points at 3 per second, as in the
+    paper.
 
     The features, each of one or two numbers:
 
     - x, y: displacement from the first point, metres ahead of the robot and to its left;
     - velocity: speed, m/s; without such an input, distance from the previous point over time, 0 at the first;
-    - heading: cosine and sine of the direction of motion, anticlockwise from the robot's heading; without such
-      an input, the direction from the previous point. (0, 0) if there is no motion;
+    - heading: cosine and sine of the direction of motion, anticlockwise from the robot's heading; without
+      such an input, the direction from the previous point. (0, 0) if there is no motion;
     - facing: the same for the direction of the body or head, which has to be an input;
-    - approach: cosine and sine of heading relative to the direction to the robot: (1, 0) walks straight to it;
+    - approach: cosine and sine of heading relative to the direction to the robot: (1, 0) walks straight to
+      it;
     - attention: the same for facing: (1, 0) looks at the robot;
     - distance: metres from the robot;
     - bearing: cosine and sine of the direction from the robot to the person.
 
-    The last four contain the person's place, not only the motion: they carry more information about intention,
-    and on data that leaks its label by place a classifier learns the leak. The others do not depend on place.
+    The last four contain the person's place, not only the motion: they carry more information about
+    intention, and on data that leaks its label by place a classifier learns the leak. The others do not
+    depend on place.
 
     Args:
         rate: points per second of the result.
@@ -90,7 +93,7 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
             DataError: X does not match `inputs`, or a parameter is out of range or does not match another.
         """
         self._check_parameters()
-        tracks = checked_tracks(X)
+        tracks = check_tracks(X)
         if tracks.shape[1] != len(self.inputs):
             raise DataError(
                 f"the inputs are {', '.join(self.inputs)}, but the tracks have {tracks.shape[1]} channels"
@@ -193,7 +196,7 @@ class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc
 
     def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
         """Estimate mean and deviation of each channel of X (cases, channels, time points)."""
-        tracks = checked_tracks(X)
+        tracks = check_tracks(X)
         self.mean_: Array = tracks.mean(axis=(0, 2))
         deviation = tracks.std(axis=(0, 2))
         self.scale_: Array = np.where(deviation > 0, deviation, 1.0)  # a constant channel becomes 0
@@ -203,7 +206,8 @@ class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc
         """X (cases, channels, time points), standardized.
 
         Raises:
-            DataError: X does not have that shape, is not finite, or has other channels than the training data.
+            DataError: X does not have that shape, is not finite, or has other channels than the training
+                data.
         """
         return self.standardize(_check_channels(X, len(self.mean_)))
 
@@ -233,7 +237,7 @@ class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc
 
 
 def _check_channels(X: Any, channels: int) -> Array:
-    tracks = checked_tracks(X)
+    tracks = check_tracks(X)
     if tracks.shape[1] != channels:
         raise DataError(f"trained on tracks of {channels} channels, given {tracks.shape[1]}")
     return tracks

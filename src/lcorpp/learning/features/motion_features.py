@@ -1,7 +1,8 @@
 """Motion features: displacement, speed and directions of a person at each point of a track.
 
 Each feature depends on the track up to its point only. A direction is stored as cosine and sine, which do not
-jump as an angle does; it is (0, 0) if there is no direction: at the first point, and if the person stands still.
+jump as an angle does; it is (0, 0) if there is no direction: at the first point, and if the person stands
+still.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.values import CHANNELS, Array
 
 Pose = tuple[float, float, float]
@@ -27,7 +28,8 @@ class TrackPoints:
 
     now, before, first: (..., inputs, points) the points, the predecessor of each, and the first point of each
         track; a first point is its own predecessor.
-    inputs: the names of the inputs. robot: the robot's pose in the frame of the tracks. rate: points per second.
+    inputs: the names of the inputs. robot: the robot's pose in the frame of the tracks. rate: points per
+        second.
     """
 
     def __init__(
@@ -149,10 +151,12 @@ def check_features(features: Sequence[str], inputs: Sequence[str]) -> None:
     """
     for kind, names, known in (("feature", features, tuple(MOTION_FEATURES)), ("input", inputs, CHANNELS)):
         if isinstance(names, str) or not isinstance(names, Sequence) or not names:
-            raise DataError(f"{kind}s must be a non-empty sequence of names, not {names!r}; {expected(known)}")
+            raise DataError(
+                f"{kind}s must be a non-empty sequence of names, not {names!r}; {expected_one_of(known)}"
+            )
         for name in names:
             if name not in known:
-                raise DataError(f"unknown {kind} {name!r}; {expected(known)}")
+                raise DataError(f"unknown {kind} {name!r}; {expected_one_of(known)}")
         if len(set(names)) < len(names):
             raise DataError(f"the {kind}s are {', '.join(names)}; expected every name once")
     for name in features:

@@ -38,7 +38,8 @@ def resample(
         times: (samples,) seconds, increasing, of any origin; gaps of any length are interpolated linearly.
         samples: (channels, samples).
         rate: points per second.
-        angles: indices of the channels that are angles in radians; they are interpolated the shorter way round.
+        angles: indices of the channels that are angles in radians; they are interpolated the shorter way
+            round.
 
     Returns:
         (channels, points); angles may leave [-pi, pi].
@@ -71,7 +72,7 @@ def resample(
 
 
 def interpolation_weights(elapsed: Array, rate: float) -> InterpolationWeights:
-    """Weights that interpolate samples taken `elapsed` (samples,) seconds after the first, at a fixed rate."""
+    """Weights to interpolate samples taken `elapsed` (samples,) seconds after the first at a fixed rate."""
     at = np.arange(int(elapsed[-1] * rate) + 2) / rate
     after = np.searchsorted(elapsed, at - SAME_TIME)
     known = after < len(elapsed)

@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
-from lcorpp.learning.data.dataset import checked_tracks
+from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.values import Array
 
 SEGMENTS = 4
@@ -26,10 +26,11 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
     """Statistics of a track for classifiers that take a fixed number of features.
 
     This step follows `Motion`, whose first two rows have to be x and y. It derives speed (m/s), acceleration
-    (m/s²), turning and its size (radians per point), the components of velocity and the distance from the first
-    point; other rows are used as they are. For each of them it gives the mean in each of four segments of the
-    track, standard deviation, minimum, maximum and last value. Three more features are the path length, the
-    straightness (distance from start to end over path length) and the fraction of time standing still.
+    (m/s²), turning and its size (radians per point), the components of velocity and the distance from the
+    first point; other rows are used as they are. For each of them it gives the mean in each of four segments
+    of the track, standard deviation, minimum, maximum and last value. Three more features are the path
+    length, the straightness (distance from start to end over path length) and the fraction of time standing
+    still.
 
     Args:
         rate: points per second of the tracks.
@@ -47,7 +48,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
         Raises:
             DataError: X has fewer than two rows, or is not an array of finite tracks.
         """
-        tracks = checked_tracks(X)
+        tracks = check_tracks(X)
         if tracks.shape[1] < 2:
             raise DataError(f"summary features need x and y; the tracks have {tracks.shape[1]} channels")
         self.rows_ = int(tracks.shape[1])
@@ -60,7 +61,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
             DataError: X does not have the rows that `fit` saw.
         """
         check_is_fitted(self, "rows_")
-        tracks = checked_tracks(X)
+        tracks = check_tracks(X)
         if tracks.shape[1] != self.rows_:
             raise DataError(f"fitted to tracks of {self.rows_} channels, given {tracks.shape[1]}")
         velocity = np.diff(tracks[:, :2], axis=2) * self.rate
@@ -104,7 +105,7 @@ def _turning(velocity: Array, speed: Array) -> Array:
 
 
 def _statistics(values: Array) -> Array:
-    """(cases, SEGMENTS + 4) segment means, standard deviation, minimum, maximum and last value of each row."""
+    """(cases, SEGMENTS + 4) segment means, deviation, minimum, maximum and last value of each row."""
     points = values.shape[1]
     ends = np.linspace(0, points, SEGMENTS + 1).round().astype(int)
     means = [

@@ -65,8 +65,10 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
     """LSTM, dropout on its last output, one dense layer; a scikit-learn classifier.
 
     Two classes share one sigmoid unit and binary cross-entropy, more have a softmax and cross-entropy. The
-    optimiser is Adam, the initial weights are those of Keras, which the paper used. The same `random_state` gives
-    the same classifier up to the rounding of the trainer: compiled kernels, or torch without kernels or on a GPU.
+    optimiser is Adam, the initial weights are those of Keras, which the paper used. The same `random_state`
+    gives
+    the same classifier up to the rounding of the trainer: compiled kernels, or torch without kernels or on a
+        GPU.
 
     Args:
         units: units of the LSTM.
@@ -74,10 +76,10 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         epochs: passes over the training data.
         batch_size: cases per update.
         learning_rate: of Adam; for the schedule "one-cycle" the highest.
-        schedule: "constant" as in the paper; "one-cycle" rises over the first quarter of the training and falls to
-            0 along a cosine (Smith and Topin 2018).
-        class_weight: None: equal weight of all cases; "balanced": equal total weight of all classes; or class name
-            -> weight of each of its cases.
+        schedule: "constant" as in the paper; "one-cycle" rises over the first quarter of the training and
+            falls to 0 along a cosine (Smith and Topin 2018).
+        class_weight: None: equal weight of all cases; "balanced": equal total weight of all classes; or class
+            name -> weight of each of its cases.
         random_state: seed of the initial weights, the order of cases and the dropout, 0 or above.
         device: device of the training, "cpu" or "cuda"; a trained classifier runs anywhere.
         progress: callback (epochs done, number of epochs) after every epoch.
@@ -122,8 +124,8 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             y: (cases,) class names.
 
         Raises:
-            DataError: X or y is malformed, there is only one class, a parameter is out of range, the device is not
-                available, there are neither compiled kernels nor torch, or the training diverged.
+            DataError: X or y is malformed, there is only one class, a parameter is out of range, the device
+                is not available, there are neither compiled kernels nor torch, or the training diverged.
         """
         self._check_parameters()
         inputs = _to_inputs(check_tracks(X))
@@ -188,8 +190,8 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             points: (n, channels) the next time point of each track, scaled as in training.
 
         Raises:
-            DataError: `points` are malformed or not finite, or the state belongs to another classifier or to this
-                one before it was trained again; the state is unchanged then.
+            DataError: `points` are malformed or not finite, or the state belongs to another classifier or to
+                this one before it was trained again; the state is unchanged then.
             NotFittedError: before `fit`.
         """
         weights = self._fitted_weights()

@@ -32,8 +32,8 @@ class Network(Protocol):
 class Weights:
     """The weights of an LSTM of U units over C channels with O outputs, all float32 and read-only.
 
-    The 4 U rows are the input, forget, cell and output gates, U rows each. O is 1 for two classes, else the number
-    of classes.
+    The 4 U rows are the input, forget, cell and output gates, U rows each. O is 1 for two classes, else the
+    number of classes.
 
     inputs: (4 U, C).
     recurrent: (4 U, U).

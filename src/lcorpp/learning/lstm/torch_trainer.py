@@ -31,7 +31,9 @@ except ModuleNotFoundError:
 class TorchTrainer:
     """A `Trainer` with the gradients of torch."""
 
-    def __init__(self, start: Weights, training_set: TrainingSet, config: TrainingConfig, device: str) -> None:
+    def __init__(
+        self, start: Weights, training_set: TrainingSet, config: TrainingConfig, device: str
+    ) -> None:
         self._config, self._device, self._binary = config, device, training_set.classes == 2
         # Created on "meta", so that torch's global random state is not used.
         self._lstm = nn.LSTM(start.channels, start.units, batch_first=True, device="meta")
@@ -44,7 +46,9 @@ class TorchTrainer:
         self._dense_bias = _tensor(start.dense_bias).to(device).requires_grad_()
         self._adam = _Adam(self._parameters())
         self._inputs = _tensor(training_set.inputs).to(device)
-        self._targets = _tensor(training_set.targets).to(device, torch.float32 if self._binary else torch.int64)
+        self._targets = _tensor(training_set.targets).to(
+            device, torch.float32 if self._binary else torch.int64
+        )
         self._weights = _tensor(training_set.weights).to(device)
 
     def run_epoch(self, draw: EpochDraw, rates: Array) -> None:
@@ -123,8 +127,8 @@ def _tensor(array: npt.NDArray[Any]) -> torch.Tensor:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Limit torch to one thread: on matrices this small more threads wait for each other, up to 80 times longer
-    on a busy machine. Folds run as processes instead."""
+    """Limit torch to one thread: on matrices this small more threads wait for each other, up to 80 times
+    longer on a busy machine. Folds run as processes instead."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -19,8 +19,8 @@ SCHEDULES = ("constant", "one-cycle")
 """The learning rate schedules."""
 
 WARMUP, START_RATE = 0.25, 0.04
-"""Of "one-cycle": the fraction of the training in which the rate rises, and the initial rate as a fraction of the
-highest."""
+"""Of "one-cycle": the fraction of the training in which the rate rises, and the initial rate as a fraction of
+the highest."""
 
 
 def train(
@@ -52,7 +52,8 @@ def train(
         return trainer.weights()
     except DataError:
         raise DataError(
-            f"the training diverged; expected a learning rate below {config.learning_rate:g}, or smaller inputs"
+            f"the training diverged; expected a learning rate below {config.learning_rate:g},"
+            " or smaller inputs"
         ) from None
 
 
@@ -74,12 +75,13 @@ def class_weights(
     """(K,) the weight of a case of each class, as in scikit-learn.
 
     Args:
-        weighting: None: 1 for all; "balanced": equal total weight of all classes, mean weight 1; or class name ->
-            weight.
+        weighting: None: 1 for all; "balanced": equal total weight of all classes, mean weight 1; or class
+            name -> weight.
         classes: (K,) the class names. counts: (K,) the number of cases of each.
 
     Raises:
-        DataError: `weighting` is none of these, has other classes, or has a weight that is not positive and finite.
+        DataError: `weighting` is none of these, has other classes, or has a weight that is not positive and
+            finite.
     """
     if weighting is None:
         return np.ones(len(classes))

@@ -14,20 +14,20 @@ the second a crash may cost all.
 """
 
 from lcorpp.learning.store.contents import Damage
-from lcorpp.learning.store.layout import Layout
-from lcorpp.learning.store.reading import Reading, is_store, read_store
-from lcorpp.learning.store.tracks import SOURCES, Entry, Judgement, Stored
+from lcorpp.learning.store.layout import TrackSchema
+from lcorpp.learning.store.reading import Snapshot, is_store, read_store
+from lcorpp.learning.store.tracks import SOURCES, LabelRecord, NewTrack, StoredTrack
 from lcorpp.learning.store.writing import Store
 
 __all__ = [
     "SOURCES",
     "Damage",
-    "Entry",
-    "Judgement",
-    "Layout",
-    "Reading",
+    "LabelRecord",
+    "NewTrack",
+    "Snapshot",
     "Store",
-    "Stored",
+    "StoredTrack",
+    "TrackSchema",
     "is_store",
     "read_store",
 ]

@@ -9,7 +9,7 @@ from typing import BinaryIO
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning.store.frames import Frame, Gap, frames
 from lcorpp.learning.store.layout import LONGEST_HEAD, MAGIC, Head, begun_head, parse_head
-from lcorpp.learning.store.tracks import Stored, decoded
+from lcorpp.learning.store.tracks import StoredTrack, decoded
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Contents:
 
     def __init__(self, head: Head) -> None:
         self.head = head
-        self.tracks: dict[str, Stored] = {}
+        self.tracks: dict[str, StoredTrack] = {}
         self.records = 0
         self.last = 0
         self.end = head.length
@@ -57,7 +57,7 @@ class Contents:
         """Take in the next whole frame, `gap` being what lies between it and the one before."""
         self.end = frame.stop
         try:
-            number, about, judgement, stored = decoded(frame, self.head.layout)
+            number, about, judgement, stored = decoded(frame, self.head.schema)
             if stored is not None and about in self.tracks:
                 raise DataError(f"there is another track {about!r}")
         except DataError as error:
@@ -79,7 +79,7 @@ class Contents:
             self.tracks[about] = stored
         elif about in self.tracks:
             known = self.tracks[about]
-            self.tracks[about] = replace(known, said=(*known.said, judgement))
+            self.tracks[about] = replace(known, label_history=(*known.label_history, judgement))
         else:
             self.damage.append(
                 Damage(frame.start, frame.stop, f"record {number} labels {about!r}, which is lost", 0)

@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.store.frames import MARKER
 from lcorpp.values import CHANNELS, Dataset
 
@@ -20,7 +20,7 @@ MOST_POINTS = 2**20
 
 
 @dataclass(frozen=True)
-class Layout:
+class TrackSchema:
     """What every track of a store must have.
 
     channels: what each row of a trajectory is, names among `values.CHANNELS`: m, m/s, rad.
@@ -39,7 +39,7 @@ class Layout:
             object.__setattr__(self, what, _names(what, names))
         for name in self.channels:
             if name not in CHANNELS:
-                raise DataError(f"unknown channel {name!r}; {expected(CHANNELS)}")
+                raise DataError(f"unknown channel {name!r}; {expected_one_of(CHANNELS)}")
         if not isinstance(self.interval, int | float) or not 0 < self.interval < math.inf:
             raise DataError(f"the interval is {self.interval!r} s; expected a finite number above 0")
         object.__setattr__(self, "interval", float(self.interval))
@@ -47,12 +47,12 @@ class Layout:
             raise DataError(f"tracks of {self.points!r} time points; expected 2 to {MOST_POINTS}, or None")
 
     @classmethod
-    def of(cls, dataset: Dataset, classes: Sequence[str]) -> Layout:
-        """The layout of tracks like those of `dataset`, labelled with `classes`."""
+    def of(cls, dataset: Dataset, classes: Sequence[str]) -> TrackSchema:
+        """The schema of tracks like those of `dataset`, labelled with `classes`."""
         return cls(dataset.channels, dataset.interval, tuple(classes), dataset.trajectories.shape[2])
 
-    def check_same(self, other: Layout, where: str) -> None:
-        """Return if a store with this layout, called `where`, takes tracks of `other`.
+    def check_same(self, other: TrackSchema, where: str) -> None:
+        """Return if a store with this schema, called `where`, takes tracks of `other`.
 
         Raises:
             DataError: it does not; the first difference is told.
@@ -69,29 +69,29 @@ class Layout:
 
 @dataclass(frozen=True)
 class Head:
-    """The beginning of a store's file: its layout, and the marker of its frames.
+    """The beginning of a store's file: its schema, and the marker of its frames.
 
     length: bytes up to the first frame.
     whole: whether both copies are undamaged; one is enough.
     """
 
-    layout: Layout
+    schema: TrackSchema
     marker: bytes
     length: int
     whole: bool = True
 
 
-def head_bytes(layout: Layout, marker: bytes) -> bytes:
+def head_bytes(schema: TrackSchema, marker: bytes) -> bytes:
     """Two equal lines of text: a damaged byte in one of them loses nothing.
 
     Raises:
         DataError: the names are too long for a head.
     """
     content = {
-        "channels": layout.channels,
-        "interval": layout.interval,
-        "classes": layout.classes,
-        "points": layout.points,
+        "channels": schema.channels,
+        "interval": schema.interval,
+        "classes": schema.classes,
+        "points": schema.points,
         "marker": marker.hex(),
     }
     rest = b"%d %s" % (VERSION, json.dumps(content).encode())
@@ -129,7 +129,7 @@ def begun_head(content: bytes) -> bool:
     return b"\n" not in line and (MAGIC.startswith(line) or line.startswith(MAGIC))
 
 
-def _line(line: bytes) -> tuple[Layout, bytes] | None:
+def _line(line: bytes) -> tuple[TrackSchema, bytes] | None:
     checksum, _, rest = line[len(MAGIC) : -1].partition(b" ")
     if checksum != b"%08x" % zlib.crc32(rest):
         return None
@@ -140,11 +140,11 @@ def _line(line: bytes) -> tuple[Layout, bytes] | None:
         )
     try:
         content = json.loads(text)
-        layout = Layout(content["channels"], content["interval"], content["classes"], content["points"])
+        schema = TrackSchema(content["channels"], content["interval"], content["classes"], content["points"])
         marker = bytes.fromhex(content["marker"])
     except (ValueError, LookupError, TypeError, RecursionError):
         return None
-    return (layout, marker) if len(marker) == MARKER else None
+    return (schema, marker) if len(marker) == MARKER else None
 
 
 def _names(what: str, names: Sequence[str]) -> tuple[str, ...]:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcorpp.errors import DataError, FileError, expected
+from lcorpp.errors import DataError, FileError, expected_one_of
 from lcorpp.learning.store.contents import Contents, Damage, opened, read_head
 from lcorpp.learning.store.frames import frame_at
-from lcorpp.learning.store.layout import MAGIC, Layout
-from lcorpp.learning.store.tracks import SOURCES, Stored, trajectory
+from lcorpp.learning.store.layout import MAGIC, TrackSchema
+from lcorpp.learning.store.tracks import SOURCES, StoredTrack, trajectory
 from lcorpp.values import Array, Dataset
 
 if TYPE_CHECKING:
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class Snapshot:
     """A store as of one moment.
 
-    path: the file. layout: what all its tracks have in common.
+    path: the file. schema: what all its tracks have in common.
     tracks: those stored, in their order. records: tracks and later judgements about them.
     damage: places in the file that are not as they were written; the records there are lost.
     tail: bytes behind the last record: one that is being written, or was when its writer came to its end.
     """
 
     path: Path
-    layout: Layout
-    tracks: tuple[Stored, ...]
+    schema: TrackSchema
+    tracks: tuple[StoredTrack, ...]
     records: int
     damage: tuple[Damage, ...]
     tail: int
@@ -42,17 +42,21 @@ class Reading:
     def __len__(self) -> int:
         return len(self.tracks)
 
-    def __iter__(self) -> Iterator[Stored]:
+    def __iter__(self) -> Iterator[StoredTrack]:
         return iter(self.tracks)
 
-    def chosen(
-        self, *, sources: Collection[str] = SOURCES, above: float = 0.0, labels: Collection[str] | None = None
-    ) -> tuple[Stored, ...]:
+    def select(
+        self,
+        *,
+        sources: Collection[str] = SOURCES,
+        min_confidence: float = 0.0,
+        labels: Collection[str] | None = None,
+    ) -> tuple[StoredTrack, ...]:
         """The labelled tracks that may be trusted.
 
         Args:
             sources: who must have said the label that holds, "person" or "robot".
-            above: least trust in it (`Judgement.trust`); what has none counts only where this is 0.
+            min_confidence: minimum `LabelRecord.confidence`; a label without one passes only 0.
             labels: the classes to choose; None takes all.
 
         Raises:
@@ -60,23 +64,23 @@ class Reading:
         """
         for what, given, known in (
             ("source", sources, SOURCES),
-            ("class", labels or (), self.layout.classes),
+            ("class", labels or (), self.schema.classes),
         ):
             for name in given:
                 if name not in known:
-                    raise DataError(f"unknown {what} {name!r}; {expected(known)}")
-        if not 0 <= above <= 1:
-            raise DataError(f"the trust asked for is {above}; expected 0 to 1")
+                    raise DataError(f"unknown {what} {name!r}; {expected_one_of(known)}")
+        if not 0 <= min_confidence <= 1:
+            raise DataError(f"the trust asked for is {min_confidence}; expected 0 to 1")
         return tuple(
             track
             for track in self.tracks
             if track.label is not None
             and track.source in sources
-            and (above == 0 or track.judgement.trust >= above)
+            and (min_confidence == 0 or track.judgement.confidence >= min_confidence)
             and (labels is None or track.label in labels)
         )
 
-    def trajectories(self, tracks: Sequence[Stored] | None = None) -> Array:
+    def trajectories(self, tracks: Sequence[StoredTrack] | None = None) -> Array:
         """(cases, channels, time points) the numbers of some tracks of this reading, of all by default.
 
         Raises:
@@ -84,19 +88,19 @@ class Reading:
             FileError: the file cannot be read, or has been changed or damaged since.
         """
         tracks = self.tracks if tracks is None else tracks
-        points = tracks[0].points if tracks else self.layout.points or 2
+        points = tracks[0].points if tracks else self.schema.points or 2
         for track in tracks:
             if track.points != points:
                 raise DataError(
                     f"{self.path}: track {track.id!r} has {track.points} time points and {tracks[0].id!r}"
                     f" {points}; a data set needs one number of them: choose, or cut them with `points`"
                 )
-        numbers = np.empty((len(tracks), len(self.layout.channels), points))
+        numbers = np.empty((len(tracks), len(self.schema.channels), points))
         for row, array in zip(numbers, self._arrays(tracks), strict=True):
             row[:] = array
         return numbers
 
-    def dataset(self, tracks: Sequence[Stored] | None = None, *, points: int | None = None) -> Dataset:
+    def dataset(self, tracks: Sequence[StoredTrack] | None = None, *, points: int | None = None) -> Dataset:
         """Labelled tracks as data to learn from, in their order; damage to the store is told in the notes.
 
         Args:
@@ -108,7 +112,7 @@ class Reading:
             DataError: the tracks differ in their time points, one has no label, or `points` is below 2.
             FileError: the file cannot be read, or has been changed or damaged since.
         """
-        tracks = self.chosen() if tracks is None else tracks
+        tracks = self.select() if tracks is None else tracks
         notes = tuple(str(damage) for damage in self.damage)
         if points is None:
             numbers = self.trajectories(tracks)
@@ -120,7 +124,7 @@ class Reading:
                 notes += (f"{len(tracks) - len(long)} tracks of fewer than {points} time points left out",)
             tracks = long
             cut = [array[:, -points:] for array in self._arrays(tracks)]
-            numbers = np.reshape(cut, (len(tracks), len(self.layout.channels), points))
+            numbers = np.reshape(cut, (len(tracks), len(self.schema.channels), points))
         labels = []
         for track in tracks:
             if track.label is None:
@@ -132,17 +136,17 @@ class Reading:
             tuple(track.group for track in tracks),
             source=str(self.path),
             notes=notes,
-            interval=self.layout.interval,
-            channels=self.layout.channels,
+            interval=self.schema.interval,
+            channels=self.schema.channels,
         )
 
-    def weights(self, tracks: Sequence[Stored] | None = None) -> Array:
+    def weights(self, tracks: Sequence[StoredTrack] | None = None) -> Array:
         """(cases,) the trust in each label, in the order of `dataset`; 1 where nothing is known of it.
 
         They are what scikit-learn calls `sample_weight`: a label that the robot half believed counts half.
         """
-        tracks = self.chosen() if tracks is None else tracks
-        trust = np.array([track.judgement.trust for track in tracks], dtype=np.float64)
+        tracks = self.select() if tracks is None else tracks
+        trust = np.array([track.judgement.confidence for track in tracks], dtype=np.float64)
         return np.where(np.isnan(trust), 1.0, trust)
 
     def recording(self) -> Recording:
@@ -156,8 +160,8 @@ class Reading:
         tracks = [
             Track(
                 stored.id,
-                np.arange(float(stored.points)) * self.layout.interval,
-                dict(zip(self.layout.channels, numbers, strict=True)),
+                np.arange(float(stored.points)) * self.schema.interval,
+                dict(zip(self.schema.channels, numbers, strict=True)),
                 stored.label,
                 stored.group,
             )
@@ -167,7 +171,7 @@ class Reading:
 
     def counts(self) -> Mapping[tuple[str | None, str], int]:
         """(label, source) -> how many tracks, in the order of the classes."""
-        order = [(label, source) for label in (*self.layout.classes, None) for source in SOURCES]
+        order = [(label, source) for label in (*self.schema.classes, None) for source in SOURCES]
         counts = dict.fromkeys(order, 0)
         for track in self.tracks:
             counts[track.label, track.source] += 1
@@ -183,7 +187,7 @@ class Reading:
         )
         return f"{len(self)} tracks" + (f" ({counts})" if counts else "")
 
-    def _arrays(self, tracks: Sequence[Stored]) -> Iterator[Array]:
+    def _arrays(self, tracks: Sequence[StoredTrack]) -> Iterator[Array]:
         """The numbers of each track, (channels, time points), checked once more as they are read."""
         with opened(self.path) as file:
             size = os.fstat(file.fileno()).st_size
@@ -194,10 +198,10 @@ class Reading:
                         f"{self.path}: track {track.id!r} is no longer at byte {track.place}: the file has"
                         " been changed or damaged since it was read"
                     )
-                yield trajectory(frame, self.layout)
+                yield trajectory(frame, self.schema)
 
 
-def read_store(path: str | Path) -> Reading:
+def read_store(path: str | Path) -> Snapshot:
     """What is in a store now; a process that writes to it is not disturbed.
 
     Raises:
@@ -215,11 +219,11 @@ def read_store(path: str | Path) -> Reading:
     return reading(path, contents, stop)
 
 
-def reading(path: Path, contents: Contents, stop: int) -> Reading:
+def reading(path: Path, contents: Contents, stop: int) -> Snapshot:
     """The contents of the first `stop` bytes of a file, as they are now."""
-    return Reading(
+    return Snapshot(
         path,
-        contents.head.layout,
+        contents.head.schema,
         tuple(contents.tracks.values()),
         contents.records,
         tuple(contents.damage),

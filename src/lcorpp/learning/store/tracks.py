@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import DataError, expected
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.store.frames import MOST_FACTS, MOST_NUMBERS, Frame
-from lcorpp.learning.store.layout import Layout
-from lcorpp.values import Array, Distribution, fingerprint, frozen
+from lcorpp.learning.store.layout import TrackSchema
+from lcorpp.values import Array, Distribution, freeze, track_hash
 
 SOURCES = ("person", "robot")
 """Who can say what class a track is of: a person who knows, or the robot that reported it."""
@@ -26,10 +26,10 @@ ROUNDING = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
+class NewTrack:
     """One track to be stored.
 
-    trajectory: (channels, time points) as the store's layout says.
+    trajectory: (channels, time points) as the store's schema says.
     label: its class; None where nobody said one, e.g. a decision that ended without a report.
     source: who said so, "person" or "robot".
     belief: the robot's final belief over the target's values, where it had one.
@@ -52,8 +52,8 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Judgement:
-    """What was said of a track's class, by whom, when, and the belief behind it; see `Entry`."""
+class LabelRecord:
+    """What was said of a track's class, by whom, when, and the belief behind it; see `NewTrack`."""
 
     label: str | None
     source: str
@@ -61,7 +61,7 @@ class Judgement:
     belief: Distribution | None
 
     @property
-    def trust(self) -> float:
+    def confidence(self) -> float:
         """The belief in the label; without a belief 1 where a person said it, NaN where the robot did."""
         if self.belief is not None and self.label is not None:
             return self.belief[self.label]
@@ -69,11 +69,11 @@ class Judgement:
 
 
 @dataclass(frozen=True, slots=True)
-class Stored:
+class StoredTrack:
     """A track as a store knows it; its numbers are still in the file.
 
-    number: of its record, counted from 1. said: what was said of its class, in the order of the records.
-    points: time points. place: first byte of its record. The rest is as in `Entry`.
+    number: of its record, from 1. label_history: all its label records, in their order.
+    points: time points. place: first byte of its record. The rest is as in `NewTrack`.
     """
 
     number: int
@@ -83,12 +83,12 @@ class Stored:
     extra: Mapping[str, Any]
     points: int
     place: int
-    said: tuple[Judgement, ...]
+    label_history: tuple[LabelRecord, ...]
 
     @property
-    def judgement(self) -> Judgement:
+    def judgement(self) -> LabelRecord:
         """What holds: the newest that a person said, or else the newest."""
-        return next((j for j in reversed(self.said) if j.source == "person"), self.said[-1])
+        return next((j for j in reversed(self.label_history) if j.source == "person"), self.label_history[-1])
 
     @property
     def label(self) -> str | None:
@@ -105,17 +105,17 @@ class Stored:
     @property
     def time(self) -> datetime:
         """When the track was seen."""
-        return self.said[0].time
+        return self.label_history[0].time
 
 
-def encoded(track: Entry, number: int, id: str, layout: Layout) -> tuple[bytes, bytes]:
+def encoded(track: NewTrack, number: int, id: str, schema: TrackSchema) -> tuple[bytes, bytes]:
     """A track as the facts and the numbers of a frame.
 
     Raises:
-        DataError: it does not fit the layout, or holds what cannot be stored.
+        DataError: it does not fit the schema, or holds what cannot be stored.
     """
-    numbers = _trajectory(track.trajectory, layout)
-    group = fingerprint(numbers) if track.group is None else track.group
+    numbers = _trajectory(track.trajectory, schema)
+    group = track_hash(numbers) if track.group is None else track.group
     if not isinstance(group, str) or not group:
         raise DataError(f"the group of a track is text, not {group!r}")
     for name, value in track.context.items():
@@ -125,7 +125,7 @@ def encoded(track: Entry, number: int, id: str, layout: Layout) -> tuple[bytes, 
         "number": number,
         "id": id,
         "group": group,
-        **said(track.label, track.source, track.belief, track.time, layout),
+        **said(track.label, track.source, track.belief, track.time, schema),
         "context": dict(track.context),
         "extra": dict(track.extra),
         "points": numbers.shape[1],
@@ -139,20 +139,20 @@ def encoded_judgement(number: int, id: str, facts: Mapping[str, Any]) -> bytes:
 
 
 def said(
-    label: str | None, source: str, belief: Distribution | None, time: datetime | None, layout: Layout
+    label: str | None, source: str, belief: Distribution | None, time: datetime | None, schema: TrackSchema
 ) -> dict[str, Any]:
     """A judgement as JSON holds it.
 
     Raises:
         DataError: an unknown class or source, a belief over other values, a time without a zone.
     """
-    if label is not None and label not in layout.classes:
-        raise DataError(f"unknown class {label!r}; {expected(layout.classes)}")
+    if label is not None and label not in schema.classes:
+        raise DataError(f"unknown class {label!r}; {expected_one_of(schema.classes)}")
     if source not in SOURCES:
-        raise DataError(f"unknown source {source!r}; {expected(SOURCES)}")
-    if belief is not None and belief.values != layout.classes:
+        raise DataError(f"unknown source {source!r}; {expected_one_of(SOURCES)}")
+    if belief is not None and belief.values != schema.classes:
         raise DataError(
-            f"a belief over {', '.join(belief.values)}; the classes here are {', '.join(layout.classes)}"
+            f"a belief over {', '.join(belief.values)}; the classes here are {', '.join(schema.classes)}"
         )
     time = datetime.now(UTC) if time is None else time
     if not isinstance(time, datetime) or time.utcoffset() is None:
@@ -165,7 +165,7 @@ def said(
     }
 
 
-def decoded(frame: Frame, layout: Layout) -> tuple[int, str, Judgement, Stored | None]:
+def decoded(frame: Frame, schema: TrackSchema) -> tuple[int, str, LabelRecord, StoredTrack | None]:
     """The record in a frame: its number, the track it is about, what is said of it, and a new track.
 
     Raises:
@@ -173,17 +173,17 @@ def decoded(frame: Frame, layout: Layout) -> tuple[int, str, Judgement, Stored |
     """
     try:
         facts = json.loads(frame.facts.decode())
-        number, judgement = facts["number"], _judgement(facts, layout)
+        number, judgement = facts["number"], _judgement(facts, schema)
         if type(number) is not int or number < 1:
             raise DataError(f"its number is {number!r}; expected 1 or more")
         if "of" in facts:
             return number, _text(facts["of"]), judgement, None
         points = facts["points"]
-        if type(points) is not int or points < 2 or layout.points not in (None, points):
+        if type(points) is not int or points < 2 or schema.points not in (None, points):
             raise DataError(f"its {points!r} time points are not what the head says")
-        if len(frame.numbers) != points * len(layout.channels) * NUMBERS.itemsize:
+        if len(frame.numbers) != points * len(schema.channels) * NUMBERS.itemsize:
             raise DataError(f"{len(frame.numbers)} bytes of numbers for {points} time points")
-        stored = Stored(
+        stored = StoredTrack(
             number,
             _text(facts["id"]),
             _text(facts["group"]),
@@ -200,31 +200,31 @@ def decoded(frame: Frame, layout: Layout) -> tuple[int, str, Judgement, Stored |
     return number, stored.id, judgement, stored
 
 
-def trajectory(frame: Frame, layout: Layout) -> Array:
-    """(channels, time points) the numbers of a frame whose content is known to fit the layout."""
-    return np.frombuffer(frame.numbers, NUMBERS).reshape(len(layout.channels), -1)
+def trajectory(frame: Frame, schema: TrackSchema) -> Array:
+    """(channels, time points) the numbers of a frame whose content is known to fit the schema."""
+    return np.frombuffer(frame.numbers, NUMBERS).reshape(len(schema.channels), -1)
 
 
-def _trajectory(given: npt.ArrayLike, layout: Layout) -> Array:
+def _trajectory(given: npt.ArrayLike, schema: TrackSchema) -> Array:
     """A frozen float64 copy, (channels, time points)."""
     try:
-        numbers = frozen(given)
+        numbers = freeze(given)
     except (ValueError, TypeError) as error:
         raise DataError(f"a trajectory is an array of numbers: {error}") from None
-    channels = ", ".join(layout.channels)
-    if numbers.ndim != 2 or len(numbers) != len(layout.channels):
+    channels = ", ".join(schema.channels)
+    if numbers.ndim != 2 or len(numbers) != len(schema.channels):
         raise DataError(
-            f"a trajectory of shape {numbers.shape}; expected {len(layout.channels)} channels ({channels})"
+            f"a trajectory of shape {numbers.shape}; expected {len(schema.channels)} channels ({channels})"
             " of time points"
         )
     points = numbers.shape[1]
-    if points < 2 or layout.points not in (None, points):
-        wanted = "at least 2" if layout.points is None else layout.points
+    if points < 2 or schema.points not in (None, points):
+        wanted = "at least 2" if schema.points is None else schema.points
         raise DataError(f"a trajectory of {points} time points; expected {wanted}")
     if not np.isfinite(numbers).all():
         channel, point = (int(i) for i in np.argwhere(~np.isfinite(numbers))[0])
         raise DataError(
-            f"{layout.channels[channel]} at time point {point} (counted from 0) is"
+            f"{schema.channels[channel]} at time point {point} (counted from 0) is"
             f" {numbers[channel, point]}; expected a finite number"
         )
     if numbers.nbytes > MOST_NUMBERS:
@@ -242,23 +242,23 @@ def _json(facts: Mapping[str, Any]) -> bytes:
     return text
 
 
-def _judgement(facts: Mapping[str, Any], layout: Layout) -> Judgement:
+def _judgement(facts: Mapping[str, Any], schema: TrackSchema) -> LabelRecord:
     label, source, belief = facts["label"], facts["source"], facts["belief"]
-    if (label is not None and label not in layout.classes) or source not in SOURCES:
+    if (label is not None and label not in schema.classes) or source not in SOURCES:
         raise DataError(f"class {label!r} said by {source!r}, which the head does not know")
     time = datetime.fromisoformat(facts["time"])
     if time.tzinfo is None:
         raise DataError(f"the time {facts['time']} lacks a zone")
-    return Judgement(label, source, time, None if belief is None else _belief(belief, layout))
+    return LabelRecord(label, source, time, None if belief is None else _belief(belief, schema))
 
 
-def _belief(shares: Any, layout: Layout) -> Distribution:
+def _belief(shares: Any, schema: TrackSchema) -> Distribution:
     """What was checked exactly when it was stored is checked more loosely, and quickly, when it is read."""
-    if not isinstance(shares, list) or len(shares) != len(layout.classes):
-        raise DataError(f"a belief of {shares!r} over {len(layout.classes)} classes")
+    if not isinstance(shares, list) or len(shares) != len(schema.classes):
+        raise DataError(f"a belief of {shares!r} over {len(schema.classes)} classes")
     if not all(0 <= share < 1 + ROUNDING for share in shares) or abs(sum(shares) - 1) > ROUNDING:
         raise DataError(f"a belief of {shares}, which is no distribution")
-    return Distribution.trusted(layout.classes, frozen(shares))
+    return Distribution.unchecked(schema.classes, freeze(shares))
 
 
 def _text(value: object) -> str:

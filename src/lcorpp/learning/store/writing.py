@@ -16,10 +16,10 @@ from lcorpp.errors import DataError, FileError
 from lcorpp.files import sync, sync_folder, write_atomically
 from lcorpp.learning.store.contents import Contents, read_head
 from lcorpp.learning.store.frames import MARKER, Frame, framed
-from lcorpp.learning.store.layout import Head, Layout, head_bytes
+from lcorpp.learning.store.layout import Head, TrackSchema, head_bytes
 from lcorpp.learning.store.locking import GUARDED, close_in_children, lock
-from lcorpp.learning.store.reading import Reading, reading
-from lcorpp.learning.store.tracks import Entry, encoded, encoded_judgement, said
+from lcorpp.learning.store.reading import Snapshot, reading
+from lcorpp.learning.store.tracks import NewTrack, encoded, encoded_judgement, said
 from lcorpp.values import Distribution
 
 
@@ -35,16 +35,16 @@ class Store:
 
     notes: tuple[str, ...]
 
-    def __init__(self, path: str | Path, layout: Layout) -> None:
+    def __init__(self, path: str | Path, schema: TrackSchema) -> None:
         """Open a store, or make it where there is none or an empty file.
 
         Args:
             path: the file; by custom its name ends in .tracks.
-            layout: what all tracks have in common; that of an existing store must be equal.
+            schema: what all tracks have in common; that of an existing store must be equal.
 
         Raises:
             FileError: the file cannot be read or written, or another process (or this one) writes to it.
-            DataError: it is no store, is of another version or has another layout.
+            DataError: it is no store, is of another version or has another schema.
         """
         self.path = Path(path)
         self._file = _opened(self.path)
@@ -54,7 +54,7 @@ class Store:
                     f"{path}: is being written to already, by another process or by this one; a store has one"
                     " writer (reading goes on meanwhile)"
                 )
-            self._contents, self.notes = self._recovered(layout)
+            self._contents, self.notes = self._recovered(schema)
         except OSError as error:
             self.close()
             raise FileError(f"{path}: cannot be opened: {error.strerror}") from None
@@ -64,9 +64,9 @@ class Store:
         close_in_children(self)
 
     @property
-    def layout(self) -> Layout:
+    def schema(self) -> TrackSchema:
         """What all tracks have in common."""
-        return self._contents.head.layout
+        return self._contents.head.schema
 
     @property
     def marker(self) -> str:
@@ -78,7 +78,7 @@ class Store:
         """The number of the last record: how many were ever written, tracks and later judgements."""
         return self._contents.last
 
-    def reading(self) -> Reading:
+    def snapshot(self) -> Snapshot:
         """What is in the store now, as a value that stays as it is."""
         return reading(self.path, self._contents, self._contents.end)
 
@@ -90,7 +90,7 @@ class Store:
         """Whether there is a track of this id."""
         return id in self._contents.tracks
 
-    def append(self, track: Entry, *, durable: bool = True) -> str:
+    def append(self, track: NewTrack, *, durable: bool = True) -> str:
         """Add one track; when this returns, it is on the disk.
 
         Args:
@@ -106,7 +106,7 @@ class Store:
         """
         return self.extend([track], durable=durable)[0]
 
-    def extend(self, tracks: Iterable[Entry], *, durable: bool = True) -> list[str]:
+    def extend(self, tracks: Iterable[NewTrack], *, durable: bool = True) -> list[str]:
         """Add several tracks with one wait for the disk; arguments, result and errors as in `append`.
 
         Nothing is written unless all of them fit. A crash meanwhile keeps the first of them, in their order.
@@ -122,7 +122,7 @@ class Store:
                     raise DataError(f"the id of a track is text, not {id!r}")
                 if id in self or id in ids:
                     raise DataError(f"there is a track {id!r} already")
-                pieces.append(encoded(track, number, id, self.layout))
+                pieces.append(encoded(track, number, id, self.schema))
             except DataError as error:
                 which = f"track {row} of {len(tracks)} (counted from 0)" if len(tracks) > 1 else "the track"
                 raise DataError(f"{self.path}: {which} is not stored: {error}") from None
@@ -141,7 +141,7 @@ class Store:
     ) -> None:
         """Add what somebody says of a track that is stored; a person's word holds over the robot's.
 
-        What was said before stays in the store (`Stored.said`). On the disk when this returns.
+        What was said before stays in the store (`StoredTrack.label_history`). On the disk when this returns.
 
         Raises:
             DataError: there is no such track, class or source; nothing has been written.
@@ -150,7 +150,7 @@ class Store:
         if id not in self:
             raise DataError(f"{self.path}: no track {id!r} to label")
         try:
-            facts = said(label, source, belief, time, self.layout)
+            facts = said(label, source, belief, time, self.schema)
             piece = encoded_judgement(self._contents.last + 1, id, facts)
         except DataError as error:
             raise DataError(f"{self.path}: track {id!r} not labelled: {error}") from None
@@ -213,7 +213,7 @@ class Store:
             raise FileError(f"{self.path}: this store is closed; open it again to write")
         return self._file.fileno()
 
-    def _recovered(self, layout: Layout) -> tuple[Contents, tuple[str, ...]]:
+    def _recovered(self, schema: TrackSchema) -> tuple[Contents, tuple[str, ...]]:
         """Read what is there, move aside what is behind the last record, and begin a new store if need be."""
         size = os.fstat(self._file.fileno()).st_size
         notes = list[str]()
@@ -222,11 +222,11 @@ class Store:
         with os.fdopen(os.dup(self._file.fileno()), "rb") as file:
             head = read_head(file, self.path)
             if head is not None:
-                head.layout.check_same(layout, str(self.path))
+                head.schema.check_same(schema, str(self.path))
             if head is None or size < head.length:  # no record can be behind a head that is not complete
                 if size:
                     notes.append(self._cut(file, 0, size))
-                contents = Contents(self._begun(layout))
+                contents = Contents(self._begun(schema))
             else:
                 contents = Contents(head)
                 contents.read(file, size)
@@ -235,13 +235,13 @@ class Store:
                     notes.append(self._cut(file, contents.end, size))
         return contents, tuple(f"{self.path}: {note}" for note in notes)
 
-    def _begun(self, layout: Layout) -> Head:
+    def _begun(self, schema: TrackSchema) -> Head:
         marker = os.urandom(MARKER)
-        content = head_bytes(layout, marker)
+        content = head_bytes(schema, marker)
         _write_all(self._file.fileno(), content, 0)
         sync(self._file.fileno())
         sync_folder(self.path)
-        return Head(layout, marker, len(content))
+        return Head(schema, marker, len(content))
 
     def _cut(self, file: BinaryIO, start: int, stop: int) -> str:
         """Move the last bytes of the file to one beside it, and say so.

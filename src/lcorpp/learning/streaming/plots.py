@@ -22,8 +22,8 @@ def draw_timeline(
 ) -> Figure:
     """Draw the probability of a class over time and, for two classes, the AUC below it.
 
-    A band contains the middle half of a class, a thick line is its median, and thin lines are examples at equal
-    distances in the order of the final prediction.
+    A band contains the middle half of a class, a thick line is its median, and thin lines are examples at
+    equal distances in the order of the final prediction.
 
     Args:
         class_name: the class; None takes the first.
@@ -81,9 +81,7 @@ def _draw_class(
     axes.plot(seconds[known], median, color=colour, linewidth=2.4, label=label, drawstyle="steps-post")
     order = np.argsort(probabilities[:, -1])
     for row in order[np.linspace(0, len(order) - 1, min(examples, len(order)) + 2).astype(int)[1:-1]]:
-        axes.plot(
-            seconds, probabilities[row], color=colour, linewidth=0.8, alpha=0.7, drawstyle="steps-post"
-        )
+        axes.plot(seconds, probabilities[row], color=colour, linewidth=0.8, alpha=0.7, drawstyle="steps-post")
 
 
 def _draw_auc(axes: Axes, timeline: PredictionTimeline) -> None:

@@ -55,18 +55,18 @@ def _is_stateful(ensemble: PrefixEnsemble) -> bool:
 class PrefixEnsemble(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
     """Several copies of a classifier, each trained on prefixes of another length.
 
-    A classifier trained on whole tracks performs poorly after a quarter of one. The ensemble interpolates the log
-    probabilities of the two copies whose prefix length is next to that of the track; tracks shorter or longer than
-    all of them use the nearest copy.
+    A classifier trained on whole tracks performs poorly after a quarter of one. The ensemble interpolates the
+    log probabilities of the two copies whose prefix length is next to that of the track; tracks shorter or
+    longer than all of them use the nearest copy.
 
     Args:
-        classifier: a classifier of tracks of any length; each prefix length has a clone. The ensemble has `begin`
-            and `advance` if the classifier has.
+        classifier: a classifier of tracks of any length; each prefix length has a clone. The ensemble has
+            `begin` and `advance` if the classifier has.
         shares: the prefix lengths, as fractions of the training tracks.
 
     Attributes:
-        classes_: (K,) the class names, set by `fit`. classifiers_: the copies. lengths_: points of their training
-        prefixes.
+        classes_: (K,) the class names, set by `fit`. classifiers_: the copies. lengths_: points of their
+        training prefixes.
     """
 
     def __init__(self, classifier: Any, *, shares: Sequence[float] = (0.25, 0.5, 0.75, 1.0)) -> None:
@@ -80,7 +80,8 @@ class PrefixEnsemble(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             X: (cases, rows, points). y: (cases,) class names.
 
         Raises:
-            DataError: X is malformed, a share is out of range or two give the same length, or the classifier fails.
+            DataError: X is malformed, a share is out of range or two give the same length, or the classifier
+                fails.
         """
         tracks = check_tracks(X)
         if not len(self.shares) or not all(0 < share <= 1 for share in self.shares):
@@ -141,9 +142,7 @@ class PrefixEnsemble(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         return np.asarray(np.maximum(0, 1 - np.abs(position[:, None] - np.arange(len(self.lengths_)))))
 
 
-def with_prefix_ensemble(
-    pipeline: Pipeline, *, shares: Sequence[float] = (0.25, 0.5, 0.75, 1.0)
-) -> Pipeline:
+def with_prefix_ensemble(pipeline: Pipeline, *, shares: Sequence[float] = (0.25, 0.5, 0.75, 1.0)) -> Pipeline:
     """Return an unfitted pipeline with one classifier per prefix length, after the shared preprocessing.
 
     Raises:

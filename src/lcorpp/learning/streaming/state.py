@@ -33,7 +33,7 @@ class StreamState(Protocol):
         """Start new tracks in some slots."""
 
     def advance(self, slots: Slots, points: Array) -> Array:
-        """(n, K) the probabilities after one more point (n, inputs) of each; NaN before the first prediction."""
+        """(n, K) probabilities after one more point (n, inputs) of each; NaN if there is no prediction."""
 
 
 class RecurrentState:
@@ -81,7 +81,7 @@ class RecurrentState:
 
 
 class ReplayedHistory:
-    """State of any other classifier: it predicts again from all points so far, or from the last `window` ones.
+    """State of any other classifier: it predicts from all points so far, or from the last `window` ones.
 
     min_points: points of a track before the first prediction.
     """
@@ -119,8 +119,8 @@ class ReplayedHistory:
             return predict_proba(self._rest, tracks)
         except DataError as error:
             raise DataError(
-                f"{error}; the tracks had {tracks.shape[2]} points. A classifier of tracks of one length needs"
-                " that length as `min_points` and as `window`"
+                f"{error}; the tracks had {tracks.shape[2]} points. A classifier of tracks of one length"
+                " needs that length as `min_points` and as `window`"
             ) from None
 
 
@@ -139,8 +139,8 @@ def make_state(pipeline: Any, min_points: int, window: int | None) -> tuple[Moti
         first = type(steps[0] if isinstance(steps, Pipeline) else steps).__name__
         hint = ": use StreamingClassifier.from_trained" if hasattr(pipeline, "estimator") else ""
         raise DataError(
-            "streaming needs a Pipeline of Motion, which resamples to a fixed rate, and a classifier; this one"
-            f" begins with {first}{hint}"
+            "streaming needs a Pipeline of Motion, which resamples to a fixed rate, and a classifier; this"
+            f" one begins with {first}{hint}"
         )
     motion, *between, classifier = (step for _, step in steps.steps)
     for step in (motion, classifier):

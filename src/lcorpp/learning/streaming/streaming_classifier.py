@@ -34,28 +34,28 @@ class _Person:
 class StreamingClassifier:
     """Classify people while they move, from samples of any number of people in any order.
 
-    The time stamps of the samples place a person's track on points at the fixed rate of the pipeline's `Motion`,
-    and every new point updates the prediction. The prediction equals `predict_proba` of the pipeline for the whole
-    track so far, resampled by `resample`. People do not affect each other's predictions. For a classifier with
-    `begin` and `advance` (the LSTM) the cost of a sample does not depend on the length of the track; other
-    classifiers predict again from the whole track at each point.
+    The time stamps of the samples place a person's track on points at the fixed rate of the pipeline's
+    `Motion`, and every new point updates the prediction. The prediction equals `predict_proba` of the
+    pipeline for the whole track so far, resampled by `resample`. People do not affect each other's
+    predictions. For a classifier with `begin` and `advance` (the LSTM) the cost of a sample does not depend
+    on the length of the track; other classifiers predict again from the whole track at each point.
 
-    Before `min_points` points, which take (min_points - 1) / rate seconds, the prediction has no probabilities. A
-    robot that has to act then has the reasoner's prior, which is better than the class frequencies of training
-    data.
+    Before `min_points` points, which take (min_points - 1) / rate seconds, the prediction has no
+    probabilities. A robot that has to act then has the reasoner's prior, which is better than the class
+    frequencies of training data.
 
     The rules for invalid samples; `report` counts all of them:
 
     - not finite: refused; the report describes the first. The track continues with the next sample.
-    - out of order: sorted if at most `allowed_lateness` late, which delays predictions as much; older samples are
-      dropped. A second sample with the same stamp is dropped.
-    - missing: gaps up to `max_gap` are interpolated linearly. After a longer one a new track begins, and also after
-      a jump faster than `max_speed` (an id given to another person, or units other than metres), and if the clock
-      goes back by more than `max_gap`.
+    - out of order: sorted if at most `allowed_lateness` late, which delays predictions as much; older samples
+      are dropped. A second sample with the same stamp is dropped.
+    - missing: gaps up to `max_gap` are interpolated linearly. After a longer one a new track begins, and also
+      after a jump faster than `max_speed` (an id given to another person, or units other than metres), and if
+      the clock goes back by more than `max_gap`.
     - without end: after `max_duration` a new track begins.
-    - vanished ids: removed `forget_after` seconds after their last sample, by the stamps of the others (see `Clock`
-      for wrong ones). An id that returns is a new person. So memory is bounded by the number of people seen in that
-      time.
+    - vanished ids: removed `forget_after` seconds after their last sample, by the stamps of the others (see
+      `Clock` for wrong ones). An id that returns is a new person. So memory is bounded by the number of
+      people seen in that time.
 
     Args:
         pipeline: a fitted pipeline that begins with `Motion`; its `inputs` are the values of a sample.
@@ -65,8 +65,8 @@ class StreamingClassifier:
         max_speed: metres per second; faster motion is an error.
         forget_after: seconds without a sample after which an id is removed.
         min_points: points of a track before the first prediction.
-        window: use only the last `window` points, as if the track had begun with them: for classifiers of tracks
-            of one length, which have it as `min_points`, too. None uses all points.
+        window: use only the last `window` points, as if the track had begun with them: for classifiers of
+            tracks of one length, which have it as `min_points`, too. None uses all points.
 
     Raises:
         DataError: the pipeline does not begin with `Motion`, or an option is out of range.
@@ -128,9 +128,9 @@ class StreamingClassifier:
     def classifier(self, person: Hashable) -> TrainedClassifier:
         """The current prediction for a person as a classifier for the decision loop.
 
-        Its label is the same for any instance. Its `soft()` gives likelihoods, calibrated for the number of points
-        if there is a prefix calibration. Otherwise calibration, threshold and confusion matrix are those of whole
-        tracks; for early decisions, validate on `truncate`.
+        Its label is the same for any instance. Its `soft()` gives likelihoods, calibrated for the number of
+        points if there is a prefix calibration. Otherwise calibration, threshold and confusion matrix are
+        those of whole tracks; for early decisions, validate on `truncate`.
 
         Raises:
             DataError: there is no prediction for the person yet.
@@ -179,8 +179,8 @@ class StreamingClassifier:
         This is faster than `push` for each, because the classifier processes all people at once.
 
         Raises:
-            DataError: a sample is malformed; then none of them is used. Or the classifier fails; then the people in
-                these samples are removed.
+            DataError: a sample is malformed; then none of them is used. Or the classifier fails; then the
+                people in these samples are removed.
         """
         checked = [self._check(sample) for sample in samples]
         updated = {name: self._add(time, name, sample) for time, name, sample in checked}

@@ -1,8 +1,8 @@
 """Predictions over the duration of tracks, and their calibration for each prefix length.
 
 A classifier trained on whole tracks is as confident after a second as at the end, and biased to one class. A
-calibration for each number of points, fitted to predictions for other people's prefixes of that length, gives weak
-evidence at first and stronger evidence later.
+calibration for each number of points, fitted to predictions for other people's prefixes of that length, gives
+weak evidence at first and stronger evidence later.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Resample the samples of one person to a fixed rate as they arrive: order, check, interpolate.
 
-`StreamRules` are the options, `TrackResampler` applies them to one person, `RepairCounts` counts what it repaired,
-and `Clock` measures time by the stamps of all people.
+`StreamRules` are the options, `TrackResampler` applies them to one person, `RepairCounts` counts what it
+repaired, and `Clock` measures time by the stamps of all people.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ class RepairCounts:
     duplicates: dropped because of an equal time stamp; the first sample is kept.
     late: dropped because a later sample had been used.
     bridged: gaps longer than the time between two points, interpolated linearly.
-    gaps, jumps, clock_resets, too_long: tracks that ended and were followed by a new one, because of a gap longer
-        than the maximum, an impossible speed, a clock that went back, or the maximal duration.
+    gaps, jumps, clock_resets, too_long: tracks that ended and were followed by a new one, because of a gap
+        longer than the maximum, an impossible speed, a clock that went back, or the maximal duration.
     """
 
     samples: int = 0
@@ -114,9 +114,9 @@ class RepairCounts:
 class TrackResampler:
     """One person's samples, in any order of arrival, as points at a fixed rate since the first one.
 
-    A sample is used once a sample arrives that is `allowed_lateness` seconds younger, or at once if that is 0.
-    Samples are used in the order of their stamps; older ones that arrive later are dropped. The points equal
-    `resample` of the samples used.
+    A sample is used once a sample arrives that is `allowed_lateness` seconds younger, or at once if that is
+    0. Samples are used in the order of their stamps; older ones that arrive later are dropped. The points
+    equal `resample` of the samples used.
 
     Attributes:
         number: tracks begun so far.
@@ -252,8 +252,8 @@ class Clock:
     """A clock that is robust to wrong time stamps.
 
     A stamp at most `step` ahead of the latest one advances the clock. One further ahead or behind is an error
-    unless the next one is as far away; then there was a pause, or a recording starts again, and the clock advances
-    by one `step`. So a few wrong stamps do not advance it.
+    unless the next one is as far away; then there was a pause, or a recording starts again, and the clock
+    advances by one `step`. So a few wrong stamps do not advance it.
     """
 
     def __init__(self, step: float) -> None:

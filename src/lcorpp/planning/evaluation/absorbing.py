@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.evaluation.sparse_beliefs import ragged
+from lcorpp.planning.evaluation.sparse_beliefs import ragged_indices
 from lcorpp.planning.pomdp import Pomdp
 
 
-def unpaid(pomdp: Pomdp) -> npt.NDArray[np.bool_]:
+def zero_reward_states(pomdp: Pomdp) -> npt.NDArray[np.bool_]:
     """(S,) whether nothing is paid from a state on, whatever is done: none that pays can be reached."""
     table, S = pomdp.transition, len(pomdp.states)
     pays: npt.NDArray[np.bool_] = (pomdp.reward != 0).any(axis=0)
@@ -19,13 +19,13 @@ def unpaid(pomdp: Pomdp) -> npt.NDArray[np.bool_]:
     begins = np.searchsorted(table.columns[some], np.arange(S + 1))
     frontier = np.flatnonzero(pays)
     while len(frontier):
-        before = sources[ragged(begins[frontier], begins[frontier + 1] - begins[frontier])]
+        before = sources[ragged_indices(begins[frontier], begins[frontier + 1] - begins[frontier])]
         frontier = np.unique(before[~pays[before]])
         pays[frontier] = True
     return ~pays
 
 
-def shown_by_staying(pomdp: Pomdp) -> npt.NDArray[np.intp]:
+def self_loop_observation_class(pomdp: Pomdp) -> npt.NDArray[np.intp]:
     """(A, S) for a state that stays where it is, unpaid, a number for its row of observations; otherwise -1.
 
     A belief all of whose states have the same number under the action that is taken there never changes

@@ -1,90 +1,106 @@
-"""Which alpha vector is best at each of many beliefs."""
+"""A policy at many beliefs at once: the best alpha vector of each."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.evaluation.sparse_beliefs import Beliefs, Indices, added_up, ragged
+from lcorpp.errors import ModelError
+from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs, ragged_indices, segment_sum
+from lcorpp.planning.policy import Policy
 from lcorpp.values import Array
 
-if TYPE_CHECKING:
-    from lcorpp.planning.policy import Policy
+MAX_PRODUCTS = 2**22
+"""The maximal number of products of a vector and a belief that are computed together."""
 
-MOST_VALUES = 2**22
-"""Values of vectors at beliefs that are worked out together."""
+SPARSE_RATIO = 8
+"""Sparse matrix products are used if at most one in this many belief entries is non-zero."""
 
-SPARSE = 8
-"""Beliefs are multiplied without their zeros where less than one number in so many is none."""
-
-CLOSE = 1e-12
-"""How far rounding may move a value, as a share of the largest number in the vectors, and more."""
+ROUNDING = 1e-12
+"""Bound on the rounding error of a product, relative to the largest vector entry."""
 
 
-class Chosen(NamedTuple):
-    """What n beliefs are worth, and by which vectors.
+class BestVectors(NamedTuple):
+    """The best vectors at n beliefs.
 
-    values: (n,). vectors: (n,) the number of the best vector at each, counted through the pieces.
+    values: (n,). vectors: (n,) index of the best vector in `Policy.vectors`.
     """
 
     values: Array
     vectors: Indices
 
 
-class Choice:
-    """The vectors of a policy, laid out by state.
+class BatchPolicy:
+    """The vectors of a policy in a layout for many beliefs at once.
 
-    What is found at a belief does not depend on the others that are asked about with it: where a fast product
-    leaves several vectors close to the highest, their values are added up in the order of the states.
+    The result at a belief does not depend on the other beliefs of its batch: if a fast matrix product leaves
+    several vectors close to the maximum, their values are summed again in the order of the states.
     """
 
     def __init__(self, policy: Policy) -> None:
-        pieces = policy.pieces
+        sets = policy.vector_sets
+        self.policy = policy
         self._size, self._floor = len(policy.state_names), policy.floor
-        self._tables = [np.ascontiguousarray(piece.vectors.T) for piece in pieces]
-        self._states = [piece.states for piece in pieces]
-        self._first = np.cumsum([0, *(len(piece.actions) for piece in pieces)])
-        # the pieces that hold each state, in their order
+        self._tables = [np.ascontiguousarray(part.vectors.T) for part in sets]
+        self._states = [part.states for part in sets]
+        self._first = np.cumsum([0, *(len(part.actions) for part in sets)])
+        # the vector sets that cover each state, in their order
         state = np.concatenate(self._states)
-        number = np.repeat(np.arange(len(pieces)), [len(states) for states in self._states])
+        number = np.repeat(np.arange(len(sets)), [len(states) for states in self._states])
         order = np.argsort(state, kind="stable")
-        self._holding = number[order]
+        self._covering = number[order]
         self._begins = np.searchsorted(state[order], np.arange(self._size + 1))
 
-    def best(self, beliefs: Beliefs) -> Chosen:
-        """The values at some beliefs and the vectors they come from, the first among equals.
+    def __repr__(self) -> str:
+        return f"<BatchPolicy of {self.policy!r}>"
 
-        A belief is held against the pieces that have all its states; against every piece where none has, the
-        floor standing for what a piece does not speak of.
+    def values_and_actions(self, beliefs: npt.ArrayLike) -> tuple[Array, Indices]:
+        """Return (n,) values and (n,) action indices at beliefs (n, S).
+
+        Raises:
+            ModelError: the beliefs do not have the shape (n, S).
         """
-        best = Chosen(np.full(len(beliefs), -np.inf), np.zeros(len(beliefs), dtype=np.intp))
-        asked, numbers = self._holding_first(beliefs)
+        dense = np.asarray(beliefs, dtype=np.float64)
+        if dense.ndim != 2 or dense.shape[1] != self._size:
+            raise ModelError(f"beliefs over {self._size} states cannot have shape {dense.shape}")
+        values, vectors = self.best(SparseBeliefs.of(dense))
+        return values, self.policy.actions[vectors]
+
+    def best(self, beliefs: SparseBeliefs) -> BestVectors:
+        """Return the best vector at each belief, the first of equals.
+
+        A belief is compared with the vector sets that cover all its states. If none does, it is compared with
+        every set, and the floor is the value of the states outside a set.
+        """
+        best = BestVectors(np.full(len(beliefs), -np.inf), np.zeros(len(beliefs), dtype=np.intp))
+        candidates, numbers = self._sets_with_first_state(beliefs)
         order = np.argsort(numbers, kind="stable")
         ends = np.searchsorted(numbers[order], np.arange(len(self._tables) + 1))
-        alone = np.ones(len(beliefs), dtype=bool)
+        uncovered = np.ones(len(beliefs), dtype=bool)
         for number in np.flatnonzero(np.diff(ends)).tolist():
-            which = asked[order[ends[number] : ends[number + 1]]]
-            part, missing = self._within(number, beliefs.take(which))
-            held = np.flatnonzero(missing == 0)
-            alone[which[held]] = False
-            self._compare(number, part if len(held) == len(part) else part.take(held), which[held], best)
-        left = np.flatnonzero(alone)
+            which = candidates[order[ends[number] : ends[number + 1]]]
+            part, missing = self._restrict(number, beliefs.take(which))
+            covered = np.flatnonzero(missing == 0)
+            uncovered[which[covered]] = False
+            inside = part if len(covered) == len(part) else part.take(covered)
+            self._compare(number, inside, which[covered], best)
+        left = np.flatnonzero(uncovered)
         for number in range(len(self._tables)) if len(left) else ():
-            part, missing = self._within(number, beliefs.take(left))
+            part, missing = self._restrict(number, beliefs.take(left))
             self._compare(number, part, left, best, self._floor * missing)
         return best
 
-    def _holding_first(self, beliefs: Beliefs) -> tuple[Indices, Indices]:
-        """Pairs of a belief and a piece that has its first state."""
+    def _sets_with_first_state(self, beliefs: SparseBeliefs) -> tuple[Indices, Indices]:
+        """Return all pairs of a belief and a vector set that covers its first state."""
         filled = np.flatnonzero(beliefs.sizes)
         first = beliefs.states[beliefs.begins[filled]]
         sizes = self._begins[first + 1] - self._begins[first]
-        return np.repeat(filled, sizes), self._holding[ragged(self._begins[first], sizes)]
+        return np.repeat(filled, sizes), self._covering[ragged_indices(self._begins[first], sizes)]
 
-    def _within(self, number: int, beliefs: Beliefs) -> tuple[Beliefs, Array]:
-        """Beliefs as a piece has them, by the places of its states, and the weight that it misses of each."""
+    def _restrict(self, number: int, beliefs: SparseBeliefs) -> tuple[SparseBeliefs, Array]:
+        """Restrict beliefs to the states of a vector set; the second result is (n,) the weight outside."""
         states = self._states[number]
         if len(states) == self._size:
             return beliefs, np.zeros(len(beliefs))
@@ -92,18 +108,23 @@ class Choice:
         inside = states[place] == beliefs.states
         owners = beliefs.owners
         begins = np.concatenate([[0], np.cumsum(np.bincount(owners[inside], minlength=len(beliefs)))])
-        missing = added_up(owners[~inside], beliefs.weights[~inside], len(beliefs))
-        return Beliefs(begins, place[inside], beliefs.weights[inside]), missing
+        missing = segment_sum(owners[~inside], beliefs.weights[~inside], len(beliefs))
+        return SparseBeliefs(begins, place[inside], beliefs.weights[inside]), missing
 
     def _compare(
-        self, number: int, part: Beliefs, which: Indices, best: Chosen, floor: Array | None = None
+        self,
+        number: int,
+        part: SparseBeliefs,
+        which: Indices,
+        best: BestVectors,
+        floor: Array | None = None,
     ) -> None:
-        """Note the best vector of a piece at each belief where it is better than what is noted."""
+        """Update `best` with the vectors of one set at the beliefs `which`, given as `part`."""
         table = self._tables[number]
-        step = max(MOST_VALUES // sum(table.shape), 1)
+        step = max(MAX_PRODUCTS // sum(table.shape), 1)
         for begin in range(0, len(part), step):
             rows = slice(begin, begin + step)
-            value, vector = _highest(table, part.take(np.arange(begin, min(begin + step, len(part)))))
+            value, vector = _best_of_table(table, part.take(np.arange(begin, min(begin + step, len(part)))))
             if floor is not None:
                 value = value + floor[rows]
             better = value > best.values[which[rows]]
@@ -112,30 +133,30 @@ class Choice:
             best.vectors[at] = self._first[number] + vector[better]
 
 
-def _highest(table: Array, beliefs: Beliefs) -> tuple[Array, Indices]:
-    """The highest value of vectors, `table` (n, K), at each of some beliefs over n states, and which it is.
+def _best_of_table(table: Array, beliefs: SparseBeliefs) -> tuple[Array, Indices]:
+    """Return the maximal value over the vectors (columns of `table`, (n, K)) at each belief, and its index.
 
-    A product of matrices finds those that may be highest; its rounding depends on what else is in it, so
-    those close to the highest are added up anew, in the order of the states. The first among equals counts.
+    The rounding of a matrix product depends on the whole batch. Vectors close to the maximum are therefore
+    summed again in the order of the states; the first of equals is returned.
     """
     sizes, totals = beliefs.sizes, beliefs.totals()
-    found = _product(beliefs, table)
-    close = CLOSE * float(np.abs(table).max()) * totals
-    near = np.flatnonzero(found >= (found.max(axis=1) - close)[:, None])
+    products = _multiply(beliefs, table)
+    margin = ROUNDING * float(np.abs(table).max()) * totals
+    near = np.flatnonzero(products >= (products.max(axis=1) - margin)[:, None])
     row, vector = np.divmod(near, table.shape[1])
-    at = ragged(beliefs.begins[row], sizes[row])
+    at = ragged_indices(beliefs.begins[row], sizes[row])
     terms = table[beliefs.states[at], np.repeat(vector, sizes[row])] * beliefs.weights[at]
-    value = added_up(np.repeat(np.arange(len(row)), sizes[row]), terms, len(row))
-    # by belief, then by value, the highest first and the first vector first
+    value = segment_sum(np.repeat(np.arange(len(row)), sizes[row]), terms, len(row))
+    # by belief, then by descending value, then by vector
     order = np.lexsort((vector, -value, row))
     first = order[np.searchsorted(row, np.arange(len(beliefs)))]
     return value[first], vector[first]
 
 
-def _product(beliefs: Beliefs, table: Array) -> Array:
-    """(k, K) the value of each vector at each belief, up to rounding."""
+def _multiply(beliefs: SparseBeliefs, table: Array) -> Array:
+    """Return (k, K) the value of each vector at each belief, up to rounding."""
     shape = (len(beliefs), len(table))
-    if SPARSE * len(beliefs.states) < shape[0] * shape[1]:
+    if SPARSE_RATIO * len(beliefs.states) < shape[0] * shape[1]:
         from scipy.sparse import csr_array
 
         rows: Any = csr_array((beliefs.weights, beliefs.states, beliefs.begins), shape=shape)

@@ -8,12 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ObservationError
-from lcorpp.planning.belief import IMPOSSIBLE, describe
-from lcorpp.planning.evaluation.absorbing import shown_by_staying
-from lcorpp.planning.evaluation.sparse_beliefs import Beliefs, Indices
+from lcorpp.planning.belief import MIN_PROBABILITY, describe
+from lcorpp.planning.evaluation.absorbing import self_loop_observation_class
+from lcorpp.planning.evaluation.batch_policy import BatchPolicy
+from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
 UNKNOWN = -1
@@ -35,13 +36,13 @@ class Children(NamedTuple):
 class BeliefGraph:
     """Nodes are beliefs that a policy meets; nodes with the same belief are one.
 
-    Beliefs are kept with 40 binary digits (`Beliefs.rounded`), a function of the parent's belief, the action
-    and the observation alone: what is found at a node does not depend on the way or the order in which nodes
-    are met.
+    Beliefs have 40 binary digits (`SparseBeliefs.rounded`) and depend on the parent's belief, the action and
+    the observation only: the results at a node depend neither on the path to it nor on the order of visits.
     """
 
-    def __init__(self, pomdp: Pomdp, policy: Policy) -> None:
+    def __init__(self, pomdp: Pomdp, policy: Policy, batch: BatchPolicy | None = None) -> None:
         self.pomdp, self.policy = pomdp, policy
+        self._batch = batch or BatchPolicy(policy)
         self._known: dict[bytes, int] = {}
         self._count = 0
         self._begins = np.zeros(65, dtype=np.int64)
@@ -53,7 +54,7 @@ class BeliefGraph:
         self._values = np.zeros(64)
         self._over = np.zeros(64, dtype=bool)
         self._branching = branching(pomdp.transition) * branching(pomdp.observation)
-        self._shows = shown_by_staying(pomdp)
+        self._shows = self_loop_observation_class(pomdp)
 
     def __len__(self) -> int:
         return self._count
@@ -80,21 +81,21 @@ class BeliefGraph:
         return self._over[: self._count]
 
     @property
-    def beliefs(self) -> Beliefs:
+    def beliefs(self) -> SparseBeliefs:
         """The beliefs of all nodes."""
         end = int(self._begins[self._count])
-        return Beliefs(self._begins[: self._count + 1], self._states[:end], self._weights[:end])
+        return SparseBeliefs(self._begins[: self._count + 1], self._states[:end], self._weights[:end])
 
     @property
     def size(self) -> int:
         """Numbers kept: of beliefs and of children."""
         return int(self._begins[self._count]) + self._count * self._children.shape[1]
 
-    def add(self, beliefs: Beliefs) -> Indices:
+    def add(self, beliefs: SparseBeliefs) -> Indices:
         """The nodes (k,) of some beliefs, which need not add up to 1."""
         return self._add(beliefs.rounded())
 
-    def _add(self, rounded: Beliefs) -> Indices:
+    def _add(self, rounded: SparseBeliefs) -> Indices:
         nodes = np.zeros(len(rounded), dtype=np.intp)
         known, number, new = self._known, self._count, []
         for i, key in enumerate(rounded.keys()):
@@ -107,7 +108,7 @@ class BeliefGraph:
             self._keep(rounded.take(np.array(new)) if len(new) < len(rounded) else rounded)
         return nodes
 
-    def _keep(self, beliefs: Beliefs) -> None:
+    def _keep(self, beliefs: SparseBeliefs) -> None:
         begin, end = self._count, self._count + len(beliefs)
         entry, last = int(self._begins[begin]), int(self._begins[begin] + beliefs.begins[-1])
         self._begins = _roomy(self._begins, end + 1)
@@ -118,7 +119,7 @@ class BeliefGraph:
         self._begins[begin + 1 : end + 1] = entry + beliefs.begins[1:]
         self._states[entry:last] = beliefs.states
         self._weights[entry:last] = beliefs.weights
-        self._values[begin:end], self._vectors[begin:end] = self.policy.choice.best(beliefs)
+        self._values[begin:end], self._vectors[begin:end] = self._batch.best(beliefs)
         self._actions[begin:end] = self.policy.actions[self._vectors[begin:end]]
         shows = self._shows[self._actions[begin:end][beliefs.owners], beliefs.states]
         least = np.minimum.reduceat(shows, beliefs.begins[:-1])
@@ -146,8 +147,10 @@ class BeliefGraph:
         nodes = np.zeros(len(owner), dtype=np.intp)
         for run in beliefs.chunks(self._branching):
             part = beliefs.take(np.arange(run.start, run.stop))
-            seen = part.spread(self.pomdp, actions[run]).seen(self.pomdp, actions[run], observation[run])
-            impossible = np.flatnonzero(seen.totals() < IMPOSSIBLE)
+            seen = part.predict(self.pomdp, actions[run]).condition(
+                self.pomdp, actions[run], observation[run]
+            )
+            impossible = np.flatnonzero(seen.totals() < MIN_PROBABILITY)
             if len(impossible):
                 i = run.start + int(impossible[0])
                 raise self._impossible(int(owner[i]), int(observation[i]))
@@ -168,10 +171,10 @@ class BeliefGraph:
         beliefs = self.beliefs.take(nodes)
         for run in beliefs.chunks(self._branching):
             actions = self._actions[nodes[run]]
-            spread = beliefs.take(np.arange(run.start, run.stop)).spread(self.pomdp, actions)
-            owner, observation, parts = spread.outcomes(self.pomdp, actions)
+            spread = beliefs.take(np.arange(run.start, run.stop)).predict(self.pomdp, actions)
+            owner, observation, parts = spread.posteriors(self.pomdp, actions)
             chance = parts.totals() / spread.totals()[owner]
-            likely = np.flatnonzero(chance >= IMPOSSIBLE)
+            likely = np.flatnonzero(chance >= MIN_PROBABILITY)
             parts = parts if len(likely) == len(chance) else parts.take(likely)
             child = self.add(parts)
             owner, observation = nodes[run][owner[likely]], observation[likely]
@@ -186,11 +189,11 @@ class BeliefGraph:
         paid = self.pomdp.reward[self._actions[nodes][owners], beliefs.states]
         return beliefs.average(paid)
 
-    def emptied(self) -> BeliefGraph:
+    def empty_copy(self) -> BeliefGraph:
         """A graph of the same policy that knows no belief."""
-        return BeliefGraph(self.pomdp, self.policy)
+        return BeliefGraph(self.pomdp, self.policy, self._batch)
 
-    def copied(self, other: BeliefGraph, nodes: Indices) -> Indices:
+    def import_nodes(self, other: BeliefGraph, nodes: Indices) -> Indices:
         """The nodes (k,) here of the beliefs of some nodes (k,) of another graph of the same policy."""
         met, place = np.unique(nodes, return_inverse=True)
         return self._add(other.beliefs.take(met))[place]
@@ -205,6 +208,6 @@ def _roomy(array: npt.NDArray[Any], length: int, fill: int = 0) -> npt.NDArray[A
     return larger
 
 
-def branching(table: Rows) -> int:
+def branching(table: SparseTables) -> int:
     """How many entries a row of a table has, on average and at least 1."""
     return max(1, len(table.values) // (len(table.begins) - 1))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.belief import checked_belief, describe
+from lcorpp.planning.belief import check_belief, describe
 from lcorpp.planning.evaluation.policy_evaluation import Evaluation, Shortfall, evaluate
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Solution
@@ -41,7 +41,8 @@ class Certificate:
     reason: str
     certain: bool
 
-    def told(self) -> str:
+    @property
+    def text(self) -> str:
         """The certificate for people."""
         found = self.evaluation
         if found.trials:
@@ -62,12 +63,11 @@ class Certificate:
 
 
 def certificate(
-    pomdp: Pomdp,
     solution: Solution,
     start: npt.ArrayLike | None = None,
     *,
     tolerance: float | None = None,
-    most_nodes: int = 50_000,
+    max_nodes: int = 50_000,
     trials: int = 200,
     confidence: float = 0.99,
     seed: int = 0,
@@ -80,19 +80,19 @@ def certificate(
     So the policy is evaluated from the model (`evaluate`), where the vectors only choose the actions.
 
     Args:
-        pomdp: the world. solution: of it.
+        solution: of a solver.
         start: (S,) a belief to check the claims at, as vectors and upper bound make them there; the start and
             the claims of the solution when None.
         tolerance: in reward units; a millionth of the values when None.
-        most_nodes, trials, confidence, seed: as for `evaluate`.
+        max_nodes, trials, confidence, seed: as for `evaluate`.
 
     Raises:
         ModelError: `start` is not a distribution over the states, or a number is out of range.
         PolicyError: the policy is for another model.
     """
-    policy = solution.policy
+    pomdp, policy = solution.pomdp, solution.policy
     own = pomdp.start if solution.start is None else solution.start
-    belief = checked_belief(pomdp, own if start is None else start)
+    belief = check_belief(pomdp, own if start is None else start)
     promise = policy.value(belief)
     lower, upper = solution.lower, solution.upper
     if start is not None:
@@ -107,7 +107,7 @@ def certificate(
         policy,
         belief,
         precision=tolerance,
-        most_nodes=most_nodes,
+        max_nodes=max_nodes,
         trials=trials,
         confidence=confidence,
         seed=seed,

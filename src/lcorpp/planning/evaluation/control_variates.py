@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph, branching
-from lcorpp.planning.evaluation.sampling import Draws, Lottery
-from lcorpp.planning.evaluation.sparse_beliefs import Indices, added_up
+from lcorpp.planning.evaluation.sampling import CounterRng, InverseCdfSampler
+from lcorpp.planning.evaluation.sparse_beliefs import Indices, segment_sum
 from lcorpp.planning.evaluation.splitmix64 import Words
 from lcorpp.values import Array
 
@@ -64,9 +64,11 @@ class _Walk:
     """Trials over beliefs, the children of each worked out all together."""
 
     def __init__(self, graph: BeliefGraph, roots: Indices, chances: Array, seed: int) -> None:
-        self._pomdp, self._graph = graph.pomdp, graph.emptied()
-        self._given, self._roots, self._lottery = graph, roots, Lottery(seed)
-        self._root = Draws(np.array([0, len(chances)]), np.arange(len(chances), dtype=np.int32), chances)
+        self._pomdp, self._graph = graph.pomdp, graph.empty_copy()
+        self._given, self._roots, self._rng = graph, roots, CounterRng(seed)
+        self._root = InverseCdfSampler(
+            np.array([0, len(chances)]), np.arange(len(chances), dtype=np.int32), chances
+        )
         wide = len(self._pomdp.states) * branching(self._pomdp.observation)
         self._block = min(max(MOST_NUMBERS // wide, 16), MOST_TRIALS)
 
@@ -74,11 +76,11 @@ class _Walk:
         """(n,) what the trials of each block earn, (n,) their promise and all that is expected to become of
         it, and (n,) the promise alone."""
         for first in range(0, trials, self._block):
-            yield self._run(self._lottery.lots(first, min(self._block, trials - first)))
+            yield self._run(self._rng.trial_keys(first, min(self._block, trials - first)))
 
     def _run(self, lots: Words) -> tuple[Array, Array, Array]:
-        root = self._root.draw(np.zeros(len(lots), dtype=np.intp), self._lottery.numbers(lots, 0))
-        nodes = self._graph.copied(self._given, self._roots[root])
+        root = self._root.draw(np.zeros(len(lots), dtype=np.intp), self._rng.numbers(lots, 0))
+        nodes = self._graph.import_nodes(self._given, self._roots[root])
         begun, earned = _promise(self._graph, nodes), np.zeros(len(lots))
         promised = begun.copy()
         trials = np.arange(len(lots))
@@ -88,25 +90,25 @@ class _Walk:
             trials, nodes = trials[going], nodes[going]
             if not len(trials):
                 return earned, promised, begun
-            paid, change, nodes = self._step(nodes, self._lottery.numbers(lots[trials], 2 * step + 1))
+            paid, change, nodes = self._step(nodes, self._rng.numbers(lots[trials], 2 * step + 1))
             earned[trials] += paid
             promised[trials] += change
-            goes_on = self._lottery.numbers(lots[trials], 2 * step + 2) < self._pomdp.discount
+            goes_on = self._rng.numbers(lots[trials], 2 * step + 2) < self._pomdp.discount
             trials, nodes = trials[goes_on], nodes[goes_on]
             step += 1
             if self._graph.size > MOST_NUMBERS:
-                fuller, self._graph = self._graph, self._graph.emptied()
-                nodes = self._graph.copied(fuller, nodes)
+                fuller, self._graph = self._graph, self._graph.empty_copy()
+                nodes = self._graph.import_nodes(fuller, nodes)
 
     def _step(self, nodes: Indices, numbers: Array) -> tuple[Array, Array, Indices]:
         """At nodes (n,): the mean rewards, how the promise changes on average, and the nodes that follow."""
         met, place = np.unique(nodes, return_inverse=True)
         owner, _, probability, child = self._graph.expand(met)
         begins = np.searchsorted(owner, np.append(met, len(self._graph)))
-        ahead = added_up(np.searchsorted(met, owner), probability * _promise(self._graph, child), len(met))
+        ahead = segment_sum(np.searchsorted(met, owner), probability * _promise(self._graph, child), len(met))
         change = self._pomdp.discount * ahead - _promise(self._graph, met)
         paid = self._graph.rewards(met)
-        following = Draws(begins, child.astype(np.int32), probability).draw(place, numbers)
+        following = InverseCdfSampler(begins, child.astype(np.int32), probability).draw(place, numbers)
         return paid[place], change[place], following
 
 

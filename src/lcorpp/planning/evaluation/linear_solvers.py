@@ -15,7 +15,7 @@ ACCURACY = 1e-12
 """How small what is left of b should be, by Euclid's measure."""
 
 
-def solved_by_sweeps(inner: Any, begin: Array) -> Array:
+def solve_gmres(inner: Any, begin: Array) -> Array:
     """(n,) an approximate solution, by GMRES on sweeps along the graph.
 
     A sweep passes everything on from lower numbers to higher ones, which solves a graph without cycles at
@@ -37,7 +37,7 @@ def solved_by_sweeps(inner: Any, begin: Array) -> Array:
     return np.asarray(found, dtype=np.float64)
 
 
-def solved_by_factors(inner: Any, begin: Array) -> Array:
+def solve_lu(inner: Any, begin: Array) -> Array:
     """(n,) the solution by sparse LU factors.
 
     Where sweeps mix slowly, a graph is long and narrow, and its factors stay sparse.

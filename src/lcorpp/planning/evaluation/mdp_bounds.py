@@ -16,7 +16,7 @@ CLOSE = 1e-4
 """Value iteration stops at a bound this close to the truth, as a share of the range of rewards ahead."""
 
 
-def value_range(pomdp: Pomdp) -> tuple[Array, Array]:
+def mdp_value_bounds(pomdp: Pomdp) -> tuple[Array, Array]:
     """Bounds on the value of any policy, by state.
 
     With every state seen, nothing can earn more than the best choice in each state, and nothing less than

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
-from lcorpp.planning.evaluation.linear_solvers import MOST_FACTORISED, solved_by_factors, solved_by_sweeps
+from lcorpp.planning.evaluation.linear_solvers import MOST_FACTORISED, solve_gmres, solve_lu
 from lcorpp.planning.evaluation.sparse_beliefs import Indices
 from lcorpp.values import Array
 
@@ -22,7 +22,7 @@ PASSES = 50
 """Times that visits are passed on before more beliefs are worked out."""
 
 
-class Visits:
+class DiscountedOccupancy:
     """Discounted visits of the beliefs of a graph, passed on from the root to the children.
 
     At any time, the value at the root is the sum over nodes of visits times the mean reward there, plus the
@@ -58,7 +58,7 @@ class Visits:
         """Whether all beliefs that can be met were worked out."""
         return bool(self._worked.all())
 
-    def work_out(self, precision: float, most_nodes: int) -> None:
+    def expand(self, precision: float, max_nodes: int) -> None:
         """Work beliefs out until what is left open is less than the precision, or there are too many."""
         while True:
             for _ in range(PASSES):
@@ -68,10 +68,10 @@ class Visits:
                 self._pass_on()
             if self._open()[1] <= 0.9 * precision:
                 self._settle(precision)
-            full = len(self.graph) >= most_nodes or self.graph.size >= MOST_NUMBERS
+            full = len(self.graph) >= max_nodes or self.graph.size >= MOST_NUMBERS
             if full or self._open()[1] <= 0.9 * precision:
                 break
-            self._expand(np.where(self._worked, 0.0, self.left * (self._high - self._low)), most_nodes)
+            self._expand(np.where(self._worked, 0.0, self.left * (self._high - self._low)), max_nodes)
         self._settle(precision)
 
     def _open(self) -> tuple[float, float]:
@@ -80,13 +80,13 @@ class Visits:
         inside = float(weighs[self._worked].sum())
         return inside, float(weighs.sum()) - inside
 
-    def _expand(self, weighs: Array, most_nodes: int) -> None:
+    def _expand(self, weighs: Array, max_nodes: int) -> None:
         """Work out the beliefs of which half of what is open depends, and paths that follow them."""
         order = np.argsort(-weighs, kind="stable")
         sums = np.cumsum(weighs[order])
         count = 1 + int(np.searchsorted(sums, 0.5 * sums[-1]))
         room = ROUND + len(self._worked) // 4
-        nodes = np.sort(order[: min(count, most_nodes, room)])
+        nodes = np.sort(order[: min(count, max_nodes, room)])
         edges = [self._edges]
         while True:
             before = len(self.graph)
@@ -96,7 +96,7 @@ class Visits:
             self._note_new()
             # a narrow path is followed on; anything wider is weighed first
             nodes, room = np.flatnonzero(~self._worked[before:]) + before, room - len(nodes)
-            if not 0 < len(nodes) <= min(NARROW, room) or len(self.graph) >= most_nodes:
+            if not 0 < len(nodes) <= min(NARROW, room) or len(self.graph) >= max_nodes:
                 break
         owners, children, probabilities = (np.concatenate(kind) for kind in zip(*edges, strict=True))
         self._edges = owners, children, probabilities
@@ -136,7 +136,7 @@ class Visits:
         worked = np.flatnonzero(self._worked)
         begin = np.zeros(len(self._worked))
         begin[self._root] = 1.0
-        for solved in (solved_by_sweeps, solved_by_factors)[: 1 if len(worked) > MOST_FACTORISED else 2]:
+        for solved in (solve_gmres, solve_lu)[: 1 if len(worked) > MOST_FACTORISED else 2]:
             before = self.visits, self.left, self._open()[0]
             if before[2] <= 0.05 * precision:
                 return

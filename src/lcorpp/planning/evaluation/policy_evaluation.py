@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.belief import checked_belief
+from lcorpp.planning.belief import check_belief
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
 from lcorpp.planning.evaluation.control_variates import estimate
-from lcorpp.planning.evaluation.mdp_bounds import value_range
-from lcorpp.planning.evaluation.occupancy import Visits
+from lcorpp.planning.evaluation.mdp_bounds import mdp_value_bounds
+from lcorpp.planning.evaluation.occupancy import DiscountedOccupancy
 from lcorpp.planning.evaluation.simulation import CONFIDENCE
-from lcorpp.planning.evaluation.sparse_beliefs import Beliefs
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.planner import check_same_model
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
@@ -85,7 +85,7 @@ def evaluate(
     start: npt.ArrayLike | None = None,
     *,
     precision: float = 1e-4,
-    most_nodes: int = 50_000,
+    max_nodes: int = 50_000,
     trials: int = 1_000,
     confidence: float = CONFIDENCE,
     seed: int = 0,
@@ -107,7 +107,7 @@ def evaluate(
         pomdp: the world. policy: made for it.
         start: (S,) where the policy begins; the model's own when None.
         precision: how close the bounds should be, in reward units.
-        most_nodes: no more is worked out once so many beliefs were met, or fewer that hold very many states.
+        max_nodes: no more is worked out once so many beliefs were met, or fewer that hold very many states.
         trials: of the estimate, when the bounds stay too far apart; 0 for none.
         confidence: of its interval, between 0 and 1.
         seed: of the trials, a whole number from 0.
@@ -118,19 +118,19 @@ def evaluate(
         ObservationError: a belief has lost the hidden state of a trial to rounding; it is named.
     """
     check_same_model(pomdp, policy)
-    if not precision > 0 or not 0 < confidence < 1 or most_nodes < 1 or trials < 0 or 0 < trials < 4:
+    if not precision > 0 or not 0 < confidence < 1 or max_nodes < 1 or trials < 0 or 0 < trials < 4:
         raise ModelError(
-            f"precision {precision} must be positive, confidence {confidence} between 0 and 1, most_nodes"
-            f" {most_nodes} from 1 and trials {trials} 0 or from 4"
+            f"precision {precision} must be positive, confidence {confidence} between 0 and 1, max_nodes"
+            f" {max_nodes} from 1 and trials {trials} 0 or from 4"
         )
-    belief = checked_belief(pomdp, pomdp.start if start is None else start)
+    belief = check_belief(pomdp, pomdp.start if start is None else start)
     began = monotonic()
-    low, high = value_range(pomdp)
+    low, high = mdp_value_bounds(pomdp)
     most = float(max(np.abs(low).max(), np.abs(high).max()))
     slack = DRIFT * most / (1 - pomdp.discount)
     graph = BeliefGraph(pomdp, policy)
-    visits = Visits(graph, int(graph.add(Beliefs.of(belief[None]))[0]), low, high)
-    visits.work_out(precision / 2, most_nodes)
+    visits = DiscountedOccupancy(graph, int(graph.add(SparseBeliefs.of(belief[None]))[0]), low, high)
+    visits.expand(precision / 2, max_nodes)
     lower, upper = visits.bounds()
     exact = upper - lower <= precision
     lower, upper = lower - slack, upper + slack
@@ -164,7 +164,7 @@ def evaluate(
     )
 
 
-def _worst(visits: Visits) -> Shortfall:
+def _worst(visits: DiscountedOccupancy) -> Shortfall:
     graph, lost = visits.graph, visits.shortfalls()
     node = int(lost.argmax())
     promise, often = float(graph.values[node]), float(visits.visits[node])

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.belief import checked_belief
+from lcorpp.planning.belief import check_belief
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
-from lcorpp.planning.evaluation.sparse_beliefs import Beliefs, Indices
+from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
 from lcorpp.planning.planner import check_same_model
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
@@ -45,7 +45,7 @@ class PolicyGraph:
     targets: Indices
     observations: Indices
     probabilities: Array
-    beliefs: Beliefs
+    beliefs: SparseBeliefs
     state_names: tuple[str, ...]
     action_names: tuple[str, ...]
     observation_names: tuple[str, ...]
@@ -119,9 +119,9 @@ def policy_graph(
     start: npt.ArrayLike | None = None,
     *,
     merge: Literal["vector", "belief"] = "vector",
-    most_depth: int | None = None,
-    most_nodes: int = 1_000,
-    least_probability: float = 0.0,
+    max_depth: int | None = None,
+    max_nodes: int = 1_000,
+    min_probability: float = 0.0,
 ) -> PolicyGraph:
     """The controller that a policy is, from a start belief on.
 
@@ -134,9 +134,9 @@ def policy_graph(
         pomdp: the world. policy: made for it.
         start: (S,) where the policy begins; the model's own when None.
         merge: what makes two beliefs one node.
-        most_depth: nodes this many steps from the start have no edges; None for no limit.
-        most_nodes: no nodes are added beyond so many; edges to them are left out.
-        least_probability: edges of observations less likely than this are left out.
+        max_depth: nodes this many steps from the start have no edges; None for no limit.
+        max_nodes: no nodes are added beyond so many; edges to them are left out.
+        min_probability: edges of observations less likely than this are left out.
 
     Raises:
         ModelError: `start` is not a distribution over the states, or an argument is out of range.
@@ -148,19 +148,19 @@ def policy_graph(
     check_same_model(pomdp, policy)
     if merge not in ("vector", "belief"):
         raise ModelError(f"nodes are merged by 'vector' or by 'belief', not by {merge!r}")
-    if most_nodes < 1 or (most_depth is not None and most_depth < 0) or not 0 <= least_probability <= 1:
+    if max_nodes < 1 or (max_depth is not None and max_depth < 0) or not 0 <= min_probability <= 1:
         raise ModelError(
-            f"most_nodes {most_nodes} is from 1, most_depth {most_depth} from 0 and least_probability"
-            f" {least_probability} between 0 and 1"
+            f"max_nodes {max_nodes} is from 1, max_depth {max_depth} from 0 and min_probability"
+            f" {min_probability} between 0 and 1"
         )
-    belief = checked_belief(pomdp, pomdp.start if start is None else start)
+    belief = check_belief(pomdp, pomdp.start if start is None else start)
     graph = BeliefGraph(pomdp, policy)
-    layer = graph.add(Beliefs.of(belief[None]))
+    layer = graph.add(SparseBeliefs.of(belief[None]))
     nodes, depths, whole = layer.tolist(), [0], [True]
     numbers = {_key(graph, int(layer[0]), merge): 0}
     edges: list[tuple[int, int, int, float]] = []
     depth = 0
-    while len(layer) and (most_depth is None or depth < most_depth):
+    while len(layer) and (max_depth is None or depth < max_depth):
         depth += 1
         begin = len(nodes)
         source_of = dict(zip(layer.tolist(), range(begin - len(layer), begin), strict=True))
@@ -168,7 +168,7 @@ def policy_graph(
             *(kind.tolist() for kind in graph.expand(layer)), strict=True
         ):
             source, key = source_of[owner], _key(graph, child, merge)
-            if probability < least_probability or (key not in numbers and len(nodes) >= most_nodes):
+            if probability < min_probability or (key not in numbers and len(nodes) >= max_nodes):
                 whole[source] = False
                 continue
             if key not in numbers:

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.evaluation.absorbing import unpaid
+from lcorpp.planning.evaluation.absorbing import zero_reward_states
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
-from lcorpp.planning.evaluation.sampling import Draws, Lottery
-from lcorpp.planning.evaluation.sparse_beliefs import Beliefs, Indices
+from lcorpp.planning.evaluation.sampling import CounterRng, InverseCdfSampler
+from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array
@@ -40,21 +40,21 @@ class Step(NamedTuple):
     ended: npt.NDArray[np.bool_]
 
 
-class Walk:
+class BatchRollout:
     """What blocks of trials of one policy share.
 
     roots: k beliefs that a trial may begin at. chances: (k,) of each, up to a factor.
     made: how many beliefs have been worked out.
     """
 
-    def __init__(self, pomdp: Pomdp, policy: Policy, roots: Beliefs, chances: Array, seed: int) -> None:
+    def __init__(self, pomdp: Pomdp, policy: Policy, roots: SparseBeliefs, chances: Array, seed: int) -> None:
         self.pomdp, self.made = pomdp, 0
-        self._roots, self._lottery, self._over = roots, Lottery(seed), unpaid(pomdp)
+        self._roots, self._rng, self._over = roots, CounterRng(seed), zero_reward_states(pomdp)
         count = np.array([0, len(chances)])
-        self._root = Draws(count, np.arange(len(chances), dtype=np.int32), chances)
-        self._state = Draws(roots.begins, roots.states, roots.weights)
+        self._root = InverseCdfSampler(count, np.arange(len(chances), dtype=np.int32), chances)
+        self._state = InverseCdfSampler(roots.begins, roots.states, roots.weights)
         self._transition, self._observation = (
-            Draws(table.begins, table.columns, table.values)
+            InverseCdfSampler(table.begins, table.columns, table.values)
             for table in (pomdp.transition, pomdp.observation)
         )
         self._graph = BeliefGraph(pomdp, policy)
@@ -74,7 +74,7 @@ class Walk:
                 impossible in it; belief, action and observation are named.
         """
         S = len(self.pomdp.states)
-        lots = self._lottery.lots(block.start, block.stop - block.start)
+        lots = self._rng.trial_keys(block.start, block.stop - block.start)
         trials = np.arange(len(lots))
         roots, states = self.starts(block)
         nodes = self._nodes(roots)
@@ -87,18 +87,18 @@ class Walk:
                 return
             bases = self._graph.actions.take(nodes) * np.int64(S)
             rows = bases + states
-            states = self._transition.draw(rows, self._lottery.numbers(lots, 2 * number + 2))
+            states = self._transition.draw(rows, self._rng.numbers(lots, 2 * number + 2))
             bases += states
-            observations = self._observation.draw(bases, self._lottery.numbers(lots, 2 * number + 3))
+            observations = self._observation.draw(bases, self._rng.numbers(lots, 2 * number + 3))
             nodes = self._follow(nodes, observations)
             ended = self._over.take(states) | self._graph.over.take(nodes)
             yield Step(number, trials, rows, states, observations, ended)
 
     def starts(self, block: slice) -> tuple[Indices, Indices]:
         """(n,) the roots at which the trials of a block begin, and (n,) their hidden states."""
-        lots = self._lottery.lots(block.start, block.stop - block.start)
-        roots = self._root.draw(np.zeros(len(lots), dtype=np.intp), self._lottery.numbers(lots, 0))
-        return roots, self._state.draw(roots, self._lottery.numbers(lots, 1))
+        lots = self._rng.trial_keys(block.start, block.stop - block.start)
+        roots = self._root.draw(np.zeros(len(lots), dtype=np.intp), self._rng.numbers(lots, 0))
+        return roots, self._state.draw(roots, self._rng.numbers(lots, 1))
 
     def _nodes(self, roots: Indices) -> Indices:
         before = len(self._graph)
@@ -112,6 +112,6 @@ class Walk:
         found = self._graph.follow(nodes, observations)
         self.made += len(self._graph) - before
         if self._graph.size > MOST_NUMBERS:
-            fuller, self._graph = self._graph, self._graph.emptied()
-            found = self._graph.copied(fuller, found)
+            fuller, self._graph = self._graph, self._graph.empty_copy()
+            found = self._graph.import_nodes(fuller, found)
         return found

@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.evaluation.sparse_beliefs import ragged
-from lcorpp.planning.evaluation.splitmix64 import GOLDEN, Words, mixed, spread_out
-from lcorpp.planning.sparse import Index, Place
+from lcorpp.planning.evaluation.sparse_beliefs import ragged_indices
+from lcorpp.planning.evaluation.splitmix64 import GOLDEN, Words, hash_counter, splitmix64
+from lcorpp.planning.sparse import Int32Array, Int64Array
 from lcorpp.values import Array
 
 LONG = 64
@@ -17,7 +17,7 @@ LONG = 64
 Numbers = npt.NDArray[np.integer]
 
 
-class Lottery:
+class CounterRng:
     """Numbers in [0, 1) for every trial and step, each the same whatever else is drawn.
 
     A number is the hash of its place: SplitMix64 (Steele, Lea and Flood, 2014) at the sum of what it gives
@@ -33,20 +33,20 @@ class Lottery:
             raise ModelError(f"a seed is a whole number from 0, not {seed!r}")
         self._seed = np.random.SeedSequence(int(seed)).generate_state(1, np.uint64)
 
-    def lots(self, first: int, count: int) -> Words:
+    def trial_keys(self, first: int, count: int) -> Words:
         """(count,) what the trials from `first` draw with."""
         counted = np.arange(first, first + count, dtype=np.uint64) * np.uint64(GOLDEN)
-        return mixed(counted + self._seed)
+        return splitmix64(counted + self._seed)
 
     def numbers(self, lots: Words, place: int) -> Array:
         """(n,) the numbers of some lots (n,) at a place from 0: each step has places of its own."""
-        words = mixed(lots + spread_out(np.array([place]), 1))
+        words = splitmix64(lots + hash_counter(np.array([place]), 1))
         words >>= np.uint64(11)
         numbers: Array = words * np.float64(2.0**-53)
         return numbers
 
 
-class Draws:
+class InverseCdfSampler:
     """Rows of weights made ready to be drawn from: the sums of each row up to each of its entries.
 
     begins: (R + 1,) where the entries of each row begin; no row is empty. columns, values: (entries,).
@@ -56,13 +56,13 @@ class Draws:
     it nor an entry of zero is ever found.
     """
 
-    def __init__(self, begins: Place, columns: Index, values: Array) -> None:
+    def __init__(self, begins: Int64Array, columns: Int32Array, values: Array) -> None:
         sizes = np.diff(begins)
         halves = np.array([0, *(2 ** ((n - 1).bit_length() - 1) for n in range(2, int(sizes.max()) + 1))])
         self._halves = halves[np.maximum(sizes, 1) - 1]
         widths = np.maximum(2 * self._halves, 1)
         self._begins = np.cumsum(widths) - widths
-        place = ragged(self._begins, sizes)
+        place = ragged_indices(self._begins, sizes)
         self._columns = np.zeros(int(widths.sum()), dtype=np.int64)
         self._columns[place] = columns
         sums = np.ones(len(self._columns))
@@ -84,7 +84,7 @@ class Draws:
         return found
 
 
-def _running(begins: Place, sizes: Numbers, values: Array) -> Array:
+def _running(begins: Int64Array, sizes: Numbers, values: Array) -> Array:
     """The sums of each row up to each of its entries, scaled so that the last is 1 exactly."""
     sums = np.array(values)
     for row in np.flatnonzero(sizes > LONG):

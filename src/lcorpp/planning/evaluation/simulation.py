@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.belief import checked_belief
-from lcorpp.planning.evaluation.rollout import Walk
-from lcorpp.planning.evaluation.sparse_beliefs import Beliefs, Indices
+from lcorpp.planning.belief import check_belief
+from lcorpp.planning.evaluation.rollout import BatchRollout
+from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
 from lcorpp.planning.planner import check_same_model
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
@@ -52,7 +52,7 @@ class Trace:
 
 
 @dataclass(frozen=True, eq=False)
-class Simulated:
+class SimulationResult:
     """What a policy earned in n trials of at most T steps.
 
     returns: (n,) the discounted reward of each trial.
@@ -117,7 +117,7 @@ def simulate(
     seed: int,
     start: npt.ArrayLike | None = None,
     traces: int = 0,
-) -> Simulated:
+) -> SimulationResult:
     """Try a policy out, many trials at once.
 
     A trial draws its hidden state from the start belief and follows the policy, which sees the observations
@@ -145,9 +145,9 @@ def simulate(
     for name, number, least in (("trials", trials, 1), ("steps", steps, 1), ("traces", traces, 0)):
         if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < least:
             raise ModelError(f"{name} is a whole number from {least}, not {number!r}")
-    belief = checked_belief(pomdp, pomdp.start if start is None else start)
+    belief = check_belief(pomdp, pomdp.start if start is None else start)
     began = monotonic()
-    walk = Walk(pomdp, policy, Beliefs.of(belief[None]), np.ones(1), seed)
+    walk = BatchRollout(pomdp, policy, SparseBeliefs.of(belief[None]), np.ones(1), seed)
     returns, lengths = np.zeros(trials), np.zeros(trials, dtype=np.intp)
     rewards = np.zeros(steps)
     paid = pomdp.reward.reshape(-1)
@@ -164,7 +164,7 @@ def simulate(
                 unfinished += int(np.count_nonzero(~step.ended))
     cut = unfinished / trials * pomdp.discount**steps / (1 - pomdp.discount)
     told = _traces(pomdp, walk, min(traces, trials), steps)
-    return Simulated(
+    return SimulationResult(
         returns=returns,
         lengths=lengths,
         rewards=rewards / trials,
@@ -176,7 +176,7 @@ def simulate(
     )
 
 
-def _traces(pomdp: Pomdp, walk: Walk, count: int, steps: int) -> tuple[Trace, ...]:
+def _traces(pomdp: Pomdp, walk: BatchRollout, count: int, steps: int) -> tuple[Trace, ...]:
     """The first trials, walked once more and noted."""
     S = len(pomdp.states)
     traces: list[Trace] = []

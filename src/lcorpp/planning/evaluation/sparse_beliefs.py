@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.evaluation.splitmix64 import mixed, spread_out
+from lcorpp.planning.evaluation.splitmix64 import hash_counter, splitmix64
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import Index, Place, Rows
+from lcorpp.planning.sparse import Int32Array, Int64Array, SparseTables
 from lcorpp.values import Array, Belief
 
 Indices = npt.NDArray[np.intp]
@@ -24,25 +24,25 @@ MOST_DENSE = 2**22
 
 
 @dataclass(frozen=True, eq=False)
-class Beliefs:
+class SparseBeliefs:
     """n weighings of the states; belief i has the entries begins[i] to the next one's.
 
     begins: (n + 1,). states: (entries,) rising within a belief. weights: (entries,) positive.
     """
 
-    begins: Place
-    states: Index
+    begins: Int64Array
+    states: Int32Array
     weights: Array
 
     @classmethod
-    def of(cls, dense: Array) -> Beliefs:
+    def of(cls, dense: Array) -> SparseBeliefs:
         """From beliefs (n, S)."""
         owner, states = np.nonzero(dense)
         begins = np.searchsorted(owner, np.arange(len(dense) + 1))
         return cls(begins.astype(np.int64), states.astype(np.int32), dense[owner, states])
 
     @classmethod
-    def joined(cls, parts: Iterable[Beliefs]) -> Beliefs:
+    def joined(cls, parts: Iterable[SparseBeliefs]) -> SparseBeliefs:
         """Some after others."""
         kept = [NOTHING, *parts]
         ends = np.cumsum([0, *(len(part.states) for part in kept)])
@@ -57,7 +57,7 @@ class Beliefs:
         return len(self.begins) - 1
 
     @property
-    def sizes(self) -> Place:
+    def sizes(self) -> Int64Array:
         """(n,) the number of states that each holds."""
         return np.diff(self.begins)
 
@@ -66,11 +66,11 @@ class Beliefs:
         """(entries,) the belief that each entry is of."""
         return np.repeat(np.arange(len(self)), self.sizes)
 
-    def take(self, which: npt.NDArray[np.integer]) -> Beliefs:
+    def take(self, which: npt.NDArray[np.integer]) -> SparseBeliefs:
         """The beliefs of some numbers (k,), in their order."""
         sizes = self.begins[which + 1] - self.begins[which]
-        at = ragged(self.begins[which], sizes)
-        return Beliefs(np.concatenate([[0], np.cumsum(sizes)]), self.states[at], self.weights[at])
+        at = ragged_indices(self.begins[which], sizes)
+        return SparseBeliefs(np.concatenate([[0], np.cumsum(sizes)]), self.states[at], self.weights[at])
 
     def belief(self, number: int, size: int) -> Belief:
         """One of them as (S,), S being `size`."""
@@ -81,31 +81,31 @@ class Beliefs:
 
     def totals(self) -> Array:
         """(n,) what the weights of each add up to, added in their order."""
-        return added_up(self.owners, self.weights, len(self))
+        return segment_sum(self.owners, self.weights, len(self))
 
     def average(self, worth: Array) -> Array:
         """(n,) the mean under each of numbers (entries,)."""
-        return added_up(self.owners, self.weights * worth, len(self)) / self.totals()
+        return segment_sum(self.owners, self.weights * worth, len(self)) / self.totals()
 
-    def spread(self, pomdp: Pomdp, actions: npt.NDArray[np.integer]) -> Beliefs:
+    def predict(self, pomdp: Pomdp, actions: npt.NDArray[np.integer]) -> SparseBeliefs:
         """Where the states go with an action each (n,), before anything is observed."""
         table, owners = pomdp.transition, self.owners
         at, sizes = _rows_of(table, actions[owners], self.states)
         mass = np.repeat(self.weights, sizes) * table.values[at]
         return _added(len(self), np.repeat(owners, sizes), table.columns[at], mass, table.shape[2])
 
-    def seen(
+    def condition(
         self, pomdp: Pomdp, actions: npt.NDArray[np.integer], observations: npt.NDArray[np.integer]
-    ) -> Beliefs:
+    ) -> SparseBeliefs:
         """What was spread, each weighed with how likely it is to show an observation each (n,)."""
         owners = self.owners
-        chances = looked_up(pomdp.observation, actions[owners], self.states, observations[owners])
+        chances = gather_entries(pomdp.observation, actions[owners], self.states, observations[owners])
         weights = self.weights * chances
         kept = weights > 0
         begins = np.concatenate([[0], np.cumsum(np.bincount(owners[kept], minlength=len(self)))])
-        return Beliefs(begins, self.states[kept], weights[kept])
+        return SparseBeliefs(begins, self.states[kept], weights[kept])
 
-    def outcomes(self, pomdp: Pomdp, actions: npt.NDArray[np.integer]) -> Outcomes:
+    def posteriors(self, pomdp: Pomdp, actions: npt.NDArray[np.integer]) -> Posteriors:
         """What was spread, by all that may be observed."""
         table, owners = pomdp.observation, self.owners
         at, sizes = _rows_of(table, actions[owners], self.states)
@@ -115,11 +115,11 @@ class Beliefs:
         kept = np.flatnonzero(weights > 0)
         order = kept[np.argsort(keys[kept], kind="stable")]
         found, begins = np.unique(keys[order], return_index=True)
-        parts = Beliefs(np.append(begins, len(order)).astype(np.int64), states[order], weights[order])
+        parts = SparseBeliefs(np.append(begins, len(order)).astype(np.int64), states[order], weights[order])
         owner, observation = np.divmod(found, table.shape[2])
-        return Outcomes(owner, observation, parts)
+        return Posteriors(owner, observation, parts)
 
-    def rounded(self) -> Beliefs:
+    def rounded(self) -> SparseBeliefs:
         """Each scaled to add up to 1, and every weight rounded to 40 binary digits.
 
         Beliefs that differ by the order of their arithmetic alone become one and the same. Rounding changes a
@@ -130,14 +130,14 @@ class Beliefs:
         scaled = self.weights / self.totals()[self.owners]
         bits = scaled.view(np.uint64)
         digits = ((bits + np.uint64(1 << 11)) & ~np.uint64((1 << 12) - 1)).view(np.float64)
-        return Beliefs(self.begins, self.states, digits)
+        return SparseBeliefs(self.begins, self.states, digits)
 
     def keys(self) -> list[bytes]:
         """A hash of 128 bits of each: the same for the same states and weights, and hardly else."""
         words = np.zeros((len(self), 2), dtype=np.uint64)
         filled = np.flatnonzero(self.sizes)
         for half in range(2):
-            mixture = mixed(spread_out(self.states, half) ^ self.weights.view(np.uint64))
+            mixture = splitmix64(hash_counter(self.states, half) ^ self.weights.view(np.uint64))
             words[filled, half] = np.add.reduceat(mixture, self.begins[filled]) if len(filled) else 0
         return words.view("V16")[:, 0].tolist()  # type: ignore[no-any-return]
 
@@ -151,40 +151,40 @@ class Beliefs:
             begin = end
 
 
-class Outcomes(NamedTuple):
+class Posteriors(NamedTuple):
     """What may be observed, in the order of the beliefs and then of the observations.
 
     owner: (k,) the belief it follows. observation: (k,). parts: k weighings; what one adds up to is how
     likely it is.
     """
 
-    owner: Place
-    observation: Place
-    parts: Beliefs
+    owner: Int64Array
+    observation: Int64Array
+    parts: SparseBeliefs
 
 
-NOTHING = Beliefs(np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int32), np.zeros(0))
+NOTHING = SparseBeliefs(np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int32), np.zeros(0))
 
 
-def ragged(begins: npt.NDArray[np.integer], sizes: npt.NDArray[np.integer]) -> Place:
+def ragged_indices(begins: npt.NDArray[np.integer], sizes: npt.NDArray[np.integer]) -> Int64Array:
     """sizes[i] numbers from begins[i] on, for each i in turn."""
     ends = np.cumsum(sizes)
     total = int(ends[-1]) if len(ends) else 0
-    numbers: Place = np.arange(total, dtype=np.int64) + np.repeat(begins - (ends - sizes), sizes)
+    numbers: Int64Array = np.arange(total, dtype=np.int64) + np.repeat(begins - (ends - sizes), sizes)
     return numbers
 
 
 def _rows_of(
-    table: Rows, actions: npt.NDArray[np.integer], rows: npt.NDArray[np.integer]
-) -> tuple[Place, Place]:
+    table: SparseTables, actions: npt.NDArray[np.integer], rows: npt.NDArray[np.integer]
+) -> tuple[Int64Array, Int64Array]:
     """Where the entries of some rows are, and how many each row has."""
     row = actions.astype(np.int64) * table.shape[1] + rows
     sizes = table.begins[row + 1] - table.begins[row]
-    return ragged(table.begins[row], sizes), sizes
+    return ragged_indices(table.begins[row], sizes), sizes
 
 
-def looked_up(
-    table: Rows,
+def gather_entries(
+    table: SparseTables,
     actions: npt.NDArray[np.integer],
     rows: npt.NDArray[np.integer],
     columns: npt.NDArray[np.integer],
@@ -204,22 +204,22 @@ def looked_up(
     return np.where((low < end) & (table.columns[at] == columns), table.values[at], 0.0)
 
 
-def _added(count: int, owners: Indices, states: Index, mass: Array, size: int) -> Beliefs:
+def _added(count: int, owners: Indices, states: Int32Array, mass: Array, size: int) -> SparseBeliefs:
     """Entries of one belief and state added up, in the order in which they come."""
     keys = owners * size + states
     if count * size <= 4 * len(keys):
-        sums = added_up(keys, mass, count * size)
+        sums = segment_sum(keys, mass, count * size)
         found = np.flatnonzero(sums)
         sums = sums[found]
     else:
         found, place = np.unique(keys, return_inverse=True)
-        sums = added_up(place, mass, len(found))
+        sums = segment_sum(place, mass, len(found))
         found, sums = found[sums > 0], sums[sums > 0]
     owner, state = np.divmod(found, size)
     begins = np.searchsorted(owner, np.arange(count + 1))
-    return Beliefs(begins, state.astype(np.int32), sums)
+    return SparseBeliefs(begins, state.astype(np.int32), sums)
 
 
-def added_up(places: npt.NDArray[np.integer], numbers: Array, count: int) -> Array:
+def segment_sum(places: npt.NDArray[np.integer], numbers: Array, count: int) -> Array:
     """(count,) the numbers of each place added up, in the order in which they come."""
     return np.bincount(places, numbers, minlength=count).astype(np.float64, copy=False)

@@ -11,7 +11,7 @@ GOLDEN = 0x9E3779B97F4A7C15
 Words = npt.NDArray[np.uint64]
 
 
-def mixed(words: Words) -> Words:
+def splitmix64(words: Words) -> Words:
     """Each number hashed, in place.
 
     Source: Steele, Lea and Flood, Fast splittable pseudorandom number generators, 2014, with the constants
@@ -28,8 +28,8 @@ def mixed(words: Words) -> Words:
     return words
 
 
-def spread_out(numbers: npt.NDArray[np.integer], offset: int = 0) -> Words:
+def hash_counter(numbers: npt.NDArray[np.integer], offset: int = 0) -> Words:
     """Small whole numbers, far apart from each other and other ones for another offset."""
     words = numbers.astype(np.uint64) * np.uint64(GOLDEN)
     words += np.uint64(offset * 0xD1B54A32D192ED03 % 2**64)
-    return mixed(words)
+    return splitmix64(words)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.factored.table import Table
-from lcorpp.planning.factored.table_builder import Cells, Selector
+from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import AFTER, ALL, EACH, Scope, Variable
 
 Words = str | int | Iterable[object]
@@ -25,17 +25,17 @@ SAME, UNIFORM = "same", "uniform"
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
-    """A table by cases, see `given`."""
+class Cpt:
+    """A table by cases, see `cpt`."""
 
     parents: tuple[str, ...]
     rows: Mapping[Any, Row] | npt.ArrayLike
 
 
-def given(parents: Words, rows: Mapping[Any, Row] | npt.ArrayLike) -> Given:
+def cpt(parents: Words, rows: Mapping[Any, Row] | npt.ArrayLike) -> Cpt:
     """A table that depends on other variables.
 
-        given("action place", {"* *": "same", "east hall": {"kitchen": 0.9, "hall": 0.1}})
+        cpt("action place", {"* *": "same", "east hall": {"kitchen": 0.9, "hall": 0.1}})
 
     Args:
         parents: the variables it depends on. ``place`` is the value before the action, ``place'`` after it.
@@ -44,10 +44,10 @@ def given(parents: Words, rows: Mapping[Any, Row] | npt.ArrayLike) -> Given:
             array with an axis for each ``-``, before the axis of the values. Or one array with an axis for
             each parent, then one for the values.
     """
-    return Given(words(parents), rows)
+    return Cpt(words(parents), rows)
 
 
-Spec = Given | Row
+Spec = Cpt | Row
 """A table: by cases, or one row that depends on nothing."""
 
 
@@ -66,8 +66,8 @@ def distribution(scope: Scope, spec: Spec, children: tuple[str, ...], what: str)
     """
     after = all(child.endswith(AFTER) for child in children)
     if isinstance(spec, str) and spec == SAME and after and not _is_value(scope, children, SAME):
-        spec = given([child.removesuffix(AFTER) for child in children], {(ALL,) * len(children): SAME})
-    parents, rows = (spec.parents, spec.rows) if isinstance(spec, Given) else ((), {"": spec})
+        spec = cpt([child.removesuffix(AFTER) for child in children], {(ALL,) * len(children): SAME})
+    parents, rows = (spec.parents, spec.rows) if isinstance(spec, Cpt) else ((), {"": spec})
     for name in parents:
         if name not in scope:
             raise ModelError(f"{what} depends on {name!r}, which is no variable; {_known(scope)}")
@@ -87,7 +87,7 @@ class _Builder:
         self.scope, self.what = scope, what
         self.parents, self.children = parents, children
         try:
-            self.cells = Cells(scope, parents, children)
+            self.cells = TableBuilder(scope, parents, children)
         except ModelError as error:
             raise ModelError(f"{what}: {error}") from None
 

@@ -6,20 +6,17 @@ All states of an action are worked out at once, and only what has a probability 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.factored.joint import Code, Joint, Numbers
+from lcorpp.planning.factored.joint import Joint, MixedRadix, Numbers
+from lcorpp.planning.factored.model import Factored
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.variables import AFTER
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
-
-if TYPE_CHECKING:
-    from lcorpp.planning.factored.model import Factored
 
 Values = Mapping[str, Numbers]
 """For n states, the numbers (n,) of the values of each variable."""
@@ -31,10 +28,23 @@ MOST_CODES = 2**62
 """The most combinations that a number can tell apart."""
 
 
-def flat(problem: Factored, *, reachable: bool) -> Pomdp:
-    """`Factored.flat`."""
-    states, actions = Code(problem.states), Code(problem.actions)
-    seen = Code(
+def flatten(problem: Factored, *, reachable: bool = False) -> Pomdp:
+    """Return the same problem with one state, action and observation in place of the variables.
+
+    States, actions and observations have names such as ``x=1,y=2``; a single variable's values are the names
+    themselves. An observation consists of the observed parts of the next state and the observation variables;
+    of several variables, only combinations with positive probability are included. Rewards are expected
+    immediate rewards. The start belief is that before the first observation; see `start_beliefs`.
+
+    Args:
+        reachable: leave out states that no sequence of actions reaches with positive probability from the
+            start. Optimal policies and values at the start are the same; the model excludes other starts.
+
+    Raises:
+        ModelError: there are too many states, or the rewards are too large.
+    """
+    states, actions = MixedRadix(problem.states), MixedRadix(problem.actions)
+    seen = MixedRadix(
         (*problem.observed, *problem.observations),
         [*(variable.name + AFTER for variable in problem.observed), *(v.name for v in problem.observations)],
     )
@@ -77,11 +87,18 @@ def flat(problem: Factored, *, reachable: bool) -> Pomdp:
     )
 
 
-def starts(problem: Factored, pomdp: Pomdp) -> Array:
-    """`Factored.starts`."""
-    code = Code(problem.states)
-    begin, chance = _Step(problem, code, Code(problem.actions)).start()
-    seen = np.broadcast_to(Code(problem.observed).of(code.values(begin)), begin.shape)
+def start_beliefs(problem: Factored, pomdp: Pomdp) -> Array:
+    """(N, S) start beliefs, one for each initial observation of the observed parts, the likeliest first.
+
+    To solve for them bounds the value of a robot that observes before its first action; the start belief of
+    the flat model is that before any observation.
+
+    Args:
+        pomdp: `flatten(problem)`.
+    """
+    code = MixedRadix(problem.states)
+    begin, chance = _Step(problem, code, MixedRadix(problem.actions)).start()
+    seen = np.broadcast_to(MixedRadix(problem.observed).of(code.values(begin)), begin.shape)
     kinds, kind = np.unique(seen, return_inverse=True)
     beliefs: Array = np.zeros((len(kinds), len(pomdp.states)))
     beliefs[kind.reshape(-1), [pomdp.state_index(name) for name in code.labels(begin)]] = chance
@@ -93,13 +110,13 @@ def starts(problem: Factored, pomdp: Pomdp) -> Array:
 class _Step:
     """One step of the network, for many states at once."""
 
-    def __init__(self, problem: Factored, states: Code, actions: Code) -> None:
+    def __init__(self, problem: Factored, states: MixedRadix, actions: MixedRadix) -> None:
         self.problem, self.states, self.actions = problem, states, actions
-        self.next = Code(problem.states, [variable.name + AFTER for variable in problem.states])
+        self.next = MixedRadix(problem.states, [variable.name + AFTER for variable in problem.states])
 
     def start(self) -> tuple[Numbers, Array]:
         """The states that are possible at the start, rising, and their probabilities."""
-        joint = Joint.of(1, {}).times(self.problem.start)
+        joint = Joint.of(1, {}).multiply(self.problem.start)
         code = np.broadcast_to(self.states.of(joint.values), joint.case.shape)
         order = np.argsort(code)
         possible = order[joint.weight[order] > 0]
@@ -107,12 +124,12 @@ class _Step:
 
     def after(self, now: Values, count: int, action: int) -> Joint:
         """What an action leads to from states given by the values of their variables; they are the cases."""
-        return Joint.of(count, {**self._action(action), **now}).times(self.problem.transition)
+        return Joint.of(count, {**self._action(action), **now}).multiply(self.problem.transition)
 
     def looks(self, after: Values, count: int, action: int) -> Joint:
         """What is observed in states reached by an action."""
         values = {name + AFTER: value for name, value in after.items()}
-        return Joint.of(count, {**self._action(action), **values}).times(self.problem.observation)
+        return Joint.of(count, {**self._action(action), **values}).multiply(self.problem.observation)
 
     def reached(self, begin: Numbers) -> Numbers:
         """All states that can be reached from some, with them, rising."""
@@ -135,7 +152,7 @@ class _Step:
             if all(name in cases.values for name in table.parents):
                 total += cases.mean(table, count)
             else:
-                total += joint.times(_needed(self.problem.observation, table.parents)).mean(table, count)
+                total += joint.multiply(_needed(self.problem.observation, table.parents)).mean(table, count)
         return total
 
     def _action(self, action: int) -> dict[str, Numbers]:
@@ -163,10 +180,10 @@ class _Entries:
         """The columns with entries, rising."""
         return np.unique(np.concatenate([np.unique(column) for _, column, _ in self._parts]))
 
-    def rows(self, columns: Numbers) -> Rows:
+    def rows(self, columns: Numbers) -> SparseTables:
         """The table of these columns. Tables that are right up to rounding may be further off multiplied."""
         counts = np.concatenate([np.zeros(1, dtype=np.int64), *(count for count, _, _ in self._parts)])
-        table = Rows(
+        table = SparseTables(
             (self.actions, self.height, len(columns)),
             np.cumsum(counts),
             np.concatenate(
@@ -174,9 +191,9 @@ class _Entries:
             ),
             np.concatenate([value for _, _, value in self._parts]),
         )
-        sums = table.sums()
+        sums = table.row_sums()
         off = np.abs(sums - 1) > SUM_TOLERANCE
-        return table.scaled(np.where(off, 1 / sums, 1.0)) if off.any() else table
+        return table.scale_rows(np.where(off, 1 / sums, 1.0)) if off.any() else table
 
 
 def _needed(tables: Sequence[Table], names: Iterable[str]) -> Iterator[Table]:

@@ -31,7 +31,7 @@ class Joint:
         """Cases with what is known in them: (C,) or one number for all, by name."""
         return cls(np.arange(cases), values, np.ones(cases))
 
-    def times(self, tables: Iterable[Table]) -> Joint:
+    def multiply(self, tables: Iterable[Table]) -> Joint:
         """With the children of some tables, each after those it depends on."""
         joint = self
         for table in tables:
@@ -67,11 +67,11 @@ class Joint:
 
     def mean(self, table: Table, cases: int) -> Array:
         """(C,) the mean in each case of a table without children."""
-        worth = np.broadcast_to(table.worth(np.atleast_1d(self.row(table))), self.case.shape)
+        worth = np.broadcast_to(table.reward(np.atleast_1d(self.row(table))), self.case.shape)
         return np.asarray(np.bincount(self.case, self.weight * worth, minlength=cases), dtype=np.float64)
 
 
-class Code:
+class MixedRadix:
     """Combinations of values of some variables as one number, the last variable counting fastest.
 
     names: what the variables are called among values; as they are themselves, where not given.

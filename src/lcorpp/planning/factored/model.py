@@ -9,14 +9,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from lcorpp.errors import ModelError, expected
+from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.planning.factored.cpt import Spec, Words, distribution, words
 from lcorpp.planning.factored.table import Table
-from lcorpp.planning.factored.validation import check_reward, ordered
+from lcorpp.planning.factored.validation import check_reward, topological_order
 from lcorpp.planning.factored.variables import AFTER, Scope, Variable, check_word, scope_of
 from lcorpp.planning.pomdp import Pomdp, discount_message
-from lcorpp.planning.sparse import Rows
-from lcorpp.values import Array
+from lcorpp.planning.sparse import SparseTables
 
 Domain = Words | Mapping[str, Words]
 """The values of one variable, or of several by name."""
@@ -75,7 +74,9 @@ class Factored:
             ("transition", after, [*actions, *before, *after]),
             ("observation", seen, [*actions, *after, *seen]),
         ):
-            object.__setattr__(self, kind, ordered(kind, getattr(self, kind), scope, children, parents))
+            object.__setattr__(
+                self, kind, topological_order(kind, getattr(self, kind), scope, children, parents)
+            )
         for name, table in self.reward.items():
             check_word(name, "the name of a reward")
             if name in scope:
@@ -105,14 +106,14 @@ class Factored:
                 observations="clean dirty",
                 start={"place": "hall", "cup": "uniform"},
                 transition={
-                    "place": given("action place", {"* *": "same", "go hall": {"kitchen": 0.9, "hall": 0.1}}),
+                    "place": cpt("action place", {"* *": "same", "go hall": {"kitchen": 0.9, "hall": 0.1}}),
                     "cup": "same",
                 },
-                observation=given("action place' cup'", {
+                observation=cpt("action place' cup'", {
                     "* * *": "uniform",
                     "look kitchen -": [[0.8, 0.2], [0.3, 0.7]],
                 }),
-                reward=given("action", {"go": -1}),
+                reward=cpt("action", {"go": -1}),
                 discount=0.95,
             )
 
@@ -121,7 +122,7 @@ class Factored:
             observed: the state variables whose value is always seen.
             actions: the values of each action variable; those of one alone are called ``action``.
             observations: likewise, ``observation``; there may be none.
-            start, transition, observation: a table for each variable, see `given`; several variables that
+            start, transition, observation: a table for each variable, see `cpt`; several variables that
                 belong together may share one, as ``"x y"``. In `start` and `transition` they are called by
                 their plain names; where tables depend on them, ``x`` is before and ``x'`` after the action.
             reward: tables of numbers by name, which are added up; cases not given earn 0.
@@ -135,7 +136,9 @@ class Factored:
         parts = tuple(Variable(name, words(values), observed=name in seen) for name, values in states.items())
         for name in seen:
             if name not in states:
-                raise ModelError(f"unknown state variable {name!r} is 'observed'; {expected(tuple(states))}")
+                raise ModelError(
+                    f"unknown state variable {name!r} is 'observed'; {expected_one_of(tuple(states))}"
+                )
         acts, looks = _variables("action", actions), _variables("observation", observations)
         scope = scope_of(parts, acts, looks)
 
@@ -143,7 +146,7 @@ class Factored:
             known = [v.name for v in (looks if kind == "observation" else parts)]
             for name in (name for names in specs for name in words(names)):
                 if name not in known:
-                    raise ModelError(f"{kind} has a table for unknown {name!r}; {expected(known)}")
+                    raise ModelError(f"{kind} has a table for unknown {name!r}; {expected_one_of(known)}")
             return tuple(
                 distribution(scope, spec, tuple(name + sign for name in words(names)), f"{kind} of {names!r}")
                 for names, spec in specs.items()
@@ -171,7 +174,7 @@ class Factored:
     def of_pomdp(cls, pomdp: Pomdp) -> Factored:
         """A flat problem as one of a single ``state``, ``action`` and ``observation``."""
         S, A = len(pomdp.states), len(pomdp.actions)
-        worth = Rows.of(np.reshape(pomdp.reward, (1, A * S, 1)))
+        worth = SparseTables.of(np.reshape(pomdp.reward, (1, A * S, 1)))
         return cls(
             (Variable("state", pomdp.states),),
             (Variable("action", pomdp.actions),),
@@ -183,39 +186,6 @@ class Factored:
             pomdp.discount,
             pomdp.file,
         )
-
-    def flat(self, *, reachable: bool = False) -> Pomdp:
-        """The same problem with one state, action and observation in place of the variables.
-
-        States are called ``x=1,y=2``, and so are actions and observations; where there is one variable alone,
-        its values are the names. An observation tells what is observed of the state reached, then the values
-        of the observation variables; of several, only combinations that can occur are there. Rewards become
-        the expected immediate reward. The start belief is that before anything is seen, see `starts`.
-
-        Args:
-            reachable: leave out the states that no sequence of actions leads to, with any probability, from
-                the states that are possible at the start. What is best from the start stays the same, and so
-                does all it earns; of other starts the model knows nothing.
-
-        Raises:
-            ModelError: there are too many states, or the rewards are too large.
-        """
-        from lcorpp.planning.factored.flatten import flat
-
-        return flat(self, reachable=reachable)
-
-    def starts(self, pomdp: Pomdp) -> Array:
-        """(N, S) what may be believed at the start once the observed parts are seen, the likeliest first.
-
-        To solve for them tells what a robot earns that sees before it first acts; the start belief of the
-        flat model is one that has not looked yet.
-
-        Args:
-            pomdp: `flat()` of this problem.
-        """
-        from lcorpp.planning.factored.flatten import starts
-
-        return starts(self, pomdp)
 
     def same(self, other: Factored) -> bool:
         """Whether both are the same, bit for bit, wherever they were read from."""
@@ -244,6 +214,8 @@ def _variables(kind: str, domain: Domain) -> tuple[Variable, ...]:
     return (Variable(kind, values),) if values or kind == "action" else ()
 
 
-def _flat_table(rows: Rows, parents: tuple[str, str], child: str) -> Table:
+def _flat_table(rows: SparseTables, parents: tuple[str, str], child: str) -> Table:
     A, R, N = rows.shape
-    return Table(parents, (child,), (A, R, N), Rows((1, A * R, N), rows.begins, rows.columns, rows.values))
+    return Table(
+        parents, (child,), (A, R, N), SparseTables((1, A * R, N), rows.begins, rows.columns, rows.values)
+    )

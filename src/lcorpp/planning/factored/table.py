@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lcorpp.errors import ModelError
 from lcorpp.planning.factored.variables import Scope, described
 from lcorpp.planning.pomdp import SUM_TOLERANCE
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
 
@@ -34,7 +34,7 @@ class Table:
     parents: tuple[str, ...]
     children: tuple[str, ...]
     shape: tuple[int, ...]
-    rows: Rows
+    rows: SparseTables
 
     def __post_init__(self) -> None:
         for field in ("parents", "children", "shape"):
@@ -52,7 +52,7 @@ class Table:
         """From a dense array with an axis for each parent, then for each child."""
         array = np.asarray(values, dtype=np.float64)
         height = prod(array.shape[: len(parents)])
-        return cls(parents, children, array.shape, Rows.of(array.reshape(1, height, -1)))
+        return cls(parents, children, array.shape, SparseTables.of(array.reshape(1, height, -1)))
 
     @property
     def strides(self) -> tuple[int, ...]:
@@ -63,7 +63,7 @@ class Table:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
         return np.asarray(self.rows.dense, dtype=dtype).reshape(self.shape)
 
-    def worth(self, row: npt.NDArray[np.int64]) -> Array:
+    def reward(self, row: npt.NDArray[np.int64]) -> Array:
         """(n,) the rewards in rows (n,) of a table without children."""
         begins, values = self.rows.begins, np.append(self.rows.values, 0.0)
         filled = begins[row + 1] > begins[row]
@@ -90,7 +90,7 @@ def check_distributions(table: Table, scope: Scope, what: str) -> None:
         at = int(rows.values.argmin())
         row = row_name(table, scope, int(rows.rows[at]))
         raise ModelError(f"{what}{row} has a negative probability, {rows.values[at]:.10g}")
-    sums = rows.sums()[0]
+    sums = rows.row_sums()[0]
     off = np.abs(sums - 1)
     if off.max() > SUM_TOLERANCE:
         worst = int(off.argmax())

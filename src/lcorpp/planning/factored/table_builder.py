@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lcorpp.errors import ModelError
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.variables import ALL, EACH, Scope, size
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
 MOST = 2**26
@@ -23,7 +23,7 @@ Selector = int | str
 Indices = npt.NDArray[np.int64]
 
 
-class Cells:
+class TableBuilder:
     """A table under construction; of two statements about the same number the later one counts.
 
     A statement about whole rows also takes away what was there. Zeros are not kept, and only the numbers
@@ -100,7 +100,10 @@ class Cells:
         row, column = row[valid][order], (cell % self._width)[valid][order]
         # of entries at one place the last one counts
         return Table(
-            self.parents, self.children, self.sizes, Rows.of_entries(shape, row, column, value[valid][order])
+            self.parents,
+            self.children,
+            self.sizes,
+            SparseTables.of_entries(shape, row, column, value[valid][order]),
         )
 
     def _put_one(self, place: Sequence[Selector], value: float) -> None:

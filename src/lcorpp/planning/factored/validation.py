@@ -7,12 +7,12 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
-from lcorpp.errors import ModelError, expected
+from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.planning.factored.table import Table, check_distributions
 from lcorpp.planning.factored.variables import AFTER, Scope
 
 
-def ordered(
+def topological_order(
     kind: str, tables: Sequence[Table], scope: Scope, children: Sequence[str], parents: Sequence[str]
 ) -> tuple[Table, ...]:
     """The tables of a kind, checked, each after those it depends on.
@@ -29,7 +29,7 @@ def ordered(
     for i, table in enumerate(tables):
         for name in table.children:
             if name not in children:
-                raise ModelError(f"{kind} has a table for unknown {name!r}; {expected(children)}")
+                raise ModelError(f"{kind} has a table for unknown {name!r}; {expected_one_of(children)}")
             if name in home:
                 raise ModelError(f"{kind} has two tables for {name!r}")
             home[name] = i
@@ -79,4 +79,4 @@ def _advice(name: str, allowed: Iterable[str]) -> str:
         return f", the value before the action; {name + AFTER!r} is the value after it"
     if name.removesuffix(AFTER) in allowed:
         return f", the value after the action; {name.removesuffix(AFTER)!r} is the value before it"
-    return f"; {expected(tuple(allowed))}"
+    return f"; {expected_one_of(tuple(allowed))}"

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 
-from lcorpp.errors import ModelError, expected
+from lcorpp.errors import ModelError, expected_one_of
 
 AFTER = "'"
 """What follows the name of a state variable where its value after the action is meant."""
@@ -47,7 +47,7 @@ class Variable:
     def index(self, value: str) -> int:
         """The number of a value. Raises ModelError with the known ones."""
         if value not in self.values:
-            raise ModelError(f"unknown value {value!r} of {self.name!r}; {expected(self.values)}")
+            raise ModelError(f"unknown value {value!r} of {self.name!r}; {expected_one_of(self.values)}")
         return self.values.index(value)
 
 

@@ -21,7 +21,7 @@ from lcorpp.errors import PolicyError
 from lcorpp.files import read_bytes, write_atomically
 from lcorpp.planning.formats.numbers import finite_numbers, first_fault, is_count
 from lcorpp.planning.formats.vector_lines import MAX_TEXT, vector_lines, written_out
-from lcorpp.planning.policy import Piece, Policy
+from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array
 
@@ -47,10 +47,12 @@ def write_policy(policy: Policy, path: str | Path) -> None:
     ]
     # the space after the last number of a vector is APPL's; some readers drop what follows it
     if not policy.is_flat and written_out(policy) > MAX_TEXT:
-        lines.append(f"<!-- lcorpp pieces {' '.join(_ranges(piece.states) for piece in policy.pieces)} -->")
-        length = max(len(piece.states) for piece in policy.pieces)
-        lines.append(_opening(length, len(policy.pieces), len(policy)))
-        for number, piece in enumerate(policy.pieces):
+        lines.append(
+            f"<!-- lcorpp pieces {' '.join(_ranges(piece.states) for piece in policy.vector_sets)} -->"
+        )
+        length = max(len(piece.states) for piece in policy.vector_sets)
+        lines.append(_opening(length, len(policy.vector_sets), len(policy)))
+        for number, piece in enumerate(policy.vector_sets):
             for action, vector in zip(piece.actions.tolist(), piece.vectors.tolist(), strict=True):
                 words = " ".join(map(repr, vector))
                 lines.append(f'<Vector action="{action}" obsValue="{number}">{words} </Vector>')
@@ -134,12 +136,12 @@ class _Reader:
                 " observations, numbers and discount is not that of"
                 f" {self.pomdp.file or 'the given model'}; solve again"
             )
-        return Policy.of_pieces(self.pomdp, [self._piece(value) for value in sorted(self.vectors)])
+        return Policy.of_sets(self.pomdp, [self._piece(value) for value in sorted(self.vectors)])
 
-    def _piece(self, observed: int) -> Piece:
+    def _piece(self, observed: int) -> AlphaVectors:
         order = np.argsort(self.blocks[observed])
         vectors = np.array(self.vectors[observed])
-        return Piece(self.blocks[observed][order], vectors[:, order], np.array(self.actions[observed]))
+        return AlphaVectors(self.blocks[observed][order], vectors[:, order], np.array(self.actions[observed]))
 
     def _error(self, message: str) -> PolicyError:
         line, column = self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1

@@ -25,12 +25,12 @@ def vector_lines(policy: Policy) -> Iterator[tuple[int, str]]:
     """
     if not policy.is_flat and written_out(policy) > MAX_TEXT:
         raise PolicyError(
-            f"this policy is in {len(policy.pieces)} pieces; its {len(policy)} vectors written out over all"
-            f" {len(policy.state_names)} states take about {written_out(policy) / 1e6:.0f} MB;"
+            f"this policy is in {len(policy.vector_sets)} pieces; its {len(policy)} vectors written out over"
+            f" all {len(policy.state_names)} states take about {written_out(policy) / 1e6:.0f} MB;"
             f" at most {MAX_TEXT / 1e6:.0f} MB are written"
         )
     floor = repr(policy.floor)
-    for piece in policy.pieces:
+    for piece in policy.vector_sets:
         states = piece.states.tolist()
         for action, vector in zip(piece.actions.tolist(), piece.vectors.tolist(), strict=True):
             if len(states) == len(policy.state_names):
@@ -47,5 +47,5 @@ def written_out(policy: Policy) -> int:
     S, filler = len(policy.state_names), len(repr(policy.floor)) + 1
     return sum(
         len(piece.actions) * (len(piece.states) * NUMBER_LENGTH + (S - len(piece.states)) * filler)
-        for piece in policy.pieces
+        for piece in policy.vector_sets
     )

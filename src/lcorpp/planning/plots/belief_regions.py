@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.belief import checked_belief
-from lcorpp.planning.policy import Indices, Piece, Policy
+from lcorpp.planning.belief import check_belief
+from lcorpp.planning.policy import AlphaVectors, Indices, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array, Belief
 
@@ -82,7 +82,7 @@ def slice_of(pomdp: Pomdp, policy: Policy, states: Sequence[str], base: npt.Arra
         raise ModelError(f"the states of a picture differ; given are {', '.join(states)}")
     rest = np.zeros(len(pomdp.states))
     if base is not None:
-        rest = checked_belief(pomdp, base).copy()
+        rest = check_belief(pomdp, base).copy()
     share = 1.0 if base is None else float(rest[list(chosen)].sum())
     if not share > 0:
         raise ModelError(
@@ -99,13 +99,15 @@ def slice_of(pomdp: Pomdp, policy: Policy, states: Sequence[str], base: npt.Arra
     return Slice(chosen, share, corners, values[first], actions[first])
 
 
-def _speaking(policy: Policy, support: Array) -> Sequence[Piece]:
+def _speaking(policy: Policy, support: Array) -> Sequence[AlphaVectors]:
     """The pieces that hold all states with any weight; every piece where none does, as in `Policy`."""
     needed = np.flatnonzero(support)
-    return [piece for piece in policy.pieces if np.isin(needed, piece.states).all()] or policy.pieces
+    return [
+        piece for piece in policy.vector_sets if np.isin(needed, piece.states).all()
+    ] or policy.vector_sets
 
 
-def _at(piece: Piece, floor: float, corners: Array) -> Array:
+def _at(piece: AlphaVectors, floor: float, corners: Array) -> Array:
     """(K, n) the values of a piece's vectors at the corners."""
     inside = corners[:, piece.states]
     values: Array = piece.vectors @ inside.T + floor * np.maximum(

@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from lcorpp.errors import ModelError
-from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, drawn, tidy
+from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, despine, with_style
 from lcorpp.values import Array
 
 LONG = 10.0
 """A search that ended this many times later than it began has its time axis in decades."""
 
 
-@drawn
+@with_style
 def draw_bounds(history: Sequence[tuple[float, float, float, int]], *, title: str = "") -> Figure:
     """The bounds at the start belief over time, the gap between them shaded, above the number of vectors.
 
@@ -58,7 +58,7 @@ def draw_bounds(history: Sequence[tuple[float, float, float, int]], *, title: st
     below.yaxis.set_major_locator(MaxNLocator(3, integer=True))
     _scale(below, times)
     for axes in (above, below):
-        tidy(axes)
+        despine(axes)
     figure.align_ylabels()
     if title:
         figure.suptitle(title, fontsize=11)

@@ -16,7 +16,7 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from matplotlib.path import Path
 
 from lcorpp.planning.plots.graph_layout import layout
-from lcorpp.plot_style import INK, MUTED, Fill, wrapped
+from lcorpp.plot_style import INK, MUTED, Fill, wrap_text
 from lcorpp.values import Array
 
 LETTER, HALF, LINE = 0.082, 0.036, 0.15
@@ -85,7 +85,7 @@ def draw(nodes: Sequence[Node], arrows: Sequence[Arrow], *, title: str = "", cap
     loops = [a for a in arrows if a.source == a.target and nodes[a.source].depth == 0]
     lead = max([MARGIN, *(HALF * max(map(len, loop.label)) - box / 2 + 0.1 for loop in loops)])
     width = max(float(places[:, 0].max()) * step + box, (len(title) + 4) * LETTER) + lead + MARGIN + 0.3
-    caption = wrapped(caption, int((width - 2 * MARGIN) / (0.9 * LETTER)))
+    caption = wrap_text(caption, int((width - 2 * MARGIN) / (0.9 * LETTER)))
     deepest = max((len(arrow.label) for arrow in arrows), default=1)
     top = MARGIN + LOOP + (deepest - 1) * LINE / 2 + (0.3 if title else 0.0)
     bottom = MARGIN + (0.1 + LINE * (caption.count("\n") + 1) if caption else 0.0)
@@ -148,7 +148,7 @@ def _paint(axes: Axes, node: Node, centre: Array, width: float) -> Rectangle:
     )
     axes.add_patch(shape)
     ground = {"facecolor": node.fill.colour, "linewidth": 0, "pad": 1.5} if node.fill.hatch else None
-    words = axes.text(x, y, node.words, ha="center", va="center", fontsize=9, color=node.fill.on_top)
+    words = axes.text(x, y, node.words, ha="center", va="center", fontsize=9, color=node.fill.text_colour)
     words.set(bbox=ground, zorder=4)
     return Rectangle(x - width / 2, y - BOX / 2, x + width / 2, y + BOX / 2)
 

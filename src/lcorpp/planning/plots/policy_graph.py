@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.plots.graph_drawing import Arrow, Node, draw
-from lcorpp.plot_style import COLOURS, INK, MUTED, Fill, drawn
+from lcorpp.plot_style import COLOURS, INK, MUTED, Fill, with_style
 
 if TYPE_CHECKING:
     from lcorpp.planning.evaluation.policy_graph import PolicyGraph
@@ -31,7 +31,7 @@ LINES = tuple(INK if colour == COLOURS[4] else colour for colour in COLOURS)  # 
 STYLES = ("-", "--", ":", "-.")
 
 
-@drawn
+@with_style
 def draw_graph(
     graph: PolicyGraph, *, nodes: int = MOST_NODES, arrows: int = MOST_ARROWS, title: str = ""
 ) -> Figure:
@@ -76,10 +76,10 @@ def draw_graph(
 
 
 def _most_met(
-    graph: PolicyGraph, arrows: Sequence[tuple[int, int]], most_nodes: int, most_arrows: int
+    graph: PolicyGraph, arrows: Sequence[tuple[int, int]], max_nodes: int, most_arrows: int
 ) -> tuple[list[int], list[tuple[int, int]]]:
     """Nodes and arrows that hang together from the start on, each time the arrow that is taken most."""
-    if len(graph) <= most_nodes and len(arrows) <= most_arrows:
+    if len(graph) <= max_nodes and len(arrows) <= most_arrows:
         return list(range(len(graph))), list(arrows)
     met = np.zeros(len(graph))
     now = np.eye(1, len(graph))[0]
@@ -94,7 +94,7 @@ def _most_met(
     waiting = sorted(arrows, key=lambda ends: -flow[ends])
     while len(kept) < most_arrows:
         open_ones = (
-            ends for ends in waiting if ends[0] in nodes and (ends[1] in nodes or len(nodes) < most_nodes)
+            ends for ends in waiting if ends[0] in nodes and (ends[1] in nodes or len(nodes) < max_nodes)
         )
         taken = next(open_ones, None)
         if taken is None:

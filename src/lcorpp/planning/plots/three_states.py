@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Polygon
 from lcorpp.planning.plots.belief_regions import Region, Slice, area, grid, slice_of
 from lcorpp.planning.policy import Policy, UpperBound
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.plot_style import INK, MUTED, Fill, drawn, wrapped
+from lcorpp.plot_style import INK, MUTED, Fill, with_style, wrap_text
 
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
 """(3, 2) where the certain beliefs are drawn."""
@@ -25,7 +25,7 @@ STEPS = 60
 """Beliefs along an edge at which the upper bound is measured."""
 
 
-@drawn
+@with_style
 def draw_triangle(
     pomdp: Pomdp,
     policy: Policy,
@@ -56,7 +56,7 @@ def draw_triangle(
     for axes in (left, *right):
         _frame(axes, states)
     _regions(left, regions)
-    lines = max(wrapped(name, NAME).count("\n") + 1 for name in states[:2])
+    lines = max(wrap_text(name, NAME).count("\n") + 1 for name in states[:2])
     _legend(left, regions, pomdp.actions, lines)
     if above is not None:
         _gap(right[0], triangle, above)
@@ -75,7 +75,7 @@ def _frame(axes: Axes, states: Sequence[str]) -> None:
     axes.add_patch(Polygon(CORNERS, facecolor="none", edgecolor=INK, linewidth=1.2, zorder=4))
     for name, corner, side, up in zip(states, CORNERS, ("left", "right", "center"), (-1, -1, 1), strict=True):
         axes.annotate(
-            wrapped(name, NAME),
+            wrap_text(name, NAME),
             corner,
             xytext=(0, 6 * up),
             textcoords="offset points",

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from lcorpp.planning.plots.belief_regions import Region, Slice, slice_of
 from lcorpp.planning.policy import Policy, UpperBound
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.plot_style import INK, ORANGE, Fill, drawn, tidy, wrapped
+from lcorpp.plot_style import INK, ORANGE, Fill, despine, with_style, wrap_text
 
 POINTS = 201
 """Beliefs at which the upper bound is measured."""
@@ -25,7 +25,7 @@ LETTER = 0.017
 """Roughly the width of a letter as a share of the bands': which names fit is decided by it."""
 
 
-@drawn
+@with_style
 def draw_line(
     pomdp: Pomdp,
     policy: Policy,
@@ -62,8 +62,8 @@ def draw_line(
     below.set_xlim(0, 1)
     below.set_ylabel("action", rotation=0, ha="right", va="center")
     share = "" if line.share == 1 else f" as a share of the {line.share:.3g} given to both"
-    below.set_xlabel(wrapped(f"P({states[1]}){share}; the rest is {states[0]}", 76))
-    tidy(above)
+    below.set_xlabel(wrap_text(f"P({states[1]}){share}; the rest is {states[0]}", 76))
+    despine(above)
     below.spines[:].set_visible(False)
     handles, names = above.get_legend_handles_labels()
     if unnamed:
@@ -128,7 +128,7 @@ def _bands(
                 names[action],
                 ha="center",
                 va="center",
-                color=fill.on_top,
+                color=fill.text_colour,
                 bbox=ground,
             )
     return sorted({action for action, _, _ in runs} - named)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array, Belief
 
 Indices = npt.NDArray[Any]
@@ -198,9 +198,9 @@ def model_of(kernels: Engine, pomdp: Pomdp) -> Model:
     )
 
 
-def _scaled(rows: Rows) -> Rows:
-    sums = rows.sums()
-    return rows if (sums == 1).all() else rows.scaled(1 / sums)
+def _scaled(rows: SparseTables) -> SparseTables:
+    sums = rows.row_sums()
+    return rows if (sums == 1).all() else rows.scale_rows(1 / sums)
 
 
 @cache

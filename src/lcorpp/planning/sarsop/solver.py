@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, PolicyError
-from lcorpp.planning.belief import checked_belief
-from lcorpp.planning.policy import Piece, Policy
+from lcorpp.planning.belief import check_belief
+from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import Engine, Tree, engine, model_of
 from lcorpp.planning.sarsop.upper_bound import SawtoothBound
@@ -87,7 +87,7 @@ def solve(
     if previous is not None and previous.policy.fingerprint != pomdp.fingerprint:
         raise PolicyError("the previous solution is for another model")
     given = np.atleast_2d(np.asarray(pomdp.start if start is None else start))
-    starts = [checked_belief(pomdp, belief) for belief in given]
+    starts = [check_belief(pomdp, belief) for belief in given]
     search = _Search(using or engine(), pomdp, starts, precision, time_limit, previous)
     try:
         reason = search.run(callback, trial)
@@ -134,7 +134,7 @@ class _Search:
         """Put the vectors and points of an earlier search into the tree."""
         held = [(self.tree.vectors(group), group) for group in range(self.tree.groups)]
         groups = {states.tobytes(): group for (states, _, actions), group in held if len(actions)}
-        for piece in previous.policy.pieces:
+        for piece in previous.policy.vector_sets:
             group = groups.get(piece.states.astype(np.int32).tobytes())
             if group is not None:
                 self.tree.add_vectors(group, piece.vectors, piece.actions.astype(np.int32))
@@ -200,10 +200,11 @@ class _Search:
             table, first = tree.origins(group)
             table, first = np.concatenate([vectors, table]), np.concatenate([actions, first])
             if len(first):
-                pieces.append(Piece(states.astype(np.intp), table, first.astype(np.intp)))
+                pieces.append(AlphaVectors(states.astype(np.intp), table, first.astype(np.intp)))
         above = SawtoothBound(self.informed, *tree.points())
         return Solution(
-            policy=Policy.of_pieces(self.pomdp, pieces, above),
+            pomdp=self.pomdp,
+            policy=Policy.of_sets(self.pomdp, pieces, above),
             lower=low,
             upper=high,
             seconds=monotonic() - self.began,

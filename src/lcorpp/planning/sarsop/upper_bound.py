@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.belief import IMPOSSIBLE
+from lcorpp.planning.belief import MIN_PROBABILITY
 from lcorpp.values import Array, Belief
 
 
@@ -51,7 +51,7 @@ class SawtoothBound:
         belief = np.asarray(belief, dtype=np.float64)
         plane = float(self.corners @ belief)
         if len(self.values):
-            ratios = belief[self.states] / np.maximum(self.weights, IMPOSSIBLE)
+            ratios = belief[self.states] / np.maximum(self.weights, MIN_PROBABILITY)
             phi = np.minimum.reduceat(ratios, self.begins[:-1])
             plane += min(0.0, float((phi * self._excess).min()))
         return min(float((self.informed @ belief).max()), plane)

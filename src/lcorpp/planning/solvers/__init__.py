@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib import import_module
 
-from lcorpp.errors import ModelError, expected
+from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.planning.solution import Solution
 
 _HOMES = {
@@ -37,7 +37,7 @@ def solver(name: str) -> Callable[..., Solution]:
         ModelError: there is none of that name.
     """
     if name not in _HOMES:
-        raise ModelError(f"unknown solver {name!r}; {expected(NAMES)}")
+        raise ModelError(f"unknown solver {name!r}; {expected_one_of(NAMES)}")
     home, function = _HOMES[name]
     found: Callable[..., Solution] = getattr(import_module(home), function)
     return found

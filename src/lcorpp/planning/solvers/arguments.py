@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.belief import checked_belief
+from lcorpp.planning.belief import check_belief
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array
 
@@ -30,7 +30,7 @@ def checked_starts(pomdp: Pomdp, start: npt.ArrayLike | None) -> Array:
     given = np.atleast_2d(np.asarray(pomdp.start if start is None else start))
     if not len(given):
         raise ModelError("there is no start belief")
-    return np.array([checked_belief(pomdp, belief) for belief in given])
+    return np.array([check_belief(pomdp, belief) for belief in given])
 
 
 def checked_count(name: str, number: object, least: int) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from time import monotonic
 
-from lcorpp.planning.belief import checked_belief, update
+from lcorpp.planning.belief import check_belief, update
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import Tree, engine, model_of
 from lcorpp.planning.sarsop.upper_bound import SawtoothBound
@@ -119,7 +119,7 @@ class OnlinePlanner:
         Raises:
             ModelError: it is not a distribution over the states.
         """
-        began, belief = monotonic(), checked_belief(self.pomdp, belief)
+        began, belief = monotonic(), check_belief(self.pomdp, belief)
         if self._tree.node_count > MOST_NODES:
             self._begin_anew()
         tree, root, done = self._tree, self._tree.node(belief), 0

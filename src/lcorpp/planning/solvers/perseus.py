@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.planning.belief import observation_probabilities, update
-from lcorpp.planning.policy import Piece, Policy
+from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import engine, model_of
 from lcorpp.planning.sarsop.upper_bound import SawtoothBound
@@ -211,10 +211,11 @@ class _Stages:
         for group in range(tree.groups):
             states, vectors, actions = tree.vectors(group)
             if len(actions):
-                pieces.append(Piece(states.astype(np.intp), vectors, actions.astype(np.intp)))
+                pieces.append(AlphaVectors(states.astype(np.intp), vectors, actions.astype(np.intp)))
         above = SawtoothBound(self.informed, *tree.points())
         return Solution(
-            policy=Policy.of_pieces(self.pomdp, pieces, above),
+            pomdp=self.pomdp,
+            policy=Policy.of_sets(self.pomdp, pieces, above),
             lower=low,
             upper=high,
             seconds=monotonic() - self.began,

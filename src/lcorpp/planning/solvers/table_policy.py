@@ -23,8 +23,8 @@ from time import monotonic
 import numpy as np
 
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
-from lcorpp.planning.evaluation.sparse_beliefs import ragged
-from lcorpp.planning.policy import Piece, Policy
+from lcorpp.planning.evaluation.sparse_beliefs import ragged_indices
+from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import engine, model_of
 from lcorpp.planning.solution import Progress, Solution
@@ -83,7 +83,7 @@ class Search:
                 callback(Progress(self.history[-1][0], low, high, vectors, self.nodes, rounds))
             began = monotonic()
             found = [
-                evaluate(self.pomdp, self.policy, start, precision=self.precision, most_nodes=most, trials=0)
+                evaluate(self.pomdp, self.policy, start, precision=self.precision, max_nodes=most, trials=0)
                 for start in self.starts
             ]
             self.lower = np.maximum(self.lower, [each.lower for each in found])
@@ -98,8 +98,8 @@ class Search:
                 return "time limit"
 
     def _policy(self, vectors: Array) -> Policy:
-        piece = Piece(np.arange(vectors.shape[1]), vectors, np.arange(len(vectors)))
-        return Policy.of_pieces(self.pomdp, [piece], self.above)
+        piece = AlphaVectors(np.arange(vectors.shape[1]), vectors, np.arange(len(vectors)))
+        return Policy.of_sets(self.pomdp, [piece], self.above)
 
     def _note(self) -> tuple[int, float, float]:
         """The start where the bounds are furthest apart, and the bounds there."""
@@ -113,6 +113,7 @@ class Search:
         """What is known so far."""
         widest, low, high = self._note()
         return Solution(
+            pomdp=self.pomdp,
             policy=self.policy,
             lower=low,
             upper=high,
@@ -147,10 +148,10 @@ def _one_step(pomdp: Pomdp, table: Array, action: int) -> Array:
 
     T, Z = pomdp.transition, pomdp.observation
     S = T.shape[1]
-    part = T.part(action)
+    part = T.action_slice(action)
     row = action * S + T.columns[part].astype(np.int64)
     sizes = Z.begins[row + 1] - Z.begins[row]
-    shown, step = ragged(Z.begins[row], sizes), np.repeat(np.arange(part.start, part.stop), sizes)
+    shown, step = ragged_indices(Z.begins[row], sizes), np.repeat(np.arange(part.start, part.stop), sizes)
     # a row for every observation and state before it that go together, in the order of the observations
     key = Z.columns[shown] * np.int64(S) + T.rows[step] - action * S
     found, place = np.unique(key, return_inverse=True)

@@ -19,7 +19,7 @@ LOST = 1e-250
 """Weights of evidence below this are not trusted: they may have lost their digits, or vanished."""
 
 
-class Tables:
+class AnswerTable:
     """For each query the answers to all evidences, in the order of their codes; made when first needed.
 
     Args:

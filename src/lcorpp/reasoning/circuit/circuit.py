@@ -6,21 +6,19 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from math import prod
 from operator import itemgetter
-from pathlib import Path
 
 import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning.circuit.answer_table import Codes, Tables, normalised
-from lcorpp.reasoning.circuit.evidence import Inputs
-from lcorpp.reasoning.circuit.matrices import Layer
-from lcorpp.reasoning.circuit.passes import evaluate
-from lcorpp.reasoning.circuit.plan import plan
+from lcorpp.reasoning.circuit.answer_table import AnswerTable, Codes, normalised
+from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
+from lcorpp.reasoning.circuit.matrices import Layer, forward_backward
 from lcorpp.reasoning.circuit.refusals import impossible, no_value, shown
-from lcorpp.reasoning.circuit.trellis import trellis
-from lcorpp.reasoning.circuit.world_queries import Paths
-from lcorpp.reasoning.enumeration.measures import World
-from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.circuit.trellis import build_trellis
+from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.transitions.transition_system import build_transition_system
+from lcorpp.reasoning.world import World
 from lcorpp.values import Array, Distribution
 
 KEPT = 100_000
@@ -29,7 +27,7 @@ KEPT = 100_000
 EAGER = 1000
 """Up to so many different evidences are answered when a circuit is made."""
 
-MOST_WORLDS = 100_000
+MAX_WORLDS = 100_000
 """How many of the most probable worlds may be asked for."""
 
 Answer = Distribution | dict[str, Distribution]
@@ -37,7 +35,7 @@ Answers = Array | dict[str, Array]
 
 
 class Circuit:
-    """A program compiled for some inputs and queries; made by `Program.compile`.
+    """A program compiled for some inputs and queries; made by `Reasoner.compile`.
 
     It is called with evidence, a mapping from inputs to values; inputs that are missing are not observed:
 
@@ -65,11 +63,11 @@ class Circuit:
         do: Mapping[str, str],
         layers: Sequence[Layer],
         ending: Array,
-        paths: Paths | None = None,
+        paths: WorldQueries | None = None,
     ) -> None:
         self.program, self.do = program, dict(do)
         self.inputs = tuple(inputs)
-        self._given = Inputs(program, self.inputs)
+        self._given = EvidenceEncoder(program, self.inputs)
         self.queries = (query,) if isinstance(query, str) else tuple(query)
         self.single = isinstance(query, str)
         names = dict.fromkeys((*self.inputs, *self.queries))
@@ -82,18 +80,8 @@ class Circuit:
         self._count = len(self.inputs) or -1
         self._take = itemgetter(*self.inputs) if self.inputs else itemgetter(0)
         self._paths = paths
-        self._tabulates = Tables.fit(self._given.sizes)
-        self._tables: Tables | None = None
-
-    def save(self, path: str | Path) -> None:
-        """Write the circuit to a file that `load_circuit` reads.
-
-        Raises:
-            FileError: the file cannot be written.
-        """
-        from lcorpp.reasoning.circuit.storage import save_circuit  # here, as it reads circuits
-
-        save_circuit(self, path)
+        self._tabulates = AnswerTable.fit(self._given.sizes)
+        self._tables: AnswerTable | None = None
 
     def prepare(self) -> None:
         """Work out all answers if they are few; larger tables wait for the first call."""
@@ -148,16 +136,18 @@ class Circuit:
         return answer
 
     @property
-    def _table(self) -> Tables:
+    def _table(self) -> AnswerTable:
         if self._tables is None:
-            self._tables = Tables(self._given.sizes, self._joint)
+            self._tables = AnswerTable(self._given.sizes, self._joint)
         return self._tables
 
     def _looked_up(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
         table = self._table
         index = table.index(codes)
         if table.sound:
-            return {q: Distribution.trusted(self.values[q], rows[index]) for q, rows in table.answers.items()}
+            return {
+                q: Distribution.unchecked(self.values[q], rows[index]) for q, rows in table.answers.items()
+            }
         return {query: self._read(query, rows[index], evidence) for query, rows in table.answers.items()}
 
     def _passed(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
@@ -229,7 +219,7 @@ class Circuit:
         open_queries = np.full((len(codes), len(self._labels) - len(self.inputs)), -1, dtype=np.intp)
         labels = np.concatenate([codes, open_queries], axis=1)
         asked = {self._labels[query]: len(self.values[query]) + 1 for query in self.queries}
-        found = evaluate(self.layers, self.ending, labels, asked)
+        found = forward_backward(self.layers, self.ending, labels, asked)
         return {query: found[self._labels[query]] for query in self.queries}
 
     def _checked(self, query: str, rows: Array, undefined: str) -> Array:
@@ -246,10 +236,10 @@ class Circuit:
     # the whole worlds
 
     @property
-    def paths(self) -> Paths:
+    def paths(self) -> WorldQueries:
         """The worlds behind the numbers; after loading they are compiled when first needed."""
         if self._paths is None:
-            self._paths = Paths(trellis(plan(self.program, self.do)))
+            self._paths = WorldQueries(build_trellis(build_transition_system(self.program, self.do)))
         return self._paths
 
     def exact(self, evidence: Mapping[str, str]) -> dict[str, Fraction] | dict[str, dict[str, Fraction]]:
@@ -279,8 +269,8 @@ class Circuit:
             ProgramError, UndefinedError: as the call.
         """
         self._given.check(evidence)
-        if not 1 <= count <= MOST_WORLDS:
-            raise ProgramError(f"expected 1 to {MOST_WORLDS} worlds, not {count}")
+        if not 1 <= count <= MAX_WORLDS:
+            raise ProgramError(f"expected 1 to {MAX_WORLDS} worlds, not {count}")
         found = self.paths.most_probable(evidence, count)
         if not found:
             raise impossible(self.program, shown(evidence, self.do))

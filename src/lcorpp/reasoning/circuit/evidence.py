@@ -7,16 +7,16 @@ from typing import TypeVar
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, expected
+from lcorpp.errors import ProgramError, expected_one_of
 from lcorpp.reasoning.circuit.answer_table import Codes
-from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.resolve import term_of
+from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.resolve import resolve_term
 
 _Column = TypeVar("_Column")
 
 
-class Inputs:
+class EvidenceEncoder:
     """The terms that evidence may name.
 
     names: they, in their order.
@@ -41,7 +41,7 @@ class Inputs:
         found: dict[str, _Column] = {}
         for name, value in evidence.items():
             try:
-                own = name if name in self.columns else ground(term_of(self._program, name))
+                own = name if name in self.columns else canonical_text(resolve_term(self._program, name))
             except ProgramError:
                 own = name
             self.check_names((own,))
@@ -58,7 +58,7 @@ class Inputs:
         """
         for name in evidence:
             if name not in self._numbers:
-                raise ProgramError(f"{name!r} is not an input of the circuit; {expected(self.names)}")
+                raise ProgramError(f"{name!r} is not an input of the circuit; {expected_one_of(self.names)}")
 
     def check(self, evidence: Mapping[str, object]) -> None:
         """Check that evidence has inputs and values of them.
@@ -78,7 +78,9 @@ class Inputs:
         """
         found = self._numbers[name].get(value) if isinstance(value, str) else None
         if found is None:
-            raise ProgramError(f"{where}{value!r} is not a value of {name}; {expected(self.values[name])}")
+            raise ProgramError(
+                f"{where}{value!r} is not a value of {name}; {expected_one_of(self.values[name])}"
+            )
         return found
 
     def codes(self, evidence: Mapping[str, str | Sequence[str]]) -> Codes:

@@ -11,22 +11,19 @@ circuits with indicators and for marginals as derivatives.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.reasoning.circuit.trellis import Trellis
+from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.values import Array
 
 Index = npt.NDArray[np.intp]
 
 DENSE = 4096
 """Matrices with at most this many entries, zeros counted, are kept dense: it is faster."""
-
-TINY = 1e-60
-"""Weights below this are scaled up: only their ratios matter, and a long product would vanish."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,116 +110,86 @@ class Layer:
         return cls(label, {outcome: one}, one)
 
 
-def layered(paths: Trellis, labels: Mapping[int, int]) -> tuple[list[Layer], Array]:
-    """Multiply out everything between the observed terms.
+CHUNK = 4_000_000
+"""How many numbers one pass over a batch may keep in memory."""
+
+
+def forward_backward(
+    layers: Sequence[Layer], ending: Array, codes: Codes, asked: Mapping[int, int]
+) -> dict[int, Array]:
+    """The joint weights of the evidence and each outcome of the terms asked for, chunk by chunk.
 
     Args:
-        labels: term -> its position among the observed ones.
+        codes: (B, observed) the outcome of each observed term, -1 where it is left open.
+        asked: position of the term -> how many outcomes it has.
 
     Returns:
-        (layers, ending): the layers in order, applied to the column [1], and the row that ends the product.
+        Position -> (B, outcomes) weights; only the ratios within a row mean something. A row of zeros says
+        that the evidence is impossible.
     """
-    weights, asked = paths.floats(), set(labels)
-    layers: list[Layer] = []
-    width = 1
-    carried: list[dict[int, float]] = [{0: 1.0}] if paths.layers[0] else []  # state -> input -> weight
-    spent = 0
-    for position, (sources, targets, moves) in enumerate(paths.edges):
-        terms = paths.plan.order[position]
-        count = paths.layers[position + 1]
-        own = [] if asked.isdisjoint(terms) else [i for i, term in enumerate(terms) if term in asked]
-        spent += len(sources)
-        if own:
-            nodes = [
-                tuple([paths.moves[m][0][i] for i in own[1:]]) for m in moves
-            ]  # what the labels after the first one still have to tell apart
-            entries: dict[tuple[int, tuple[int, tuple[int, ...]], int], float] = {}
-            for source, target, move, rest in zip(sources, targets, moves, nodes, strict=True):
-                weight, value = weights[move], paths.moves[move][0][own[0]]
-                for start, carry in carried[source].items():
-                    key = (value, (target, rest), start)
-                    entries[key] = entries.get(key, 0.0) + carry * weight
-            width = _labelled(layers, entries, [labels[terms[i]] for i in own], width, count)
-            carried, spent = [{i: 1.0} for i in range(count)], 0
-            continue
-        carried = _carried_on(carried, width, count, zip(sources, targets, moves, strict=True), weights)
-        if not position % 16:
-            _scale(carried)
-        if width > 1 and sum(map(len, carried)) > 4 * spent + 64:
-            layers.append(_plain(carried, width))
-            width = count
-            carried, spent = [{i: 1.0} for i in range(count)], 0
-    ending = np.zeros(width)
-    for row in carried:
-        for start, carry in row.items():
-            ending[start] += carry
-    return layers, ending
+    width = sum(layer.every.shape[1] for layer in layers) + 1
+    size = max(1, CHUNK // width)
+    chunks = [
+        _evaluate(layers, ending, codes[i : i + size], asked) for i in range(0, max(len(codes), 1), size)
+    ]
+    return {label: np.concatenate([chunk[label] for chunk in chunks]) for label in asked}
 
 
-def _carried_on(
-    carried: Sequence[Mapping[int, float]],
-    width: int,
-    count: int,
-    edges: Iterable[tuple[int, int, int]],
-    weights: Sequence[float],
-) -> list[dict[int, float]]:
-    """The weights from each input to each state, one step further."""
-    if width == 1:
-        plain = [row.get(0, 0.0) for row in carried]
-        sums = [0.0] * count
-        for source, target, move in edges:
-            sums[target] += plain[source] * weights[move]
-        return [{0: weight} for weight in sums]
-    following: list[dict[int, float]] = [{} for _ in range(count)]
-    for source, target, move in edges:
-        weight, into = weights[move], following[target]
-        for start, carry in carried[source].items():
-            if start in into:
-                into[start] += carry * weight
-            else:
-                into[start] = carry * weight
-    return following
+def _evaluate(
+    layers: Sequence[Layer], ending: Array, codes: Codes, asked: Mapping[int, int]
+) -> dict[int, Array]:
+    """One pass up and one down."""
+    up = [np.ones((1, len(codes)))]
+    for layer in layers:
+        up.append(_normal(_apply(layer, codes, up[-1], Matrix.forward)))
+    found: dict[int, Array] = {}
+    down = np.repeat(ending[:, None], len(codes), axis=1)
+    wanted = set(asked)
+    for number in range(len(layers) - 1, -1, -1):
+        layer = layers[number]
+        if layer.label in wanted:
+            found[layer.label] = _joint(layer, codes, up[number], down, asked[layer.label])
+            wanted.discard(layer.label)
+        if not wanted:
+            break
+        down = _normal(_apply(layer, codes, down, Matrix.backward))
+    return found
 
 
-def _labelled(
-    layers: list[Layer],
-    entries: Mapping[tuple[int, tuple[int, tuple[int, ...]], int], float],
-    labels: Sequence[int],
-    width: int,
-    count: int,
-) -> int:
-    """Append a layer for each label of one step; nodes between them remember the values still to be told."""
-    for number, label in enumerate(labels):
-        last = number == len(labels) - 1
-        nodes: dict[tuple[int, tuple[int, ...]], int] = {}
-        split: dict[int, dict[tuple[int, int], float]] = {}
-        for (value, node, start), weight in entries.items():
-            target = node[0] if last else nodes.setdefault(node, len(nodes))
-            part = split.setdefault(value, {})
-            part[target, start] = part.get((target, start), 0.0) + weight
-        height = count if last else max(len(nodes), 1)
-        layers.append(_layer(label, split, (height, width)))
-        width = height
-        entries = {(rest[0], (target, rest[1:]), i): 1.0 for (target, rest), i in nodes.items()}
-    return width
+def _apply(layer: Layer, codes: Codes, columns: Array, product) -> Array:  # type: ignore[no-untyped-def]
+    """The product with the matrices that the evidence chooses, column by column."""
+    if layer.label < 0:
+        return product(layer.every, columns)  # type: ignore[no-any-return]
+    own = codes[:, layer.label]
+    values = np.unique(own) if len(own) > 1 else own
+    parts = []
+    for value in values.tolist():
+        matrix = layer.every if value < 0 else layer.matrices.get(value)
+        here = columns if len(values) == 1 else columns[:, own == value]
+        parts.append((value, product(matrix, here) if matrix else None))
+    height = layer.every.shape[0 if product is Matrix.forward else 1]
+    if len(parts) == 1 and parts[0][1] is not None:
+        return parts[0][1]  # type: ignore[no-any-return]
+    result = np.zeros((height, len(codes)))
+    for value, part in parts:
+        if part is not None:
+            result[:, own == value] = part
+    return result
 
 
-def _layer(label: int, split: Mapping[int, Mapping[tuple[int, int], float]], shape: tuple[int, int]) -> Layer:
-    every: dict[tuple[int, int], float] = {}
-    for part in split.values():
-        for key, weight in part.items():
-            every[key] = every.get(key, 0.0) + weight
-    return Layer(label, {v: Matrix.of(shape, split[v]) for v in sorted(split)}, Matrix.of(shape, every))
+def _joint(layer: Layer, codes: Codes, above: Array, below: Array, outcomes: int) -> Array:
+    own = codes[:, layer.label]
+    weights = np.zeros((len(codes), outcomes))
+    for value, matrix in layer.matrices.items():
+        weights[:, value] = (matrix.forward(above) * below).sum(axis=0)
+    others = own[:, None] != np.arange(outcomes)
+    weights[(own >= 0)[:, None] & others] = 0.0
+    return weights
 
 
-def _plain(carried: Sequence[Mapping[int, float]], width: int) -> Layer:
-    entries = {(target, start): w for target, row in enumerate(carried) for start, w in row.items()}
-    return Layer(-1, {}, Matrix.of((len(carried), width), entries))
-
-
-def _scale(carried: list[dict[int, float]]) -> None:
-    largest = max((weight for row in carried for weight in row.values()), default=0.0)
-    if 0 < largest < TINY:
-        for row in carried:
-            for start in row:
-                row[start] /= largest
+def _normal(columns: Array) -> Array:
+    """Columns scaled to a sum of 1, so that no product vanishes; those of zeros stay."""
+    total = columns.sum(axis=0)
+    total[total == 0] = 1.0
+    columns /= total
+    return columns

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.language.program import Program
 
 
 def shown(facts: Mapping[str, str], do: Mapping[str, str]) -> str:

@@ -25,11 +25,11 @@ from lcorpp.errors import DataError, LcorppError
 from lcorpp.files import read_bytes, write_atomically
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.matrices import Layer, Matrix
-from lcorpp.reasoning.circuit.trellis import MOST_EDGES
-from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.circuit.trellis import MAX_ARCS
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.parser import parse_plog
-from lcorpp.reasoning.program import Program, program_text
-from lcorpp.reasoning.resolve import interventions_of, term_of
+from lcorpp.reasoning.language.program import Program, program_text
+from lcorpp.reasoning.resolve import resolve_interventions, resolve_term
 
 FORMAT, VERSION = "lcorpp circuit", 1
 
@@ -42,7 +42,11 @@ DAMAGED = (
 
 
 def save_circuit(circuit: Circuit, path: str | Path) -> None:
-    """Write a circuit; see `Circuit.save`."""
+    """Write a circuit to a file that `load_circuit` reads.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
     arrays: dict[str, npt.NDArray[Any]] = {"ending": circuit.ending}
     layers = []
     for number, layer in enumerate(circuit.layers):
@@ -70,7 +74,7 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
 
 
 def load_circuit(path: str | Path) -> Circuit:
-    """Read what `Circuit.save` wrote; it answers exactly as the one that was saved.
+    """Read what `save_circuit` wrote; it answers exactly as the one that was saved.
 
     Raises:
         FileError: the file is missing or unreadable.
@@ -114,12 +118,12 @@ def _program(head: dict[str, Any]) -> Program:
         raise DataError(f"its program is {head['file']!r} of {head['semantics']!r}")
     program = parse_plog(head["program"], file=head["file"], semantics=head["semantics"])
     for key in ("inputs", "queries"):
-        terms = [ground(term_of(program, name)) for name in head[key]]
+        terms = [canonical_text(resolve_term(program, name)) for name in head[key]]
         if terms != head[key] or (key == "inputs" and len(set(terms)) < len(terms)):
             raise DataError(f"its {key} are {head[key]}")
     if not head["queries"]:
         raise DataError("it asks for nothing")
-    interventions_of(program, head["do"])
+    resolve_interventions(program, head["do"])
     return program
 
 
@@ -149,7 +153,7 @@ def _matrix(table: npt.NDArray[np.float64], shape: tuple[int, int]) -> Matrix:
 
 def _layer(head: dict[str, Any], number: int, arrays: dict[str, Any]) -> Layer:
     shape = int(head["shape"][0]), int(head["shape"][1])
-    if not all(0 <= size <= MOST_EDGES for size in shape):
+    if not all(0 <= size <= MAX_ARCS for size in shape):
         raise DataError(f"layer {number} has the shape {shape}")
     matrices = {int(o): _matrix(arrays[f"{number}/{o}"], shape) for o in head["outcomes"]}
     if not matrices:

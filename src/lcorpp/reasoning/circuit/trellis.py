@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from lcorpp.errors import ProgramError, TooLargeError
-from lcorpp.reasoning.circuit.choice import Breach
-from lcorpp.reasoning.circuit.plan import Plan
-from lcorpp.reasoning.circuit.transitions import Step
-from lcorpp.reasoning.gc_pause import without_collection
+from lcorpp.reasoning.gc_pause import gc_paused
+from lcorpp.reasoning.transitions.selection import ConditionViolation
+from lcorpp.reasoning.transitions.transition import Transition
+from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 
-MOST_EDGES = 2_000_000
+MAX_ARCS = 2_000_000
 """How many edges a trellis may have."""
 
 MOST_BITS = 2**32
@@ -39,7 +39,7 @@ class Trellis:
     moves: for each move the outcomes of the terms of its step, and its probability.
     """
 
-    plan: Plan
+    plan: TransitionSystem
     layers: list[int]
     edges: list[Edges]
     moves: list[tuple[Sequence[int], Fraction]]
@@ -56,30 +56,30 @@ class Trellis:
         return found
 
 
-def trellis(prepared: Plan, limit: int = MOST_EDGES) -> Trellis:
+def build_trellis(prepared: TransitionSystem, limit: int = MAX_ARCS) -> Trellis:
     """Go through all states of a program.
 
     Raises:
         TooLargeError: there are more than `limit` edges.
         ProgramError: a condition of the language is broken in a world, or a circle has too many models.
     """
-    with without_collection():
-        built, breaches = _forward(prepared, limit)
+    with gc_paused():
+        built, violations = _forward(prepared, limit)
         _prune(built)
-    if breaches:  # those that no world meets were pruned
+    if violations:  # those that no world meets were pruned
         for step, (_, _, moves) in enumerate(built.edges):
             for number, move in enumerate(moves):
-                if move in breaches:
-                    raise _broken(built, step, number, breaches[move])
+                if move in violations:
+                    raise _broken(built, step, number, violations[move])
     return built
 
 
-def _forward(prepared: Plan, limit: int) -> tuple[Trellis, dict[int, Breach]]:
+def _forward(prepared: TransitionSystem, limit: int) -> tuple[Trellis, dict[int, ConditionViolation]]:
     layers: list[int] = [1 if prepared.consistent else 0]
     edges: list[Edges] = []
     states: tuple[int, ...] = (0,) if prepared.consistent else ()
     walk = _Walk()
-    known: dict[tuple[Step, tuple[int, ...]], tuple[Edges, tuple[int, ...]]] = {}
+    known: dict[tuple[Transition, tuple[int, ...]], tuple[Edges, tuple[int, ...]]] = {}
     total = 0
     for step in prepared.steps:
         most = min(limit - total, MOST_BITS // max(step.keep.bit_length(), 1))
@@ -90,13 +90,13 @@ def _forward(prepared: Plan, limit: int) -> tuple[Trellis, dict[int, Breach]]:
                 known[step, states] = found
         if len(found[0][0]) > most:
             raise TooLargeError(
-                f"{prepared.ground.program.file}: more than {total + most} edges in the circuit"
+                f"{prepared.ground.source.file}: more than {total + most} edges in the circuit"
             )
         edges.append(found[0])
         states = found[1]
         layers.append(len(states))
         total += len(found[0][0])
-    return Trellis(prepared, layers, edges, walk.moves), walk.breaches
+    return Trellis(prepared, layers, edges, walk.moves), walk.violations
 
 
 class _Walk:
@@ -104,10 +104,10 @@ class _Walk:
 
     def __init__(self) -> None:
         self.moves: list[tuple[Sequence[int], Fraction]] = []
-        self.breaches: dict[int, Breach] = {}
-        self._known: dict[Step, dict[int, list[_Way]]] = {}
+        self.violations: dict[int, ConditionViolation] = {}
+        self._known: dict[Transition, dict[int, list[_Way]]] = {}
 
-    def on(self, step: Step, states: Sequence[int], most: int) -> tuple[Edges, tuple[int, ...]]:
+    def on(self, step: Transition, states: Sequence[int], most: int) -> tuple[Edges, tuple[int, ...]]:
         """The edges of a step and the states that they lead to; it stops soon after the limit on edges."""
         mask, keep, absorb = step.mask, step.keep, step.absorb
         ways = self._ways(step, {state & mask for state in states})
@@ -140,7 +140,7 @@ class _Walk:
                 break
         return (sources, targets, taken), tuple(following)
 
-    def _ways(self, step: Step, bits: set[int]) -> Mapping[int, list[_Way]]:
+    def _ways(self, step: Transition, bits: set[int]) -> Mapping[int, list[_Way]]:
         """What a step may do under some bits: its `Effect` on a state and the number of the move."""
         ways = self._known.get(step, {})
         if not ways.keys() >= bits:
@@ -149,8 +149,8 @@ class _Walk:
                 for outcome in outcomes:
                     effect = step.effect(outcome.values)
                     if effect is not None:
-                        if outcome.breach:
-                            self.breaches[len(self.moves)] = outcome.breach
+                        if outcome.violation:
+                            self.violations[len(self.moves)] = outcome.violation
                         found.append((*effect, len(self.moves)))
                         self.moves.append((outcome.values, outcome.weight))
                 ways[own] = found
@@ -180,7 +180,7 @@ def _prune(built: Trellis) -> None:
         built.edges[position] = sources, targets, moves
 
 
-def _broken(built: Trellis, step: int, edge: int, breach: Breach) -> ProgramError:
+def _broken(built: Trellis, step: int, edge: int, violation: ConditionViolation) -> ProgramError:
     """The error that names a world in which a condition is broken."""
     sources, targets, moves = built.edges[step]
     chosen = {step: moves[edge]}
@@ -194,14 +194,14 @@ def _broken(built: Trellis, step: int, edge: int, breach: Breach) -> ProgramErro
         sources_, targets_, moves_ = built.edges[position]
         found = sources_.index(state)
         chosen[position], state = moves_[found], targets_[found]
-    world = world_of(built.plan, [built.moves[chosen[i]][0] for i in range(len(built.edges))])
+    world = decode_world(built.plan, [built.moves[chosen[i]][0] for i in range(len(built.edges))])
     shown = ", ".join(f"{term}={value}" for term, value in world.items())
     names = [built.plan.ground.names[term] for term in built.plan.order[step]]
-    told = breach.told(built.plan.ground.program.statements, names)
+    told = violation.told(built.plan.ground.source.statements, names)
     return ProgramError(f"{told}, in the world {{{shown}}}")
 
 
-def world_of(prepared: Plan, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
+def decode_world(prepared: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
     """The terms and values of a world, given the outcomes of all steps, sorted by term."""
     ground = prepared.ground
     found = {}

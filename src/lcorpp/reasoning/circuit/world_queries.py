@@ -14,21 +14,21 @@ from itertools import accumulate
 from math import log
 from typing import TYPE_CHECKING, TypeVar
 
-from lcorpp.reasoning.circuit.trellis import Trellis, world_of
-from lcorpp.reasoning.enumeration.measures import World
+from lcorpp.reasoning.circuit.trellis import Trellis, decode_world
+from lcorpp.reasoning.world import World
 
 if TYPE_CHECKING:
     import numpy as np
 
 _Number = TypeVar("_Number", float, Fraction)
 
-DRAWS_KEPT = 100
+SAMPLER_CACHE_SIZE = 100
 """For how many sets of evidence the tables to draw from are kept."""
 
 _Draw = list[dict[int, tuple[list[float], list[tuple[int, int]]]]]
 
 
-class Paths:
+class WorldQueries:
     """The worlds of a trellis.
 
     Evidence is a mapping from terms to values, as text; the terms must be known to the program.
@@ -165,7 +165,7 @@ class Paths:
             measure = Fraction(1)
             for move in moves:
                 measure *= self.trellis.moves[move][1]
-            values = world_of(self.trellis.plan, [self.trellis.moves[move][0] for move in moves])
+            values = decode_world(self.trellis.plan, [self.trellis.moves[move][0] for move in moves])
             found.append(World(values, measure / mass))
         return tuple(found)
 
@@ -173,7 +173,7 @@ class Paths:
         """Draw a world with its probability given some evidence; None if that is impossible."""
         key = frozenset(given.items())
         if key not in self._draws:
-            if len(self._draws) >= DRAWS_KEPT:
+            if len(self._draws) >= SAMPLER_CACHE_SIZE:
                 self._draws.clear()
             self._draws[key] = self._tables(given)
         tables = self._draws[key]
@@ -185,7 +185,7 @@ class Paths:
             cumulative, ways = table[state]
             state, move = ways[min(bisect_right(cumulative, number), len(ways) - 1)]
             outcomes.append(self.trellis.moves[move][0])
-        return world_of(self.trellis.plan, outcomes)
+        return decode_world(self.trellis.plan, outcomes)
 
     def _tables(self, given: Mapping[str, str]) -> _Draw | None:
         """For each step and state, what to draw from: cumulative probabilities and (target, move)."""

@@ -25,9 +25,10 @@ import clingo
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.enumeration.answer_set import AnswerSet
-from lcorpp.reasoning.language.arithmetic import ground, variables
+from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.safety import variable_sorts
-from lcorpp.reasoning.language.signature import Signature, Slot, expressions, pr_variables, scope
+from lcorpp.reasoning.language.signature import Signature, Slot
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Comparison,
@@ -44,7 +45,7 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     Variable,
 )
-from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions, list_pr_variables
 
 
 def answer_sets(
@@ -161,7 +162,7 @@ def translation(
         elif isinstance(statement, Observation):
             added = _observation(f"r{index}", statement.literal, signature)
         elif isinstance(statement, Intervention):
-            added = _intervention(ground(statement.term), ground(statement.value), later)
+            added = _intervention(canonical_text(statement.term), canonical_text(statement.value), later)
         else:
             continue
         lines.append(added)
@@ -185,7 +186,7 @@ def _intervention(term: str, value: str, later: bool) -> str:
 
 def _rule(index: int, rule: Rule, signature: Signature, later: bool, used: str = "") -> str:
     head = f"h({_text(rule.head.term)},{_text(rule.head.value)})" if rule.head else ""
-    conditions = used + _conditions(rule.body, list(signature.slots(rule)), scope(rule), signature)
+    conditions = used + _conditions(rule.body, list(signature.slots(rule)), list_expressions(rule), signature)
     text = f"{head} :- {conditions}."
     if later and rule.head and rule.head.term.name in signature.selections:
         term = _text(rule.head.term)
@@ -196,9 +197,9 @@ def _rule(index: int, rule: Rule, signature: Signature, later: bool, used: str =
 def _cr_rule(index: int, rule: CrRule, signature: Signature, later: bool) -> str:
     """The rule under an assumption for each of its instances, and as few assumptions as possible."""
     inner = rule.statement
-    names = sorted({variable.name for e in scope(inner) for variable in variables(e)})
+    names = sorted({variable.name for e in list_expressions(inner) for variable in iter_variables(e)})
     used = f"cr({index},{_tuple([Variable(name) for name in names])})"
-    guards = _conditions((), list(signature.slots(inner)), scope(inner), signature)
+    guards = _conditions((), list(signature.slots(inner)), list_expressions(inner), signature)
     text = f"{{ {used} }} :- {guards}. #minimize {{ 1,{index},I : cr({index},I) }}. "
     if isinstance(inner, Rule):
         return text + _rule(index, inner, signature, later, f"{used}; ")
@@ -207,12 +208,12 @@ def _cr_rule(index: int, rule: CrRule, signature: Signature, later: bool) -> str
 
 def _selection(index: int, selection: Selection, signature: Signature, later: bool, used: str = "") -> str:
     term, label = _text(selection.term), _tuple(selection.label.arguments if selection.label else ())
-    outer = scope(selection)
+    outer = list_expressions(selection)
     slots = list(signature.slots(selection))
     chosen = selection.range
-    inner = list(expressions(chosen.condition)) if chosen else []
-    shared = {variable.name for expression in outer for variable in variables(expression)}
-    told = {variable.name for expression in inner for variable in variables(expression)}
+    inner = list(iter_expressions(chosen.condition)) if chosen else []
+    shared = {variable.name for expression in outer for variable in iter_variables(expression)}
+    told = {variable.name for expression in inner for variable in iter_variables(expression)}
     instance = _tuple([Variable(name) for name in sorted(told & shared)])
     applies = f"rnd({index},{label},{instance},{term})"
     conditions = used + _conditions(selection.body, slots, outer, signature)
@@ -232,8 +233,8 @@ def _selection(index: int, selection: Selection, signature: Signature, later: bo
 
 def _probability(index: int, atom: Probability, signature: Signature) -> str:
     term, label = _text(atom.term), _tuple(atom.label.arguments if atom.label else ())
-    instance = _tuple([Variable(name) for name in pr_variables(atom)])
-    conditions = _conditions(atom.condition, list(signature.slots(atom)), scope(atom), signature)
+    instance = _tuple([Variable(name) for name in list_pr_variables(atom)])
+    conditions = _conditions(atom.condition, list(signature.slots(atom)), list_expressions(atom), signature)
     return f"pr({index},{label},{instance},{term},{_text(atom.value)}) :- {conditions}; selected({term})."
 
 
@@ -241,7 +242,7 @@ def _conditions(
     body: Iterable[Literal | Comparison], slots: list[Slot], scope: list[Expression], signature: Signature
 ) -> str:
     """A body in which every variable and every computed argument or value is held to its sort."""
-    used = [variable for expression in scope for variable in variables(expression)]
+    used = [variable for expression in scope for variable in iter_variables(expression)]
     guards = [
         f"s({sort},{name})"
         for name, sorts in variable_sorts(slots, used, signature).items()
@@ -250,7 +251,7 @@ def _conditions(
     guards.extend(
         f"s({sort},{_text(expression)})"
         for expression, sort in slots
-        if not isinstance(expression, Variable) and any(variables(expression))
+        if not isinstance(expression, Variable) and any(iter_variables(expression))
     )
     parts = list(dict.fromkeys(guards))
     for number, literal in enumerate(body):

@@ -8,32 +8,19 @@ Condition 1 of 2018: Balai, Gelfond and Zhang, 2019, section 3.2.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from types import MappingProxyType
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.enumeration.answer_set import AnswerSet, Assigned, Selected
-from lcorpp.reasoning.language.arithmetic import compare, exact, ground
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.signature import pr_variables, selection_of
+from lcorpp.reasoning.language.arithmetic import canonical_text, compare, evaluate_number
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Probability, Selection
-from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.language.traversal import as_selection, list_pr_variables
 
 
-@dataclass(frozen=True, eq=False)
-class World:
-    """A possible world.
-
-    values: term -> value, for the terms that have one.
-    measure: its probability among the worlds it was enumerated with.
-    """
-
-    values: Mapping[str, str]
-    measure: Fraction
-
-
-def measured_worlds(
+def measure_worlds(
     program: Program, answer_sets: Iterable[AnswerSet]
 ) -> Iterator[tuple[Mapping[str, str], Fraction]]:
     """The possible worlds of a program with their measures, not normalised.
@@ -67,8 +54,10 @@ def measured_worlds(
 
 def holds(literal: Literal, values: Mapping[str, str]) -> bool:
     """Whether a ground literal is true in a world; a term without value makes only `not` true."""
-    value = values.get(ground(literal.term))
-    return literal.negated != (value is not None and compare(value, literal.relation, ground(literal.value)))
+    value = values.get(canonical_text(literal.term))
+    return literal.negated != (
+        value is not None and compare(value, literal.relation, canonical_text(literal.value))
+    )
 
 
 def shown(values: Mapping[str, str]) -> str:
@@ -120,7 +109,7 @@ def _check_derived(program: Program, answer_set: AnswerSet) -> None:
 
 
 def _selection(program: Program, selected: Selected) -> Selection:
-    selection = selection_of(program.statements[selected[0]])
+    selection = as_selection(program.statements[selected[0]])
     assert selection is not None
     return selection
 
@@ -176,9 +165,9 @@ def _is_about(program: Program, atom: Probability, label: str, selected: Selecte
 
 def _number(atom: Probability, instance: tuple[str, ...], values: Mapping[str, str]) -> Fraction:
     try:
-        number = exact(atom.number, dict(zip(pr_variables(atom), instance, strict=True)))
-    except Offence as offence:
-        raise ProgramError(f"{offence}, in the world {shown(values)}") from None
+        number = evaluate_number(atom.number, dict(zip(list_pr_variables(atom), instance, strict=True)))
+    except SourceIssue as issue:
+        raise ProgramError(f"{issue}, in the world {shown(values)}") from None
     if not 0 <= number <= 1:
         raise ProgramError(
             f"{atom.number.at}: the probability {number} is not between 0 and 1, in the world {shown(values)}"

@@ -14,13 +14,14 @@ from typing import TypeVar
 import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning.enumeration.measures import World, holds, measured_worlds
-from lcorpp.reasoning.language.arithmetic import ground
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.enumeration.measures import holds, measure_worlds
+from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.parser import parse_term
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Query, Term
-from lcorpp.reasoning.program import Program
-from lcorpp.reasoning.resolve import facts_of, interventions_of, term_of
+from lcorpp.reasoning.resolve import resolve_evidence, resolve_interventions, resolve_term
+from lcorpp.reasoning.world import World
 from lcorpp.values import Distribution
 
 NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -29,7 +30,7 @@ NOTHING: Mapping[str, str] = MappingProxyType({})
 KEPT = 10_000
 """How many answers a reasoner keeps before it forgets them and begins anew."""
 
-TABLES_KEPT = 100
+TABLE_CACHE_SIZE = 100
 """How many enumerations, one for each set of interventions, and how many conditioned tables to draw from."""
 
 _Key = TypeVar("_Key")
@@ -100,8 +101,8 @@ class Enumeration:
         self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
     ) -> dict[str, Fraction]:
         """The same as `posterior`, as fractions by value in the order of the declaration."""
-        subject = term_of(self.program, attribute)
-        table = self._given(facts_of(self.program, evidence), interventions_of(self.program, do))
+        subject = resolve_term(self.program, attribute)
+        table = self._given(resolve_evidence(self.program, evidence), resolve_interventions(self.program, do))
         return self._marginal(subject, table)
 
     def probability(self, query: Query) -> Fraction:
@@ -153,16 +154,16 @@ class Enumeration:
         key = frozenset(given.items())
         draw = self._draws.get(key)
         if draw is None:
-            table = self._given(facts_of(self.program, given), {})
+            table = self._given(resolve_evidence(self.program, given), {})
             draw = ([weight / table.total for weight in accumulate(table.weights)], table.values)
-            _keep(self._draws, key, draw, TABLES_KEPT)
+            _keep(self._draws, key, draw, TABLE_CACHE_SIZE)
         cumulative, worlds = draw
         return dict(
             worlds[bisect_right(cumulative, rng.random())]
         )  # the last entry is exactly 1, above any draw
 
     def _marginal(self, subject: Term, table: _Table) -> dict[str, Fraction]:
-        name = ground(subject)
+        name = canonical_text(subject)
         sums = dict.fromkeys(self.program.attributes[subject.name].values, 0)
         undefined = 0
         for values, weight in zip(table.values, table.weights, strict=True):
@@ -182,11 +183,11 @@ class Enumeration:
     def _conditioned(self, query: Query) -> _Table:
         try:
             self.program.check_query(query)
-        except Offence as offence:
-            raise ProgramError(str(offence)) from None
+        except SourceIssue as issue:
+            raise ProgramError(str(issue)) from None
         interventions: dict[str, str] = {}
         for item in query.interventions:
-            term, value = ground(item.term), ground(item.value)
+            term, value = canonical_text(item.term), canonical_text(item.value)
             if interventions.setdefault(term, value) != value:
                 raise ProgramError(
                     f"{item.at}: do({term}) sets two values, {interventions[term]} and {value}"
@@ -227,12 +228,12 @@ class Enumeration:
             )  # here, so that clingo is loaded when needed
 
             sets = answer_sets(self.program, do, self.limit, creating)
-            found = list(measured_worlds(self.program, sets))
+            found = list(measure_worlds(self.program, sets))
             found.sort(key=lambda world: tuple(world[0].items()))
             common = lcm(*{measure.denominator for _, measure in found})
             weights = tuple(measure.numerator * (common // measure.denominator) for _, measure in found)
             table = _Table(tuple(values for values, _ in found), weights, sum(weights))
-            _keep(self._tables, key, table, TABLES_KEPT)
+            _keep(self._tables, key, table, TABLE_CACHE_SIZE)
         return self._tables[key]
 
 

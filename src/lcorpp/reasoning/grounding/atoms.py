@@ -1,113 +1,126 @@
-"""Terms, values and outcomes in ground clauses, as numbers or as the source that finds them."""
+"""The table of ground terms, and the translation of terms, values and literals into parts of generated code.
+
+A statement's instantiator (`rule_instantiator`) is generated Python; for each part of a clause, `AtomTable`
+returns its number if the part has no variables, otherwise the source that computes the number at run time.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from lcorpp.errors import TooLargeError
-from lcorpp.reasoning.grounding.ground_program import Ground, Literal as GroundLiteral
-from lcorpp.reasoning.grounding.joins import Join, Part, Source
-from lcorpp.reasoning.grounding.values import Value, holds, value_of
-from lcorpp.reasoning.language.arithmetic import ground
+from lcorpp.reasoning.grounding.ground_program import GroundProgram, Literal as GroundLiteral
+from lcorpp.reasoning.grounding.rule_instantiator import Part, RuleInstantiator, Source
+from lcorpp.reasoning.grounding.values import Value, compare_values, parse_value
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.syntax import Expression, Literal, Term
 
 Key = Value | tuple[Value, ...]
-"""The arguments of a term; one alone stands for itself."""
+"""The arguments of a term; a single argument is not wrapped in a tuple."""
 
-MOST_BITS = 2**31
-"""How many bits the conditions of a program may take, one for each value that one may have."""
+MAX_MASK_BITS = 2**31
+"""The masks of all conditions of a program have at most this many bits, one for each value of a term."""
 
 
-class Parts:
-    """The parts of the clauses of a ground program, which learns of the terms as they are met."""
+class AtomTable:
+    """The terms of a ground program, numbered in the order in which clauses name them."""
 
-    def __init__(self, program: Ground) -> None:
-        self.ground, self.signature = program, program.program.signature
-        self._ids: dict[str, dict[Key, int]] = {name: {} for name in self.signature.attributes}
+    def __init__(self, program: GroundProgram) -> None:
+        self.program, self.signature = program, program.source.signature
+        self._numbers: dict[str, dict[Key, int]] = {name: {} for name in self.signature.attributes}
         self._masks: dict[tuple[str, str, bool], dict[Value, int]] = {}
-        self._indexes: dict[str, dict[Value, int]] = {}
-        self._bits = 0
+        self._value_indexes: dict[str, dict[Value, int]] = {}
+        self._mask_bits = 0
 
-    def number(self, attribute: str, key: Key) -> int:
-        """The number of a term, a new one if it was not met before."""
-        ids = self._ids[attribute]
-        found = ids.get(key)
-        if found is None:
-            found = ids[key] = len(self.ground.values)
+    def number_term(self, attribute: str, key: Key) -> int:
+        """Return the number of a term; a new term gets the next number."""
+        numbers = self._numbers[attribute]
+        number = numbers.get(key)
+        if number is None:
+            number = numbers[key] = len(self.program.values)
             inner = ",".join(map(str, key)) if isinstance(key, tuple) else key
             text = attribute if key == () else f"{attribute}({inner})"
-            self.ground.names.append(text)
-            self.ground.values.append(self.signature.attributes[attribute].values)
-        return found
+            self.program.names.append(text)
+            self.program.values.append(self.signature.attributes[attribute].values)
+        return number
 
-    def ground_literal(self, literal: Literal) -> GroundLiteral:
-        """The same for a literal without variables."""
-        term = self.number(literal.term.name, key_of([value_of(ground(a)) for a in literal.term.arguments]))
-        return term, self._allowed(literal, value_of(ground(literal.value))), literal.negated
+    def translate_ground_literal(self, literal: Literal) -> GroundLiteral:
+        """Translate a literal without variables."""
+        arguments = [parse_value(canonical_text(argument)) for argument in literal.term.arguments]
+        term = self.number_term(literal.term.name, make_key(arguments))
+        return (
+            term,
+            self._satisfying_outcomes(literal, parse_value(canonical_text(literal.value))),
+            literal.negated,
+        )
 
-    def term(self, join: Join, term: Term) -> Part:
-        """A term."""
-        parts = [join.part(argument) for argument in term.arguments]
+    # parts of clauses with variables: numbers, or source that computes them
+
+    def translate_term(self, rule: RuleInstantiator, term: Term) -> Part:
+        """Translate a term to its number."""
+        parts = [rule.translate(argument) for argument in term.arguments]
         if not any(isinstance(part, Source) for part in parts):
-            return self.number(term.name, key_of(parts))
-        inner = ", ".join(map(join.written, parts))
-        found = join.name(None)
+            return self.number_term(term.name, make_key(parts))
+        inner = ", ".join(map(rule.quote, parts))
+        name = rule.name_constant(None)
         key = inner if len(parts) == 1 else f"({inner})"
-        join.add(f"{found} = {join.name(self._ids[term.name].get)}(k := {key})")
-        join.add(f"if {found} is None: {found} = {join.name(self.number)}({term.name!r}, k)")
-        return found
+        rule.add_line(f"{name} = {rule.name_constant(self._numbers[term.name].get)}(k := {key})")
+        rule.add_line(f"if {name} is None: {name} = {rule.name_constant(self.number_term)}({term.name!r}, k)")
+        return name
 
-    def value(self, join: Join, term: Term, value: Expression) -> Part:
-        """The number of a value of a term."""
-        numbers, part = self._numbers(term.name), join.part(value)
-        return Source(f"{join.name(numbers)}[{part}]") if isinstance(part, Source) else numbers[part]
+    def translate_value(self, rule: RuleInstantiator, term: Term, value: Expression) -> Part:
+        """Translate a value of a term to its index."""
+        indexes, part = self._index_values(term.name), rule.translate(value)
+        return Source(f"{rule.name_constant(indexes)}[{part}]") if isinstance(part, Source) else indexes[part]
 
-    def label(self, join: Join, arguments: Sequence[Expression]) -> Part:
-        """The arguments of a label as text."""
-        parts = [join.part(argument) for argument in arguments]
+    def translate_label(self, rule: RuleInstantiator, arguments: Sequence[Expression]) -> Part:
+        """Translate the arguments of a rule's label to text."""
+        parts = [rule.translate(argument) for argument in arguments]
         if not any(isinstance(part, Source) for part in parts):
             return ",".join(map(str, parts))
-        return Source(" + ',' + ".join(f"str({join.written(part)})" for part in parts))
+        return Source(" + ',' + ".join(f"str({rule.quote(part)})" for part in parts))
 
-    def literal(self, join: Join, literal: Literal) -> tuple[Part, Part, bool]:
-        """A literal: its term, the outcomes that make it true, whether it stands under `not`."""
-        value = join.part(literal.value)
+    def translate_literal(self, rule: RuleInstantiator, literal: Literal) -> tuple[Part, Part, bool]:
+        """Translate a literal to its term, the mask of the satisfying outcomes and whether it is negated."""
+        value = rule.translate(literal.value)
         if not isinstance(value, Source):
-            return self.term(join, literal.term), self._allowed(literal, value), literal.negated
+            term = self.translate_term(rule, literal.term)
+            return term, self._satisfying_outcomes(literal, value), literal.negated
         known = self._masks.setdefault((literal.term.name, literal.relation, literal.negated), {})
 
-        def make(value: Value) -> int:
-            allowed = known[value] = self._allowed(literal, value)
-            return allowed
+        def compute_mask(value: Value) -> int:
+            mask = known[value] = self._satisfying_outcomes(literal, value)
+            return mask
 
-        term, allowed = self.term(join, literal.term), join.name(None)
-        join.add(f"{allowed} = {join.name(known.get)}(k := {value})")
-        join.add(f"if {allowed} is None: {allowed} = {join.name(make)}(k)")
-        return term, allowed, literal.negated
+        term, mask = self.translate_term(rule, literal.term), rule.name_constant(None)
+        rule.add_line(f"{mask} = {rule.name_constant(known.get)}(k := {value})")
+        rule.add_line(f"if {mask} is None: {mask} = {rule.name_constant(compute_mask)}(k)")
+        return term, mask, literal.negated
 
-    def _numbers(self, attribute: str) -> dict[Value, int]:
-        if attribute not in self._indexes:
+    def _index_values(self, attribute: str) -> dict[Value, int]:
+        if attribute not in self._value_indexes:
             values = self.signature.attributes[attribute].values
-            self._indexes[attribute] = {value_of(value): i for i, value in enumerate(values)}
-        return self._indexes[attribute]
+            self._value_indexes[attribute] = {parse_value(value): i for i, value in enumerate(values)}
+        return self._value_indexes[attribute]
 
-    def _allowed(self, literal: Literal, value: Value) -> int:
-        numbers, relation = self._numbers(literal.term.name), literal.relation
-        self._bits += len(numbers)
-        if self._bits > MOST_BITS:
+    def _satisfying_outcomes(self, literal: Literal, value: Value) -> int:
+        """The mask of the outcomes that satisfy a literal with this value on its right-hand side."""
+        indexes, relation = self._index_values(literal.term.name), literal.relation
+        self._mask_bits += len(indexes)
+        if self._mask_bits > MAX_MASK_BITS:
             raise TooLargeError(
-                f"{literal.at}: too many conditions on attributes with many values, here {len(numbers)}"
+                f"{literal.at}: too many conditions on attributes with many values, here {len(indexes)}"
             )
-        allowed = 0
+        mask = 0
         if relation == "=":
-            allowed = 1 << numbers[value] if value in numbers else 0
+            mask = 1 << indexes[value] if value in indexes else 0
         else:
-            for has, i in numbers.items():
-                if holds(has, relation, value):
-                    allowed |= 1 << i
-        return ((1 << len(numbers) + 1) - 1) & ~allowed if literal.negated else allowed
+            for candidate, i in indexes.items():
+                if compare_values(candidate, relation, value):
+                    mask |= 1 << i
+        return ((1 << len(indexes) + 1) - 1) & ~mask if literal.negated else mask
 
 
-def key_of(arguments: Sequence[Value]) -> Key:
-    """The key of a term with these arguments."""
+def make_key(arguments: Sequence[Value]) -> Key:
+    """Return the key of a term with these arguments."""
     return arguments[0] if len(arguments) == 1 else tuple(arguments)

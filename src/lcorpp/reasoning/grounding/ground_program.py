@@ -1,7 +1,12 @@
-"""A ground program: terms with numbered values, and clauses over sets of values.
+"""Ground programs: terms with finite ranges, and clauses whose literals are sets of outcomes.
 
-A literal is a term and the set of outcomes that make it true, as bits: bit i for value i of the attribute's
-range, one more bit for having no value. So `a=v`, `a!=v`, `a<3` and `not a=v` are one kind of thing.
+A term has one outcome in each world: one of its values, or no value (attributes are partial). A literal is a
+term and the set of outcomes that satisfy it, as a bit mask: bit i for value i, the next bit for no value. So
+`a=v`, `a!=v`, `a<3` and `not a=v` have the same form. With the values (red, green, blue):
+
+    a=green      0b0010
+    a!=green     0b0101   (a has a value, another one)
+    not a=green  0b1101   (or a has no value)
 """
 
 from __future__ import annotations
@@ -10,39 +15,40 @@ from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Selection
-from lcorpp.reasoning.program import Program
 
 
-class Kind(Enum):
-    """What a clause says when its body is true."""
+class ClauseKind(Enum):
+    """The consequence of a clause whose body is true."""
 
     DERIVE = "the term has the value"
     SELECT = "the term is selected at random"
     RANGE = "the value is in the dynamic range of a selection"
-    ASSIGN = "a pr-atom speaks of the value"
-    FORBID = "there is no such world"
+    ASSIGN = "a pr-atom assigns a probability to the value"
+    FORBID = "the world is impossible"
 
-    __hash__ = object.__hash__  # that of Enum hashes the name, in Python
+    __hash__ = object.__hash__  # Enum hashes the member's name in Python code, which is slow
 
 
 Literal = tuple[int, int, bool]
-"""A term, the outcomes that make it true, and whether it stands under `not`."""
+"""A term, the mask of the outcomes that satisfy the literal, and whether the literal is under `not`."""
 
 
 @dataclass(slots=True, eq=False)
 class Clause:
-    """A ground rule.
+    """A ground rule, constraint, random selection, member of a dynamic range or pr-atom.
 
-    term: the term it is about, -1 for FORBID.
-    value: the value it is about (DERIVE, RANGE, ASSIGN).
-    statement: the position of its statement in the program, -1 for what was added from outside.
-    label: the arguments of its label as text.
-    instance: the values of the statement's variables; it tells instances apart.
-    number: of a pr-atom.
+    term: the term in the head, -1 for FORBID.
+    value: the value in the head (DERIVE, RANGE, ASSIGN), an index into the range of the term.
+    body: the literals, all of which must be true.
+    statement: the index of the statement in the program, -1 if the clause comes from a query.
+    label: the arguments of the rule's label as text.
+    instance: the values of the statement's variables; they distinguish the instances of a selection.
+    number: the probability that a pr-atom assigns.
     """
 
-    kind: Kind
+    kind: ClauseKind
     term: int
     value: int
     body: tuple[Literal, ...]
@@ -53,30 +59,32 @@ class Clause:
 
 
 @dataclass(slots=True, eq=False)
-class Ground:
+class GroundProgram:
     """A ground program.
 
-    names: the terms, as text.
-    values: the range of each term, as text; an outcome is an index into it, or its length for having no
-    value.
-    clauses: the ground rules.
-    do: the value that an intervention gives to a term, as a fact (semantics of 2009) or where a selection
-    of it
-        applies (2018).
+    source: the program that was ground.
+    names: the terms as text; the index of a term is its number.
+    values: the range of each term as text; an outcome is an index into it, or its length for no value.
+    clauses: the ground clauses.
+    do: term -> value of an intervention. Semantics of 2009: the value is a fact. Semantics of 2018: the value
+        is fixed in the worlds in which a selection of the term applies.
     """
 
-    program: Program
+    source: Program
     names: list[str] = field(default_factory=list)
     values: list[tuple[str, ...]] = field(default_factory=list)
     clauses: list[Clause] = field(default_factory=list)
     do: dict[int, int] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        return f"GroundProgram({self.source.file}: {len(self.names)} terms, {len(self.clauses)} clauses)"
+
     @property
     def do_is_fact(self) -> bool:
-        """Whether an intervention sets its term in every world."""
-        return self.program.semantics == "2009"
+        """Whether an intervention sets its term in every world (semantics of 2009)."""
+        return self.source.semantics == "2009"
 
-    def has_range(self, statement: int) -> bool:
-        """Whether the selection at this position of the program has a dynamic range."""
-        selection = self.program.statements[statement]
+    def has_dynamic_range(self, statement: int) -> bool:
+        """Whether the selection at this index of the program has a dynamic range."""
+        selection = self.source.statements[statement]
         return isinstance(selection, Selection) and selection.range is not None

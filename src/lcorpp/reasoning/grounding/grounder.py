@@ -1,8 +1,11 @@
-"""From a program to its ground clauses: each statement with its variables replaced in every way their sorts
-allow.
+"""Step 1a: ground a program. Each statement becomes one clause for each admissible binding of its variables.
 
-It needs no solver and keeps what a solver would throw away, the probabilities. `grounding.py` is the other,
-independent way from a program to its worlds; the two are tested against each other.
+Unlike an ASP grounder, this one keeps the probabilities and needs no solver. Attributes that only facts
+define are evaluated here and do not become terms. The other, independent way from a program to its worlds
+is `enumeration.asp_translation`; tests compare the two.
+
+Source: the reducts of Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 3; semantics 2018: Balai, Gelfond
+and Zhang, 2019, section 3.1.
 """
 
 from __future__ import annotations
@@ -12,13 +15,18 @@ from fractions import Fraction
 from typing import cast
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.grounding.atoms import Parts, key_of
-from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind, Literal as GroundLiteral
-from lcorpp.reasoning.grounding.joins import Facts, Join, Part, Source
-from lcorpp.reasoning.grounding.values import Value, split, value_of
-from lcorpp.reasoning.language.arithmetic import exact, ground, variables
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.signature import expressions, scope
+from lcorpp.reasoning.grounding.atoms import AtomTable, make_key
+from lcorpp.reasoning.grounding.ground_program import (
+    Clause,
+    ClauseKind,
+    GroundProgram,
+    Literal as GroundLiteral,
+)
+from lcorpp.reasoning.grounding.rule_instantiator import Facts, Part, RuleInstantiator, Source
+from lcorpp.reasoning.grounding.values import Value, parse_value, split_record
+from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
@@ -30,243 +38,245 @@ from lcorpp.reasoning.language.syntax import (
     Rule,
     Selection,
 )
-from lcorpp.reasoning.program import Program
+from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions
 
 Body = Sequence[Literal | Comparison]
 
-_NONE = Source("()")
+_EMPTY_TUPLE = Source("()")
 
-ASKED = "?"
-"""The name of the term that has the value true where all literals that are asked for hold."""
+QUERY_TERM = "?"
+"""The name of the term that has the value `true` in the worlds in which all literals of a query are true."""
 
 
 def ground_program(
     program: Program, do: Mapping[str, str], observed: Iterable[Literal] = (), asked: Sequence[Literal] = ()
-) -> Ground:
+) -> GroundProgram:
     """Ground a program.
 
     Args:
-        do: interventions beside those in the program, term -> value.
-        observed: ground literals without which there is no world, beside the observations in the program.
-        asked: ground literals for which the term `ASKED` is to stand.
+        do: interventions besides those in the program, term -> value.
+        observed: ground literals that are true in every world, besides the observations in the program.
+        asked: the ground literals that define the term `QUERY_TERM`.
 
     Raises:
         ProgramError: arithmetic is undefined.
     """
     try:
-        return _Grounder(program, do).all(observed, asked)
-    except Offence as offence:
-        raise ProgramError(str(offence)) from None
+        return _Grounder(program, do).run(observed, asked)
+    except SourceIssue as issue:
+        raise ProgramError(str(issue)) from None
 
 
 class _Grounder:
     def __init__(self, program: Program, do: Mapping[str, str]) -> None:
         self.program, self.signature = program, program.signature
-        self.ground = Ground(program)
-        self.parts = Parts(self.ground)
-        self._add = self.ground.clauses.append
+        self.result = GroundProgram(program)
+        self.atoms = AtomTable(self.result)
+        self._add = self.result.clauses.append
         self._sorts: dict[str, Mapping[Value, None]] = {}
         self._do = dict(do)
-        self._torn: set[str] = set()
+        self._contradictory: set[str] = set()  # terms that interventions set to two values (2018)
         for statement in program.statements:
             if isinstance(statement, Intervention):
-                self._set(ground(statement.term), ground(statement.value))
-        self._facts = self._given()
+                self._intervene(canonical_text(statement.term), canonical_text(statement.value))
+        self._facts = self._evaluate_facts()
 
-    def _set(self, term: str, value: str) -> None:
-        if self._do.setdefault(term, value) != value:  # two values set: no world has both
-            if self.ground.do_is_fact:
-                self._add(Clause(Kind.FORBID, -1, 0, ()))
+    def _intervene(self, term: str, value: str) -> None:
+        if self._do.setdefault(term, value) != value:  # no world satisfies both interventions
+            if self.result.do_is_fact:
+                self._add(Clause(ClauseKind.FORBID, -1, 0, ()))
             else:
-                self._torn.add(term)
+                self._contradictory.add(term)
 
-    def all(self, observed: Iterable[Literal], asked: Sequence[Literal]) -> Ground:
+    def run(self, observed: Iterable[Literal], asked: Sequence[Literal]) -> GroundProgram:
         for term, value in self._do.items():
             name = term.partition("(")[0]
-            found = self.parts.number(name, key_of([value_of(a) for a in split(term)[1]]))
-            self.ground.do[found] = self.signature.attributes[name].values.index(value)
+            number = self.atoms.number_term(name, make_key([parse_value(a) for a in split_record(term)[1]]))
+            self.result.do[number] = self.signature.attributes[name].values.index(value)
         for index, statement in enumerate(self.program.statements):
             if isinstance(statement, Rule):
-                self._rule(index, statement)
+                self._ground_rule(index, statement)
             elif isinstance(statement, Selection):
-                self._selection(index, statement)
+                self._ground_selection(index, statement)
             elif isinstance(statement, Probability):
-                self._probability(index, statement)
+                self._ground_pr_atom(index, statement)
             elif isinstance(statement, Observation):
-                self._forbid_unless(statement.literal)
+                self._observe(statement.literal)
         for literal in observed:
-            self._forbid_unless(literal)
-        if self._torn:  # in 2018 only where the term is selected
-            names = self.ground.names
-            for c in [
-                c for c in self.ground.clauses if c.kind is Kind.SELECT and names[c.term] in self._torn
-            ]:
-                self._add(Clause(Kind.FORBID, -1, 0, c.body, c.statement))
+            self._observe(literal)
+        if self._contradictory:  # 2018: the worlds in which the term is selected are impossible
+            names = self.result.names
+            for clause in list(self.result.clauses):
+                if clause.kind is ClauseKind.SELECT and names[clause.term] in self._contradictory:
+                    self._add(Clause(ClauseKind.FORBID, -1, 0, clause.body, clause.statement))
         if asked:
-            body = tuple([self.parts.ground_literal(literal) for literal in asked])
-            self._add(Clause(Kind.DERIVE, len(self.ground.names), 0, body))
-            self.ground.names.append(ASKED)
-            self.ground.values.append(("true",))
-        return self.ground
+            body = tuple([self.atoms.translate_ground_literal(literal) for literal in asked])
+            self._add(Clause(ClauseKind.DERIVE, len(self.result.names), 0, body))
+            self.result.names.append(QUERY_TERM)
+            self.result.values.append(("true",))
+        return self.result
 
     # facts
 
-    def _given(self) -> Facts:
-        """The attributes that nothing but facts speaks of, and those facts."""
+    def _evaluate_facts(self) -> Facts:
+        """Find the attributes that only facts define, and evaluate these facts."""
         other = {t.partition("(")[0] for t in self._do}
-        heads: dict[str, list[Rule]] = {}
+        rules_of: dict[str, list[Rule]] = {}
         for statement in self.program.statements:
             if isinstance(statement, Selection):
                 other.add(statement.term.name)
             elif isinstance(statement, Rule) and statement.head:
-                heads.setdefault(statement.head.term.name, []).append(statement)
+                rules_of.setdefault(statement.head.term.name, []).append(statement)
                 if any(isinstance(x, Literal) and not self.signature.is_sort(x) for x in statement.body):
                     other.add(statement.head.term.name)
         facts: dict[str, Mapping[tuple[Value, ...], Value]] = {}
-        for name, rules in heads.items():
+        for name, rules in rules_of.items():
             if name not in other:
                 table: dict[tuple[Value, ...], Value] = {}
-                for rule in rules:
-                    self._collect(rule, table)
+                for fact in rules:
+                    self._evaluate_fact(fact, table)
                 facts[name] = table
         return facts
 
-    def _collect(self, rule: Rule, table: dict[tuple[Value, ...], Value]) -> None:
-        assert rule.head
-        join = self._join(rule, rule.body, {})
-        arguments = [join.part(argument) for argument in rule.head.term.arguments]
-        value = join.part(rule.head.value)
-        if join.is_ground:
+    def _evaluate_fact(self, fact: Rule, table: dict[tuple[Value, ...], Value]) -> None:
+        assert fact.head
+        rule = self._instantiate(fact, fact.body, {})
+        arguments = [rule.translate(argument) for argument in fact.head.term.arguments]
+        value = rule.translate(fact.head.value)
+        if rule.is_ground:
             table[tuple(arguments)] = value
             return
-        key = "".join(f"{join.written(argument)}, " for argument in arguments)
-        join.add(f"table[({key})] = {join.written(value)}")
-        join.function(table=table)()
+        key = "".join(f"{rule.quote(argument)}, " for argument in arguments)
+        rule.add_line(f"table[({key})] = {rule.quote(value)}")
+        rule.compile(table=table)()
 
     # statements
 
-    def _join(self, statement: Rule | Selection | Probability, body: Body, facts: Facts) -> Join:
+    def _instantiate(
+        self, statement: Rule | Selection | Probability, body: Body, facts: Facts
+    ) -> RuleInstantiator:
         slots = list(self.signature.slots(statement))
-        return Join(self.signature, self._sort, slots, scope(statement), body, facts)
+        return RuleInstantiator(
+            self.signature, self._members, slots, list_expressions(statement), body, facts
+        )
 
-    def _sort(self, name: str) -> Mapping[Value, None]:
-        if name not in self._sorts:
-            self._sorts[name] = {value_of(text): None for text in self.signature.sorts[name]}
-        return self._sorts[name]
+    def _members(self, sort: str) -> Mapping[Value, None]:
+        if sort not in self._sorts:
+            self._sorts[sort] = {parse_value(text): None for text in self.signature.sorts[sort]}
+        return self._sorts[sort]
 
-    def _rule(self, index: int, rule: Rule) -> None:
-        join = self._join(rule, rule.body, self._facts)
-        if rule.head is None:
-            self._emit(join, Kind.FORBID, -1, 0, rule.body, index)
+    def _ground_rule(self, index: int, statement: Rule) -> None:
+        rule = self._instantiate(statement, statement.body, self._facts)
+        head = statement.head
+        if head is None:
+            self._emit(rule, ClauseKind.FORBID, -1, 0, statement.body, index)
         else:
-            term, value = (
-                self.parts.term(join, rule.head.term),
-                self.parts.value(join, rule.head.term, rule.head.value),
-            )
-            self._emit(join, Kind.DERIVE, term, value, rule.body, index)
+            term = self.atoms.translate_term(rule, head.term)
+            value = self.atoms.translate_value(rule, head.term, head.value)
+            self._emit(rule, ClauseKind.DERIVE, term, value, statement.body, index)
 
-    def _selection(self, index: int, selection: Selection) -> None:
-        join = self._join(selection, selection.body, self._facts)
-        inner = list(expressions(selection.range.condition)) if selection.range else []
+    def _ground_selection(self, index: int, selection: Selection) -> None:
+        rule = self._instantiate(selection, selection.body, self._facts)
+        conditions = list(iter_expressions(selection.range.condition)) if selection.range else []
         label = selection.label.arguments if selection.label else ()
-        told = _names((*inner, selection.term, *label))
-        shared = sorted(told & _names(scope(selection)))
-        term = self.parts.term(join, selection.term)
-        instances: dict[tuple[Value, ...], int] = {}
-        instance = _tuple(shared)
+        used = _find_all_variables((*conditions, selection.term, *label))
+        shared = sorted(used & _find_all_variables(list_expressions(selection)))
+        term = self.atoms.translate_term(rule, selection.term)
+        instances: dict[tuple[Value, ...], int] = {}  # values of the shared variables -> term
+        instance = _write_tuple(shared)
         if selection.range:
-            join.add(f"instances[{instance}] = {join.written(term)}")
+            rule.add_line(f"instances[{instance}] = {rule.quote(term)}")
         self._emit(
-            join, Kind.SELECT, term, 0, selection.body, index, self.parts.label(join, label), instance,
-            instances=instances,
+            rule, ClauseKind.SELECT, term, 0, selection.body, index,
+            self.atoms.translate_label(rule, label), instance, instances=instances,
         )  # fmt: skip
         if selection.range:
-            self._range(index, selection, shared, instances)
+            self._ground_dynamic_range(index, selection, shared, instances)
 
-    def _range(
+    def _ground_dynamic_range(
         self, index: int, selection: Selection, shared: list[str], instances: Mapping[tuple[Value, ...], int]
     ) -> None:
         assert selection.range
         variable, condition = selection.range.variable, selection.range.condition
         slots = list(self.signature.range_slots(selection))
-        used = [variable, *expressions(condition)]
-        join = Join(self.signature, self._sort, slots, used, condition, self._facts, shared)
-        value = self.parts.value(join, selection.term, variable)
-        run = self._function(
-            join, Kind.RANGE, Source("instances[" + _tuple(shared) + "]"), value, condition, index, "",
-            _tuple(shared), instances=instances,
+        used = [variable, *iter_expressions(condition)]
+        rule = RuleInstantiator(self.signature, self._members, slots, used, condition, self._facts, shared)
+        value = self.atoms.translate_value(rule, selection.term, variable)
+        instance = _write_tuple(shared)
+        run = self._compile(
+            rule, ClauseKind.RANGE, Source(f"instances[{instance}]"), value,
+            self._translate_body(rule, condition), index, "", instance, instances=instances,
         )  # fmt: skip
-        for instance in list(instances):
-            run(*instance)
+        for values in list(instances):
+            run(*values)
 
-    def _probability(self, index: int, atom: Probability) -> None:
-        join = self._join(atom, atom.condition, self._facts)
-        term, value = self.parts.term(join, atom.term), self.parts.value(join, atom.term, atom.value)
+    def _ground_pr_atom(self, index: int, atom: Probability) -> None:
+        rule = self._instantiate(atom, atom.condition, self._facts)
+        term = self.atoms.translate_term(rule, atom.term)
+        value = self.atoms.translate_value(rule, atom.term, atom.value)
         written = atom.number
-        number = written.value if isinstance(written, Number) else _computed(join, written)
-        label = self.parts.label(join, atom.label.arguments if atom.label else ())
-        self._emit(join, Kind.ASSIGN, term, value, atom.condition, index, label, number=number)
+        number = written.value if isinstance(written, Number) else _compute_number(rule, written)
+        label = self.atoms.translate_label(rule, atom.label.arguments if atom.label else ())
+        self._emit(rule, ClauseKind.ASSIGN, term, value, atom.condition, index, label, number=number)
 
-    def _forbid_unless(self, literal: Literal) -> None:
-        term, allowed, negated = self.parts.ground_literal(literal)
-        everything = (1 << len(self.ground.values[term]) + 1) - 1
-        self._add(Clause(Kind.FORBID, -1, 0, ((term, everything & ~allowed, not negated),)))
+    def _observe(self, literal: Literal) -> None:
+        """Forbid the worlds in which a ground literal is false."""
+        term, mask, negated = self.atoms.translate_ground_literal(literal)
+        every_outcome = (1 << len(self.result.values[term]) + 1) - 1
+        self._add(Clause(ClauseKind.FORBID, -1, 0, ((term, every_outcome & ~mask, not negated),)))
 
     # clauses
 
     def _emit(
         self,
-        join: Join,
-        kind: Kind,
+        rule: RuleInstantiator,
+        kind: ClauseKind,
         term: Part,
         value: Part,
         body: Body,
         index: int,
         label: Part = "",
-        instance: Source = _NONE,
+        instance: Source = _EMPTY_TUPLE,
         number: Source | Fraction | None = None,
         **names: object,
     ) -> None:
-        """Add a clause for each way to bind the variables of a statement."""
-        literals = self._body(join, body)
+        """Add one clause for each binding of the variables of a statement."""
+        literals = self._translate_body(rule, body)
         parts = (term, value, label, number, *(part for literal in literals for part in literal))
-        if join.is_ground and not any(isinstance(part, Source) for part in parts):
-            given = tuple([cast(GroundLiteral, literal) for literal in literals])
-            self._add(
-                Clause(kind, cast(int, term), cast(int, value), given, index, cast(str, label), (), number)  # type: ignore[arg-type]
-            )
+        if rule.is_ground and not any(isinstance(part, Source) for part in parts):
+            ground_body = tuple([cast(GroundLiteral, literal) for literal in literals])
+            clause = Clause(kind, cast(int, term), cast(int, value), ground_body, index, cast(str, label))
+            clause.number = cast("Fraction | None", number)
+            self._add(clause)
         else:
-            self._function(join, kind, term, value, literals, index, label, instance, number, **names)()
+            self._compile(rule, kind, term, value, literals, index, label, instance, number, **names)()
 
-    def _function(
+    def _compile(
         self,
-        join: Join,
-        kind: Kind,
+        rule: RuleInstantiator,
+        kind: ClauseKind,
         term: Part,
         value: Part,
-        body: Body | list[tuple[Part, Part, bool]],
+        body: Sequence[tuple[Part, Part, bool]],
         index: int,
         label: Part,
         instance: Source,
         number: Source | Fraction | None = None,
         **names: object,
     ) -> Callable[..., None]:
-        if not all(isinstance(literal, tuple) for literal in body):
-            body = self._body(join, cast(Body, body))
-        literals = "".join(
-            f"({join.written(t)}, {join.written(allowed)}, {negated}), "
-            for t, allowed, negated in cast(list[tuple[Part, Part, bool]], body)
+        """Compile the function that adds the clauses."""
+        literals = "".join(f"({rule.quote(t)}, {rule.quote(mask)}, {negated}), " for t, mask, negated in body)
+        number_source = number if isinstance(number, Source) else rule.name_constant(number)
+        rule.add_line(
+            f"add(Clause({rule.name_constant(kind)}, {rule.quote(term)}, {rule.quote(value)}, ({literals}),"
+            f" {index}, {rule.quote(label)}, {instance}, {number_source}))"
         )
-        of = number if isinstance(number, Source) else join.name(number)
-        join.add(
-            f"add(Clause({join.name(kind)}, {join.written(term)}, {join.written(value)}, ({literals}),"
-            f" {index}, {join.written(label)}, {instance}, {of}))"
-        )
-        return join.function(add=self._add, Clause=Clause, **names)
+        return rule.compile(add=self._add, Clause=Clause, **names)
 
-    def _body(self, join: Join, body: Body) -> list[tuple[Part, Part, bool]]:
+    def _translate_body(self, rule: RuleInstantiator, body: Body) -> list[tuple[Part, Part, bool]]:
+        """Translate the literals that become literals of the clause: those of neither sorts nor facts."""
         return [
-            self.parts.literal(join, literal)
+            self.atoms.translate_literal(rule, literal)
             for literal in body
             if isinstance(literal, Literal)
             and not self.signature.is_sort(literal)
@@ -274,24 +284,24 @@ class _Grounder:
         ]
 
 
-def _names(parts: Iterable[Expression]) -> set[str]:
-    return {variable.name for part in parts for variable in variables(part)}
+def _find_all_variables(parts: Iterable[Expression]) -> set[str]:
+    return {variable.name for part in parts for variable in iter_variables(part)}
 
 
-def _tuple(names: Iterable[str]) -> Source:
+def _write_tuple(names: Iterable[str]) -> Source:
     return Source("(" + "".join(f"v_{name}, " for name in names) + ")")
 
 
-def _computed(join: Join, number: Expression) -> Source:
-    """The number of a pr-atom that depends on variables, made once for the same values of them."""
-    names = sorted(_names([number]))
+def _compute_number(rule: RuleInstantiator, number: Expression) -> Source:
+    """Write the source of a pr-atom's number that depends on variables; equal values share one fraction."""
+    names = sorted(_find_all_variables([number]))
     known: dict[tuple[Value, ...], Fraction] = {}
 
-    def make(values: tuple[Value, ...]) -> Fraction:
-        found = known[values] = exact(number, dict(zip(names, map(str, values), strict=True)))
-        return found
+    def compute(values: tuple[Value, ...]) -> Fraction:
+        result = known[values] = evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
+        return result
 
-    found = join.name(None)
-    join.add(f"{found} = {join.name(known.get)}(k := {_tuple(names)})")
-    join.add(f"if {found} is None: {found} = {join.name(make)}(k)")
-    return found
+    name = rule.name_constant(None)
+    rule.add_line(f"{name} = {rule.name_constant(known.get)}(k := {_write_tuple(names)})")
+    rule.add_line(f"if {name} is None: {name} = {rule.name_constant(compute)}(k)")
+    return name

@@ -1,116 +1,56 @@
-"""What is the same in all worlds, taken out of a ground program before any world is looked at.
+"""Step 1b: simplify a ground program without changing its worlds.
 
-First the least fixed point of what may be true at all, then the outcomes that each term may have: a literal
-that always holds leaves its body, a clause with one that never holds leaves the program. Neither changes a
-world.
+1. Drop the clauses whose positive literals no clause can satisfy (least fixed point over all clauses).
+2. Turn rules that contradict an observation into constraints, which cut worlds off earlier.
+3. Compute the possible outcomes of each term; drop literals that are true for all of them and clauses with a
+   literal that is true for none; repeat until nothing changes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lcorpp.reasoning.grounding.ground_program import Clause, Ground, Kind
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 
-SUPPORTS = (Kind.DERIVE, Kind.SELECT)
+SUPPORTING_KINDS = (ClauseKind.DERIVE, ClauseKind.SELECT)
 """The kinds of clauses that give values to terms."""
 
-PLAIN = (Kind.DERIVE, Kind.FORBID)
-"""The kinds of clauses that say nothing more than their body and value."""
+PLAIN_KINDS = (ClauseKind.DERIVE, ClauseKind.FORBID)
+"""The kinds of clauses that equal head and body make redundant."""
 
 
-def simplified(ground: Ground) -> tuple[list[Clause], list[int]]:
-    """The clauses that matter, with the literals that matter, and the outcomes that each term may have.
+def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
+    """Simplify a ground program.
 
     Returns:
-        (clauses, outcomes); outcomes[t] has bit i for value i of term t and a last bit for having no value.
+        (clauses, outcomes): outcomes[t] is the mask of the possible outcomes of term t, with bit i for value
+        i and the next bit for no value.
     """
-    possible = _possible(ground)
-    clauses = _without_the_forbidden(ground, _held(ground.clauses, possible))
-    outcomes = _outcomes(ground, clauses, possible)
+    possible = _compute_possible_values(program)
+    clauses = _propagate_observations(program, _drop_unsupported(program.clauses, possible))
+    outcomes = _compute_outcomes(program, clauses, possible)
     while True:
-        changed = _simplify(clauses, outcomes)
-        if changed is None:
+        shorter = _drop_decided_literals(clauses, outcomes)
+        if shorter is None:
             return clauses, outcomes
-        clauses = changed
-        again = _outcomes(ground, clauses, outcomes)
-        if again == outcomes:
+        clauses = shorter
+        narrowed = _compute_outcomes(program, clauses, outcomes)
+        if narrowed == outcomes:
             return clauses, outcomes
-        outcomes = again
+        outcomes = narrowed
 
 
-def _held(clauses: Sequence[Clause], possible: Sequence[int]) -> list[Clause]:
-    """The clauses of which no literal needs a value that nothing gives.
-
-    Rules and constraints stay once; variables that may change places say the same thing many times.
-    """
-    kept: list[Clause] = []
-    met: set[object] = set()
-    for clause in clauses:
-        body = clause.body
-        for term, allowed, negated in body:
-            if not negated and not allowed & possible[term]:
-                break
-        else:
-            if len(body) > 1 and clause.kind in PLAIN:
-                key = clause.term, clause.value, frozenset(body)
-                if key in met:
-                    continue
-                met.add(key)
-            kept.append(clause)
-    return kept
-
-
-def _without_the_forbidden(ground: Ground, clauses: list[Clause]) -> list[Clause]:
-    """Rules for what an observation denies become constraints, which end a world as soon as possible."""
-    allowed: dict[int, int] = {}
-    waiting = [clause for clause in clauses if clause.kind is Kind.FORBID and len(clause.body) == 1]
-    if not waiting:
-        return clauses
-    derives: dict[int, list[int]] = {}
-    for i, clause in enumerate(clauses):
-        if clause.kind is Kind.DERIVE:
-            derives.setdefault(clause.term, []).append(i)
-    found = list(clauses)
-    while waiting:
-        term, denied, _ = waiting.pop().body[0]
-        before = allowed.get(term, -1)
-        allowed[term] = before & ~denied
-        if allowed[term] == before:
-            continue
-        for i in derives.get(term, ()):
-            clause = found[i]
-            if clause.kind is Kind.DERIVE and not allowed[term] >> clause.value & 1:
-                found[i] = Clause(Kind.FORBID, -1, 0, clause.body, clause.statement)
-                if len(clause.body) == 1:
-                    waiting.append(found[i])
-    result = []
-    for clause in found:
-        if clause.kind is Kind.FORBID and len(clause.body) > 1:
-            # worlds in which an observation fails are none, so that a constraint need not speak of them
-            if any(not literal[1] & allowed.get(literal[0], -1) for literal in clause.body):
-                continue
-            body = tuple([x for x in clause.body if allowed.get(x[0], -1) & _all(ground, x[0]) & ~x[1]])
-            if len(body) < len(clause.body):
-                clause = Clause(Kind.FORBID, -1, 0, body, clause.statement)
-        result.append(clause)
-    return result
-
-
-def _all(ground: Ground, term: int) -> int:
-    return (1 << len(ground.values[term]) + 1) - 1
-
-
-def _possible(ground: Ground) -> list[int]:
-    """For each term, as bits, the values that it may have in some world: the least fixed point."""
-    possible = [0] * len(ground.values)
-    if ground.do_is_fact:
-        for term, value in ground.do.items():
+def _compute_possible_values(program: GroundProgram) -> list[int]:
+    """Compute the mask of the values that each term may have in some world: the least fixed point."""
+    possible = [0] * len(program.values)
+    if program.do_is_fact:
+        for term, value in program.do.items():
             possible[term] |= 1 << value
     waiting: dict[int, list[Clause]] = {}
-    derive = Kind.DERIVE  # to look up a member of an Enum takes time
-    ready = [clause for clause in ground.clauses if clause.kind in SUPPORTS]
+    derive = ClauseKind.DERIVE  # a local name: the attribute access is slow
+    ready = [clause for clause in program.clauses if clause.kind in SUPPORTING_KINDS]
     while ready:
-        grown: list[int] = []
+        extended: list[int] = []
         for clause in ready:
             missing = -1
             for term, allowed, negated in clause.body:
@@ -122,62 +62,128 @@ def _possible(ground: Ground) -> list[int]:
                 continue
             head = clause.term
             if clause.kind is derive:
-                gives = 1 << clause.value
+                mask = 1 << clause.value
             else:
-                gives = 1 << ground.do[head] if head in ground.do else (1 << len(ground.values[head])) - 1
-            if gives & ~possible[head]:
-                possible[head] |= gives
-                grown.append(head)
-        ready = [clause for term in grown for clause in waiting.pop(term, ())]
+                mask = 1 << program.do[head] if head in program.do else (1 << len(program.values[head])) - 1
+            if mask & ~possible[head]:
+                possible[head] |= mask
+                extended.append(head)
+        ready = [clause for term in extended for clause in waiting.pop(term, ())]
     return possible
 
 
-def _outcomes(ground: Ground, clauses: Sequence[Clause], possible: Sequence[int]) -> list[int]:
-    """The outcomes of each term, given the clauses that are left; `possible` bounds the values."""
-    derive = Kind.DERIVE
-    found = [0] * len(ground.values)
-    certain: set[int] = set()
-    facts: dict[int, int] = {}
+def _drop_unsupported(clauses: Sequence[Clause], possible: Sequence[int]) -> list[Clause]:
+    """Drop the clauses with a positive literal that needs an impossible value, and duplicate clauses.
+
+    Rules and constraints with interchangeable variables have many equal instances; one remains.
+    """
+    kept: list[Clause] = []
+    known: set[object] = set()
     for clause in clauses:
-        kind = clause.kind
-        if kind not in SUPPORTS:
+        body = clause.body
+        for term, allowed, negated in body:
+            if not negated and not allowed & possible[term]:
+                break
+        else:
+            if len(body) > 1 and clause.kind in PLAIN_KINDS:
+                key = clause.term, clause.value, frozenset(body)
+                if key in known:
+                    continue
+                known.add(key)
+            kept.append(clause)
+    return kept
+
+
+def _propagate_observations(program: GroundProgram, clauses: list[Clause]) -> list[Clause]:
+    """Replace rules whose head contradicts an observation by constraints, which cut worlds off earlier."""
+    allowed: dict[int, int] = {}  # term -> the outcomes that agree with the observations
+    waiting = [clause for clause in clauses if clause.kind is ClauseKind.FORBID and len(clause.body) == 1]
+    if not waiting:
+        return clauses
+    rules: dict[int, list[int]] = {}
+    for i, clause in enumerate(clauses):
+        if clause.kind is ClauseKind.DERIVE:
+            rules.setdefault(clause.term, []).append(i)
+    replaced = list(clauses)
+    while waiting:
+        term, forbidden, _ = waiting.pop().body[0]
+        before = allowed.get(term, -1)
+        allowed[term] = before & ~forbidden
+        if allowed[term] == before:
             continue
-        term = clause.term
-        gives = 1 << clause.value
-        if kind is not derive:
-            gives = 1 << ground.do[term] if term in ground.do else -1
-        found[term] |= gives
-        if not clause.body:
-            certain.add(term)
-            if kind is derive:  # any other value would contradict it
-                facts[term] = facts.get(term, 0) | gives
-    if ground.do_is_fact:
-        for term, value in ground.do.items():
-            found[term] = 1 << value
-            certain.add(term)
-    for term, bits in facts.items():
-        found[term] = bits
+        for i in rules.get(term, ()):
+            clause = replaced[i]
+            if clause.kind is ClauseKind.DERIVE and not allowed[term] >> clause.value & 1:
+                replaced[i] = Clause(ClauseKind.FORBID, -1, 0, clause.body, clause.statement)
+                if len(clause.body) == 1:
+                    waiting.append(replaced[i])
     result = []
-    for term, values in enumerate(ground.values):
-        undefined = 1 << len(values)
-        bits = found[term] & possible[term] & (undefined - 1)
-        result.append(bits if term in certain else bits | undefined)
+    for clause in replaced:
+        if clause.kind is ClauseKind.FORBID and len(clause.body) > 1:
+            # the observations alone forbid the worlds in which such a literal is true
+            if any(not literal[1] & allowed.get(literal[0], -1) for literal in clause.body):
+                continue
+            body = tuple(
+                [x for x in clause.body if allowed.get(x[0], -1) & _all_outcomes(program, x[0]) & ~x[1]]
+            )
+            if len(body) < len(clause.body):
+                clause = Clause(ClauseKind.FORBID, -1, 0, body, clause.statement)
+        result.append(clause)
     return result
 
 
-def _simplify(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list[Clause] | None:
-    """The clauses without what the outcomes decide; None if that changes nothing."""
+def _all_outcomes(program: GroundProgram, term: int) -> int:
+    return (1 << len(program.values[term]) + 1) - 1
+
+
+def _compute_outcomes(
+    program: GroundProgram, clauses: Sequence[Clause], possible: Sequence[int]
+) -> list[int]:
+    """Compute the possible outcomes of each term from the remaining clauses; `possible` bounds the values."""
+    derive = ClauseKind.DERIVE
+    supported = [0] * len(program.values)
+    certain: set[int] = set()  # terms that have a value in every world
+    facts: dict[int, int] = {}
+    for clause in clauses:
+        kind = clause.kind
+        if kind not in SUPPORTING_KINDS:
+            continue
+        term = clause.term
+        mask = 1 << clause.value
+        if kind is not derive:
+            mask = 1 << program.do[term] if term in program.do else -1
+        supported[term] |= mask
+        if not clause.body:
+            certain.add(term)
+            if kind is derive:  # a fact: any other value would contradict it
+                facts[term] = facts.get(term, 0) | mask
+    if program.do_is_fact:
+        for term, value in program.do.items():
+            supported[term] = 1 << value
+            certain.add(term)
+    for term, mask in facts.items():
+        supported[term] = mask
+    result = []
+    for term, values in enumerate(program.values):
+        no_value = 1 << len(values)
+        mask = supported[term] & possible[term] & (no_value - 1)
+        result.append(mask if term in certain else mask | no_value)
+    return result
+
+
+def _drop_decided_literals(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list[Clause] | None:
+    """Drop literals that are always true and clauses with one that is never true; None if nothing changes."""
     kept: list[Clause] = []
     changed = False
     for clause in clauses:
         drop = shorten = False
         for term, allowed, _ in clause.body:
-            outcome = outcomes[term]
-            meets = allowed & outcome
-            if not meets:
+            possible = outcomes[term]
+            satisfying = allowed & possible
+            if not satisfying:
                 drop = True
                 break
-            if meets == outcome:
+            if satisfying == possible:
                 shorten = True
         if drop:
             changed = True

@@ -1,18 +1,17 @@
-"""What can be known to be wrong with a program before a world is made: names, arities, sorts, safety, sizes.
+"""Static checks of a program: names, arities, sorts, labels, safety and sizes.
 
-Variables and arithmetic are left to `safety`.
+`safety` checks variables and arithmetic.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from lcorpp.errors import expected
-from lcorpp.reasoning.language.arithmetic import ground, variables
-from lcorpp.reasoning.language.declared import declarations
-from lcorpp.reasoning.language.issues import Misfit, Offence
-from lcorpp.reasoning.language.safety import check_order, check_scope, check_slots
-from lcorpp.reasoning.language.signature import Signature, expressions, scope, selection_of
+from lcorpp.errors import expected_one_of
+from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
+from lcorpp.reasoning.language.safety import check_order, check_slots, check_variables
+from lcorpp.reasoning.language.signature import Signature, build_signature
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     CrRule,
@@ -28,41 +27,39 @@ from lcorpp.reasoning.language.syntax import (
     Statement,
     Term,
 )
+from lcorpp.reasoning.language.traversal import as_selection, iter_expressions, list_expressions
 
 
 def check(statements: Sequence[Statement]) -> Signature:
-    """Check a whole program.
-
-    Returns:
-        What it declares.
+    """Check a program and return its signature.
 
     Raises:
-        Offence: the first thing that is wrong.
+        SourceIssue: the first error.
     """
-    signature = declarations(statements)
+    signature = build_signature(statements)
     labels: dict[str, Selection] = {}
     for statement in statements:
-        selection = selection_of(statement)
+        selection = as_selection(statement)
         if selection is not None:
             label = str(selection.label)
             if selection.label and label in labels:
-                raise Offence(selection.at, f"label [{label}] is taken at {labels[label].at}")
+                raise SourceIssue(selection.at, f"label [{label}] is already used at {labels[label].at}")
             labels[label] = selection
             _check_selection(selection, signature)
     for statement in statements:
-        if selection_of(statement) is None:
+        if as_selection(statement) is None:
             _check_statement(statement, signature)
     return signature
 
 
 def check_statement(statement: Statement, signature: Signature) -> None:
-    """Check one statement against what the program declares.
+    """Check one statement against the declarations.
 
     Raises:
-        Misfit: something in it does not fit its declaration.
-        Offence: something else is wrong.
+        SortMismatch: a term contradicts its declaration.
+        SourceIssue: another error.
     """
-    selection = selection_of(statement)
+    selection = as_selection(statement)
     if selection is not None:
         _check_selection(selection, signature)
     else:
@@ -77,8 +74,12 @@ def _check_statement(statement: Statement, signature: Signature) -> None:
         if statement.head:
             check_attribute(statement.head.term, signature)
         _check_body(statement.body, signature)
-        check_scope(
-            statement.at, scope(statement), list(signature.slots(statement)), statement.body, signature
+        check_variables(
+            statement.at,
+            list_expressions(statement),
+            list(signature.slots(statement)),
+            statement.body,
+            signature,
         )
     elif isinstance(statement, Probability):
         _check_probability(statement, signature)
@@ -91,10 +92,10 @@ def _check_statement(statement: Statement, signature: Signature) -> None:
 
 
 def check_query(query: Query, signature: Signature) -> None:
-    """Check a query against a program.
+    """Check a query against the declarations of a program.
 
     Raises:
-        Offence: the first thing that is wrong with it.
+        SourceIssue: the first error.
     """
     if query.subject:
         _check_term(query.subject, signature)
@@ -108,19 +109,19 @@ def check_query(query: Query, signature: Signature) -> None:
 
 
 def check_attribute(term: Term, signature: Signature) -> None:
-    """Check name and number of arguments of an attribute.
+    """Check the name and the number of arguments of an attribute term.
 
     Raises:
-        Misfit: the number is wrong.
-        Offence: there is no such attribute.
+        SortMismatch: the number is wrong.
+        SourceIssue: the attribute is not declared.
     """
     attribute = signature.attributes.get(term.name)
     if attribute is None:
         what = "is a sort, not an attribute" if term.name in signature.sorts else "is not declared"
-        raise Offence(term.at, f"{term.name!r} {what}; {expected(list(signature.attributes))}")
+        raise SourceIssue(term.at, f"{term.name!r} {what}; {expected_one_of(list(signature.attributes))}")
     if len(term.arguments) != len(attribute.arguments):
         shape = f"{term.name}({', '.join(attribute.arguments)})" if attribute.arguments else term.name
-        raise Misfit(
+        raise SortMismatch(
             term.at,
             f"{term.name} has {len(attribute.arguments)} arguments, not {len(term.arguments)};"
             f" expected {shape}",
@@ -134,7 +135,7 @@ def _check_body(body: Iterable[Literal | Comparison], signature: Signature) -> N
         if not signature.is_sort(literal):
             check_attribute(literal.term, signature)
         elif len(literal.term.arguments) != 1 or (literal.relation, literal.value) != ("=", Term("true")):
-            raise Offence(
+            raise SourceIssue(
                 literal.at, f"{literal.term.name} is a sort; expected {literal.term.name}(...) without value"
             )
 
@@ -142,13 +143,13 @@ def _check_body(body: Iterable[Literal | Comparison], signature: Signature) -> N
 def _check_term(term: Term, signature: Signature) -> None:
     check_attribute(term, signature)
     for argument in term.arguments:
-        ground(argument)
+        canonical_text(argument)
     check_slots(signature.term_slots(term), signature)
 
 
 def _check_ground(literal: Literal, signature: Signature) -> None:
     _check_term(literal.term, signature)
-    ground(literal.value)
+    canonical_text(literal.value)
     check_slots(signature.literal_slots(literal), signature)
     check_order((literal,), {}, signature)
 
@@ -161,7 +162,9 @@ def _check_intervention(intervention: Intervention, signature: Signature) -> Non
 def _check_random(term: Term, at: Place, signature: Signature) -> Sequence[Selection]:
     selections = signature.selections.get(term.name, ())
     if not selections:
-        raise Offence(at, f"{term.name} has no random selection; expected 'random({term}).' in the program")
+        raise SourceIssue(
+            at, f"{term.name} has no random selection; expected 'random({term}).' in the program"
+        )
     return selections
 
 
@@ -171,18 +174,18 @@ def _check_random(term: Term, at: Place, signature: Signature) -> Sequence[Selec
 def _check_selection(selection: Selection, signature: Signature) -> None:
     check_attribute(selection.term, signature)
     _check_body(selection.body, signature)
-    outer = scope(selection)
+    outer = list_expressions(selection)
     outcomes = len(signature.attributes[selection.term.name].values)
     slots = list(signature.slots(selection))
-    check_scope(selection.at, outer, slots, selection.body, signature, outcomes=outcomes)
+    check_variables(selection.at, outer, slots, selection.body, signature, outcomes=outcomes)
     if selection.range:
         chosen, condition = selection.range.variable, selection.range.condition
-        if any(variable == chosen for expression in outer for variable in variables(expression)):
-            raise Offence(chosen.at, f"variable {chosen} of the dynamic range is also used outside of it")
+        if any(variable == chosen for expression in outer for variable in iter_variables(expression)):
+            raise SourceIssue(chosen.at, f"variable {chosen} of the dynamic range is also used outside of it")
         _check_body(condition, signature)
         slots = [*slots, *signature.range_slots(selection)]
-        inner = [*outer, chosen, *expressions(condition)]
-        check_scope(selection.at, inner, slots, (*selection.body, *condition), signature)
+        inner = [*outer, chosen, *iter_expressions(condition)]
+        check_variables(selection.at, inner, slots, (*selection.body, *condition), signature)
 
 
 def _check_probability(statement: Probability, signature: Signature) -> None:
@@ -193,22 +196,24 @@ def _check_probability(statement: Probability, signature: Signature) -> None:
         label = statement.label
         named = [s.label for s in selections if s.label]
         if not any(other.name == label.name for other in named):
-            raise Offence(
+            raise SourceIssue(
                 label.at,
                 f"no random selection of {statement.term.name} has the label [{label}];"
-                f" {expected(list(map(str, named)))}",
+                f" {expected_one_of(list(map(str, named)))}",
             )
         sizes = {len(other.arguments) for other in named if other.name == label.name}
         if label.arguments and len(label.arguments) not in sizes:
-            raise Offence(
+            raise SourceIssue(
                 label.at,
                 f"label [{label}] has {len(label.arguments)} arguments, the selection's has {min(sizes)}",
             )
     if isinstance(statement.number, Number) and not 0 <= statement.number.value <= 1:
-        raise Offence(statement.number.at, f"the probability {statement.number.value} is not between 0 and 1")
-    check_scope(
+        raise SourceIssue(
+            statement.number.at, f"the probability {statement.number.value} is not between 0 and 1"
+        )
+    check_variables(
         statement.at,
-        scope(statement),
+        list_expressions(statement),
         list(signature.slots(statement)),
         statement.condition,
         signature,

@@ -1,59 +1,131 @@
-"""Writes out what a dialect leaves unsaid, so that a program is made of plain statements.
+"""Desugaring: rewrite constructs of the dialects into plain statements.
 
-plog 2.0: `?c.` asks for a probability; a rule may ask `obs(a, v)`, whether the program records it.
-plog 1.0, known by its `#domain`: see `undeclared`.
+plog 1.0, recognised by `#domain`: missing declarations are inferred, see `implicit_declarations`.
+plog 2.0: `?c.` of a boolean c asks for the probability of `c=true`.
+plog 2.0: a body literal `obs(a, v, true)` asks whether the program contains the observation `obs(a=v).`
+    It becomes the boolean attribute `observed_a(v, true)`, with a fact for each observation of the program.
+    Observations of a query do not count.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from lcorpp.reasoning.language.observed import with_records
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import BOOLEAN
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
-    Domain,
+    DomainDirective,
+    Expression,
     Literal,
+    Observation,
     Query,
+    Rule,
     Semantics,
     SortDefinition,
     Statement,
     Term,
 )
+from lcorpp.reasoning.language.traversal import iter_literals, map_literals
+
+TRUE, FALSE = Term("true"), Term("false")
 
 
-def completed(statements: Sequence[Statement], dialect: Semantics) -> tuple[Statement, ...]:
-    """The statements with all that they leave unsaid.
+def desugar(statements: Sequence[Statement], dialect: Semantics) -> tuple[Statement, ...]:
+    """Return plain statements.
 
     Args:
-        dialect: that of plog 2.0 if "2018".
+        dialect: "2018" for plog 2.0.
 
     Raises:
-        Offence: a rule asks for a record that cannot be.
+        SourceIssue: a body contains `do(...)` or an invalid `obs(...)`.
     """
-    if any(isinstance(statement, Domain) for statement in statements):
-        from lcorpp.reasoning.language.implicit_declarations import (
-            with_declarations,  # here, as most programs do without
-        )
+    if any(isinstance(statement, DomainDirective) for statement in statements):
+        from lcorpp.reasoning.language.implicit_declarations import infer_declarations  # rarely needed
 
-        statements = with_declarations(statements)
+        statements = infer_declarations(statements)
     if dialect == "2018":
-        statements = _with_asked(statements)
-    return tuple(with_records(statements))
+        statements = _rewrite_boolean_queries(statements)
+    return tuple(_rewrite_observed(statements))
 
 
-def _with_asked(statements: Sequence[Statement]) -> Sequence[Statement]:
-    """With `?c.` for a boolean c as the question whether c is true."""
+def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statement]:
     if not any(isinstance(s, Query) and s.subject for s in statements):
         return statements
-    booleans = {BOOLEAN} | {
-        s.name for s in statements if isinstance(s, SortDefinition) and Term("true") in s.elements
-    }
-    asked = {s.name for s in statements if isinstance(s, AttributeDeclaration) and s.range in booleans}
+    sorts = {BOOLEAN} | {s.name for s in statements if isinstance(s, SortDefinition) and TRUE in s.elements}
+    booleans = {s.name for s in statements if isinstance(s, AttributeDeclaration) and s.range in sorts}
     return [
-        replace(s, literals=(Literal(s.subject, "=", Term("true"), at=s.subject.at),), subject=None)
-        if isinstance(s, Query) and s.subject and s.subject.name in asked
+        replace(s, literals=(Literal(s.subject, "=", TRUE, at=s.subject.at),), subject=None)
+        if isinstance(s, Query) and s.subject and s.subject.name in booleans
         else s
         for s in statements
     ]
+
+
+def _rewrite_observed(statements: Sequence[Statement]) -> Sequence[Statement]:
+    """Replace each `obs(...)` in a body by an attribute, and add its declaration and facts."""
+    queried = _find_queried(statements)
+    if not queried:
+        return statements
+    declared = {s.name: s for s in statements if isinstance(s, AttributeDeclaration)}
+    new: list[Statement] = []
+    for name, term in queried.items():
+        attribute = declared.get(name)
+        if attribute is None:
+            raise SourceIssue(
+                term.at, f"{name!r} is not declared; expected an attribute in obs(attribute, value)"
+            )
+        sorts = (*attribute.arguments, attribute.range, BOOLEAN)
+        new.append(AttributeDeclaration(_name_record(name), sorts, BOOLEAN, at=attribute.at))
+    new.extend(_create_facts(statements, queried))
+    return [*(map_literals(statement, _rewrite_literal) for statement in statements), *new]
+
+
+def _find_queried(statements: Sequence[Statement]) -> dict[str, Term]:
+    """Map the attributes in `obs(...)` of bodies to their first occurrence."""
+    queried: dict[str, Term] = {}
+    for statement in statements:
+        for literal, _ in iter_literals(statement):
+            if literal.term.name == "do":
+                raise SourceIssue(literal.at, "do(...) is not supported in the body of a rule")
+            if literal.term.name == "obs":
+                observed = _split_observed(literal.term)[0]
+                queried.setdefault(observed.name, observed)
+    return queried
+
+
+def _name_record(attribute: str) -> str:
+    return f"observed_{attribute}"
+
+
+def _split_observed(term: Term) -> tuple[Term, Expression, Expression]:
+    """Return attribute term, value and polarity of `obs(term, value, polarity)`."""
+    first, *rest = term.arguments or (None,)
+    if not isinstance(first, Term) or len(rest) > 2:
+        raise SourceIssue(
+            term.at, f"expected obs(attribute, value) or obs(attribute, value, true), not {term}"
+        )
+    return first, rest[0] if rest else TRUE, rest[1] if len(rest) > 1 else TRUE
+
+
+def _rewrite_literal(literal: Literal) -> Literal:
+    if literal.term.name != "obs":
+        return literal
+    observed, value, polarity = _split_observed(literal.term)
+    term = Term(_name_record(observed.name), (*observed.arguments, value, polarity), at=literal.term.at)
+    return Literal(term, literal.relation, literal.value, literal.negated, at=literal.at)
+
+
+def _create_facts(statements: Sequence[Statement], queried: dict[str, Term]) -> Iterator[Rule]:
+    for statement in statements:
+        if not isinstance(statement, Observation):
+            continue
+        literal, at = statement.literal, statement.at
+        if literal.negated or literal.term.name not in queried or literal.relation not in ("=", "!="):
+            continue
+        polarity = TRUE if literal.relation == "=" else FALSE
+        term = Term(
+            _name_record(literal.term.name), (*literal.term.arguments, literal.value, polarity), at=at
+        )
+        yield Rule(Literal(term, "=", TRUE, at=at), at=at)

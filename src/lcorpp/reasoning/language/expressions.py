@@ -1,14 +1,14 @@
-"""Reads expressions, literals and bodies: what stands inside of statements.
+"""Parse expressions, literals and bodies.
 
-Terms, values and literals begin alike; what follows tells them apart.
+Terms, values and literals share their first tokens: a literal is a sum with an optional relation.
 """
 
 from __future__ import annotations
 
 from fractions import Fraction
 
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.lexer import DECIMAL, DEEPEST, INTEGER, NAME, VARIABLE, Cursor
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.lexer import DECIMAL, INTEGER, MAX_DEPTH, NAME, VARIABLE, Cursor
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Body,
@@ -21,198 +21,198 @@ from lcorpp.reasoning.language.syntax import (
     Variable,
 )
 
-LONGEST_NUMBER = 300
-"""How many digits a number may have."""
+MAX_DIGITS = 300
+"""Maximal number of digits of a number."""
 
 RESERVED = frozenset({"not", "mod"})
-"""Words that are never the name of anything."""
+"""Names reserved for operators."""
 
-OPPOSITE = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
+NEGATED_RELATIONS = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 
 RELATIONS = ("=", "==", "!=", "<>", "<", "<=", ">", ">=")
-ALIKE = {"==": "=", "<>": "!="}
+RELATION_SYNONYMS = {"==": "=", "<>": "!="}
 
 
-class Minus:
-    """`-p`: a false literal if it stands alone, nothing elsewhere."""
+class MinusTerm:
+    """`-p`, which is valid only as a whole literal: `p=false`."""
 
     def __init__(self, at: Place, term: Term) -> None:
         self.at, self.term = at, term
 
 
-def value(cursor: Cursor) -> Expression:
-    """An expression that stands for a value."""
-    return as_value(operand(cursor))
+def parse_value(cursor: Cursor) -> Expression:
+    """Parse an expression that denotes a value."""
+    return require_value(parse_sum(cursor))
 
 
-def as_value(found: Expression | Minus) -> Expression:
-    """The expression, which must not be a false literal."""
-    if isinstance(found, Minus):
-        raise Offence(found.at, f"'-{found.term}' is a literal; expected a value")
+def require_value(found: Expression | MinusTerm) -> Expression:
+    """Return the expression; raise SourceIssue for `-p`."""
+    if isinstance(found, MinusTerm):
+        raise SourceIssue(found.at, f"'-{found.term}' is a literal; expected a value")
     return found
 
 
-def operand(cursor: Cursor, arrow: bool = False) -> Expression | Minus:
-    """A sum, or `-p`.
+def parse_sum(cursor: Cursor, arrow: bool = False) -> Expression | MinusTerm:
+    """Parse a sum, or `-p`.
 
     Args:
-        arrow: whether `+-` may be the arrow of a cr-rule here; elsewhere it is a sum of something negative.
+        arrow: whether `+-` is the arrow of a cr-rule; otherwise it adds a negative number.
     """
-    left = _product(cursor)
+    left = _parse_product(cursor)
     while True:
         if cursor.accept("+"):
-            left = _arithmetic("+", left, _product(cursor))
+            left = _combine("+", left, _parse_product(cursor))
         elif cursor.accept("-"):
-            left = _arithmetic("-", left, _product(cursor))
+            left = _combine("-", left, _parse_product(cursor))
         elif not arrow and cursor.kind == "+-":
             at = cursor.at
             cursor.take()
-            left = _arithmetic("+", left, _negative(at, factor(cursor)))
+            left = _combine("+", left, _negate(at, parse_factor(cursor)))
         else:
             return left
 
 
-def _product(cursor: Cursor) -> Expression | Minus:
-    left = factor(cursor)
+def _parse_product(cursor: Cursor) -> Expression | MinusTerm:
+    left = parse_factor(cursor)
     while True:
-        if cursor.sees("*", "/", "\\"):
+        if cursor.next_is("*", "/", "\\"):
             sign = cursor.take().replace("\\", "mod")
         elif cursor.accept_word("mod"):
             sign = "mod"
         else:
             return left
-        left = _arithmetic(sign, left, factor(cursor))
+        left = _combine(sign, left, parse_factor(cursor))
 
 
-def factor(cursor: Cursor) -> Expression | Minus:
-    """A number, a variable, a term, something in parentheses, or one of them after a minus."""
+def parse_factor(cursor: Cursor) -> Expression | MinusTerm:
+    """Parse a number, a variable, a term or a parenthesised sum, with an optional minus."""
     at = cursor.at
     if cursor.accept("-"):
         cursor.enter()
-        inner = factor(cursor)
+        inner = parse_factor(cursor)
         cursor.leave()
-        return Minus(at, inner) if isinstance(inner, Term) else _negative(at, inner)
+        return MinusTerm(at, inner) if isinstance(inner, Term) else _negate(at, inner)
     if cursor.accept("("):
         cursor.enter()
-        found = operand(cursor)
+        found = parse_sum(cursor)
         cursor.leave()
         cursor.expect(")")
         return found
-    if cursor.sees(INTEGER, DECIMAL):
-        return _number(cursor, at)
+    if cursor.next_is(INTEGER, DECIMAL):
+        return _parse_number(cursor, at)
     if cursor.kind == VARIABLE:
-        return Variable(_variable_name(cursor), at=at)
+        return Variable(_parse_variable_name(cursor), at=at)
     if cursor.kind == NAME and cursor.word not in RESERVED:
-        return _term(cursor, at)
+        return _parse_term(cursor, at)
     raise cursor.unexpected((NAME, VARIABLE))
 
 
-def _number(cursor: Cursor, at: Place) -> Number:
-    if len(cursor.word) > LONGEST_NUMBER:
-        raise Offence(at, f"a number of {len(cursor.word)} digits; at most {LONGEST_NUMBER} are read")
+def _parse_number(cursor: Cursor, at: Place) -> Number:
+    if len(cursor.word) > MAX_DIGITS:
+        raise SourceIssue(at, f"a number of {len(cursor.word)} digits; expected at most {MAX_DIGITS}")
     return Number(Fraction(cursor.take()), at=at)
 
 
-def _variable_name(cursor: Cursor) -> str:
-    """The name of a variable; `_` gets one that it shares with no other `_` of its statement."""
+def _parse_variable_name(cursor: Cursor) -> str:
+    """Parse the name of a variable. Each `_` of a statement gets a name of its own."""
     name = cursor.take()
     if name == "_":
-        cursor.anonymous += 1
-        return f"_Any{cursor.anonymous}"
+        cursor.anonymous_count += 1
+        return f"_Any{cursor.anonymous_count}"
     return name
 
 
-def _term(cursor: Cursor, at: Place) -> Expression:
+def _parse_term(cursor: Cursor, at: Place) -> Expression:
     name = cursor.take()
     if not cursor.accept("("):
         given = cursor.constants.get(name)
-        return Term(name, at=at) if given is None else _placed(given, at)
+        return Term(name, at=at) if given is None else _copy_constant(given, at)
     cursor.enter()
-    arguments = [value(cursor)]
+    arguments = [parse_value(cursor)]
     while cursor.accept(","):
-        arguments.append(value(cursor))
+        arguments.append(parse_value(cursor))
     cursor.leave()
     cursor.expect(")")
-    return _bounded(Term(name, tuple(arguments), at=at))
+    return _check_depth(Term(name, tuple(arguments), at=at))
 
 
-def _placed(constant: Expression, at: Place) -> Expression:
+def _copy_constant(constant: Expression, at: Place) -> Expression:
     if isinstance(constant, Number):
         return Number(constant.value, at=at)
     assert isinstance(constant, Term)
     return Term(constant.name, constant.arguments, at=at)
 
 
-def _negative(at: Place, found: Expression | Minus) -> Expression:
-    inner = as_value(found)
+def _negate(at: Place, found: Expression | MinusTerm) -> Expression:
+    inner = require_value(found)
     if isinstance(inner, Number):
         return Number(-inner.value, at=at)
-    return _bounded(Arithmetic("-", Number(Fraction(0), at=at), inner, at=at))
+    return _check_depth(Arithmetic("-", Number(Fraction(0), at=at), inner, at=at))
 
 
-def _arithmetic(sign: str, left: Expression | Minus, right: Expression | Minus) -> Expression:
-    first = as_value(left)
-    return _bounded(Arithmetic(sign, first, as_value(right), at=first.at))
+def _combine(sign: str, left: Expression | MinusTerm, right: Expression | MinusTerm) -> Expression:
+    first = require_value(left)
+    return _check_depth(Arithmetic(sign, first, require_value(right), at=first.at))
 
 
-def _bounded(node: Term | Arithmetic) -> Term | Arithmetic:
-    if node.depth > DEEPEST:
-        raise Offence(node.at, f"an expression nested deeper than {DEEPEST}")
+def _check_depth(node: Term | Arithmetic) -> Term | Arithmetic:
+    if node.depth > MAX_DEPTH:
+        raise SourceIssue(node.at, f"an expression nested deeper than {MAX_DEPTH}")
     return node
 
 
 # literals
 
 
-def literal(cursor: Cursor, arrow: bool = False) -> Literal | Comparison:
-    """`term`, `-term` or `left relation right`."""
-    return literal_from(operand(cursor, arrow), cursor, arrow)
+def parse_literal(cursor: Cursor, arrow: bool = False) -> Literal | Comparison:
+    """Parse `term`, `-term` or `left relation right`."""
+    return parse_relation(parse_sum(cursor, arrow), cursor, arrow)
 
 
-def literal_from(left: Expression | Minus, cursor: Cursor, arrow: bool = False) -> Literal | Comparison:
-    """The literal whose left side has been read."""
-    if not cursor.sees(*RELATIONS):
-        return _bare(left)
+def parse_relation(left: Expression | MinusTerm, cursor: Cursor, arrow: bool = False) -> Literal | Comparison:
+    """Parse the rest of a literal after its left side."""
+    if not cursor.next_is(*RELATIONS):
+        return _complete_literal(left)
     sign = cursor.take()
-    if isinstance(left, Minus):
-        raise Offence(left.at, f"'-' before a literal with a value; write {left.term}!=...")
-    right = as_value(operand(cursor, arrow))
-    sign = ALIKE.get(sign, sign)
+    if isinstance(left, MinusTerm):
+        raise SourceIssue(left.at, f"'-' before a literal with a value; write {left.term}!=...")
+    right = require_value(parse_sum(cursor, arrow))
+    sign = RELATION_SYNONYMS.get(sign, sign)
     if isinstance(left, Term):
         return Literal(left, sign, right, at=left.at)
     return Comparison(left, sign, right, at=left.at)
 
 
-def _bare(left: Expression | Minus) -> Literal:
-    if isinstance(left, Minus):
+def _complete_literal(left: Expression | MinusTerm) -> Literal:
+    if isinstance(left, MinusTerm):
         return Literal(left.term, "=", Term("false", at=left.at), at=left.at)
     if isinstance(left, Term):
         return Literal(left, "=", Term("true", at=left.at), at=left.at)
-    raise Offence(left.at, f"expected a literal, not {left}")
+    raise SourceIssue(left.at, f"expected a literal, not {left}")
 
 
-def is_bare(literal: Literal) -> bool:
-    """Whether a literal was written without relation and value: its value stands where it begins."""
+def has_implicit_value(literal: Literal) -> bool:
+    """Whether the text of a literal has no value; the implicit one has the place of the literal."""
     return literal.value.at == literal.term.at or literal.value.at == literal.at
 
 
-def body_literal(cursor: Cursor) -> Literal | Comparison:
-    """A literal, perhaps under `not`."""
+def parse_body_literal(cursor: Cursor) -> Literal | Comparison:
+    """Parse a literal with an optional `not`."""
     at = cursor.at
     if not cursor.accept_word("not"):
-        return literal(cursor)
-    before = cursor.anonymous
-    found = literal(cursor)
-    if cursor.anonymous > before:
-        raise Offence(at, "'_' under 'not' can be read in two ways; write a variable in its place")
+        return parse_literal(cursor)
+    before = cursor.anonymous_count
+    found = parse_literal(cursor)
+    if cursor.anonymous_count > before:
+        raise SourceIssue(at, "'_' under 'not' is ambiguous; expected a named variable")
     if isinstance(found, Literal):
         return Literal(found.term, found.relation, found.value, True, at=at)
-    return Comparison(found.left, OPPOSITE[found.relation], found.right, at=at)
+    return Comparison(found.left, NEGATED_RELATIONS[found.relation], found.right, at=at)
 
 
-def body(cursor: Cursor) -> Body:
-    """Literals with commas between them."""
-    found = [body_literal(cursor)]
+def parse_body(cursor: Cursor) -> Body:
+    """Parse literals separated by commas."""
+    found = [parse_body_literal(cursor)]
     while cursor.accept(","):
-        found.append(body_literal(cursor))
+        found.append(parse_body_literal(cursor))
     return tuple(found)

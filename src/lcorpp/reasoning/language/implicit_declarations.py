@@ -1,9 +1,9 @@
-"""Attributes that plog 1.0 leaves undeclared, known there by how they are used.
+"""Type inference for plog 1.0: infer the declarations of attributes from their use.
 
-A program for plog 1.0 gives its variables their sorts by `#domain`. It need not declare an attribute, nor the
-sorts of arguments (`place : location.` and then `place(B)`), and one name may stand for attributes with
-different numbers of arguments. Here the missing declarations are written out, and all but the attribute with
-the fewest arguments get a name of their own. A name that no head has is left alone, to be refused.
+In plog 1.0 `#domain` declares the sorts of variables. Declarations of attributes are optional, and so are the
+sorts of their arguments (`place : location.`, then `place(B)`). Attributes with different numbers of
+arguments may share a name; all but the one with the fewest arguments get a mangled name. An attribute that
+occurs in no head stays undeclared, which the checker reports.
 """
 
 from __future__ import annotations
@@ -11,13 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from lcorpp.reasoning.language.arithmetic import ground, variables
-from lcorpp.reasoning.language.rewriting import changed, literals
-from lcorpp.reasoning.language.signature import BOOLEAN, overloaded
-from lcorpp.reasoning.language.sorts import BOOLEANS, Sorts
+from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.signature import BOOLEAN, mangle_name
+from lcorpp.reasoning.language.sorts import BOOLEANS, SortTable
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
-    Domain,
+    DomainDirective,
     Expression,
     Literal,
     Place,
@@ -30,26 +29,27 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     Variable,
 )
+from lcorpp.reasoning.language.traversal import iter_literals, map_literals
 
 
 @dataclass
 class _Slot:
-    """What stands in one place of an attribute: variables of these sorts, and these constants."""
+    """The uses of one argument or value position: the sorts of its variables, and its constants."""
 
     sorts: dict[str, None] = field(default_factory=dict)
     constants: dict[str, Expression] = field(default_factory=dict)
 
-    def note(self, found: Expression, known: dict[str, str], sorts: Sorts) -> None:
-        if isinstance(found, Variable):
-            if known.get(found.name) in sorts.known:
-                self.sorts[known[found.name]] = None
-        elif not any(variables(found)):
-            self.constants[ground(found)] = found
+    def add(self, expression: Expression, known: dict[str, str], sorts: SortTable) -> None:
+        if isinstance(expression, Variable):
+            if known.get(expression.name) in sorts.known:
+                self.sorts[known[expression.name]] = None
+        elif not any(iter_variables(expression)):
+            self.constants[canonical_text(expression)] = expression
 
 
 @dataclass
 class _Use:
-    """How an attribute with a certain number of arguments is used; the last slot is its value's."""
+    """The uses of an attribute with a certain number of arguments; the last slot is that of the value."""
 
     at: Place
     slots: list[_Slot]
@@ -57,69 +57,71 @@ class _Use:
 
 
 @dataclass
-class _Found:
+class _Analysis:
+    """Declarations and uses of a program; `uses` maps name -> number of arguments -> use."""
+
     declared: dict[str, AttributeDeclaration] = field(default_factory=dict)
     domains: dict[str, str] = field(default_factory=dict)
-    sorts: Sorts = field(default_factory=Sorts)
+    sorts: SortTable = field(default_factory=SortTable)
     uses: dict[str, dict[int, _Use]] = field(default_factory=dict)
 
 
-def with_declarations(statements: Sequence[Statement]) -> Sequence[Statement]:
-    """The statements with all attributes declared that their use makes known.
+def infer_declarations(statements: Sequence[Statement]) -> Sequence[Statement]:
+    """Return the statements with the inferred declarations.
 
     Raises:
-        Offence: the definition of a sort is wrong.
+        SourceIssue: the definition of a sort is invalid.
     """
-    found = _gathered(statements)
+    analysis = _analyse(statements)
     names: dict[tuple[str, int], str] = {}
-    instead: dict[str, list[Statement]] = {}
+    replacements: dict[str, list[Statement]] = {}
     added: list[Statement] = []
-    for name, uses in found.uses.items():
-        made = list(_declarations(name, uses, found, names))
-        if name in found.declared and made:
-            instead[name] = [s for s in made if isinstance(s, AttributeDeclaration)]
+    for name, uses in analysis.uses.items():
+        made = list(_infer_for_name(name, uses, analysis, names))
+        if name in analysis.declared and made:
+            replacements[name] = [s for s in made if isinstance(s, AttributeDeclaration)]
             made = [s for s in made if not isinstance(s, AttributeDeclaration)]
         added.extend(made)
     whole: list[Statement] = []
     for statement in statements:
-        if isinstance(statement, AttributeDeclaration) and statement.name in instead:
-            whole.extend(instead.pop(statement.name))
+        if isinstance(statement, AttributeDeclaration) and statement.name in replacements:
+            whole.extend(replacements.pop(statement.name))
         else:
             whole.append(statement)
     if any(name != plain for (plain, _), name in names.items()):
-        whole = [changed(statement, lambda literal: _renamed(literal, names)) for statement in whole]
+        whole = [map_literals(statement, lambda literal: _rename(literal, names)) for statement in whole]
     return [*whole, *added]
 
 
-def _renamed(literal: Literal, names: dict[tuple[str, int], str]) -> Literal:
+def _rename(literal: Literal, names: dict[tuple[str, int], str]) -> Literal:
     term = literal.term
     name = names.get((term.name, len(term.arguments)), term.name)
     return literal if name == term.name else replace(literal, term=Term(name, term.arguments, at=term.at))
 
 
-def _gathered(statements: Sequence[Statement]) -> _Found:
-    found = _Found()
-    found.sorts.known[BOOLEAN] = BOOLEANS
+def _analyse(statements: Sequence[Statement]) -> _Analysis:
+    analysis = _Analysis()
+    analysis.sorts.known[BOOLEAN] = BOOLEANS
     for statement in statements:
         if isinstance(statement, AttributeDeclaration):
-            found.declared.setdefault(statement.name, statement)
-        elif isinstance(statement, Domain):
-            found.domains.update(dict.fromkeys(statement.variables, statement.sort))
+            analysis.declared.setdefault(statement.name, statement)
+        elif isinstance(statement, DomainDirective):
+            analysis.domains.update(dict.fromkeys(statement.variables, statement.sort))
         elif isinstance(statement, SortDefinition) and statement.name != BOOLEAN:
-            found.sorts.define(statement)
+            analysis.sorts.define(statement)
     for statement in statements:
-        known = _known_sorts(statement, found)
-        for literal, is_head in literals(statement):
-            _note(literal, is_head, known, found)
-    return found
+        known = _find_variable_sorts(statement, analysis)
+        for literal, is_head in iter_literals(statement):
+            _record_use(literal, is_head, known, analysis)
+    return analysis
 
 
-def _known_sorts(statement: Statement, found: _Found) -> dict[str, str]:
-    """The sorts of the variables of a statement: those of `#domain`, and of what is declared in full."""
-    known = dict(found.domains)
-    for literal, _ in literals(statement):
-        attribute = found.declared.get(literal.term.name)
-        if literal.term.name in found.sorts.known and len(literal.term.arguments) == 1:
+def _find_variable_sorts(statement: Statement, analysis: _Analysis) -> dict[str, str]:
+    """Map the variables of a statement to sorts: those of `#domain` and of complete declarations."""
+    known = dict(analysis.domains)
+    for literal, _ in iter_literals(statement):
+        attribute = analysis.declared.get(literal.term.name)
+        if literal.term.name in analysis.sorts.known and len(literal.term.arguments) == 1:
             pairs: list[tuple[Expression, str]] = [(literal.term.arguments[0], literal.term.name)]
         elif attribute is None:
             continue
@@ -133,37 +135,37 @@ def _known_sorts(statement: Statement, found: _Found) -> dict[str, str]:
     return known
 
 
-def _note(literal: Literal, is_head: bool, known: dict[str, str], found: _Found) -> None:
+def _record_use(literal: Literal, is_head: bool, known: dict[str, str], analysis: _Analysis) -> None:
     term = literal.term
-    declared = found.declared.get(term.name)
-    if term.name in found.sorts.known or term.name == "obs" or (declared and declared.arguments):
+    declared = analysis.declared.get(term.name)
+    if term.name in analysis.sorts.known or term.name == "obs" or (declared and declared.arguments):
         return
-    use = found.uses.setdefault(term.name, {}).setdefault(
+    use = analysis.uses.setdefault(term.name, {}).setdefault(
         len(term.arguments), _Use(term.at, [_Slot() for _ in range(len(term.arguments) + 1)])
     )
     use.in_head |= is_head
     for slot, argument in zip(use.slots, term.arguments, strict=False):
-        slot.note(argument, known, found.sorts)
-    if literal.value is not term:  # a selected term stands as its own value
-        use.slots[-1].note(literal.value, known, found.sorts)
+        slot.add(argument, known, analysis.sorts)
+    if literal.value is not term:  # a selected term has no value
+        use.slots[-1].add(literal.value, known, analysis.sorts)
 
 
-def _declarations(
-    name: str, uses: dict[int, _Use], found: _Found, names: dict[tuple[str, int], str]
+def _infer_for_name(
+    name: str, uses: dict[int, _Use], analysis: _Analysis, names: dict[tuple[str, int], str]
 ) -> Iterator[Statement]:
-    """The declarations that one name lacks, or none if its use does not tell them."""
-    declared = found.declared.get(name)
+    """Infer the missing declarations of one name; none if its use does not determine them."""
+    declared = analysis.declared.get(name)
     if declared is None and not all(use.in_head for use in uses.values()):
         return
     if declared is not None and set(uses) == {0}:
         return
     for count, use in sorted(uses.items()):
-        own = name if count == min(uses) else overloaded(name, count)
+        own = name if count == min(uses) else mangle_name(name, count)
         names[name, count] = own
         slots = use.slots[:-1] if declared else use.slots
         sorts: list[str] = []
         for place, slot in enumerate(slots):
-            sort = _sort(slot, use.at, found)
+            sort = _infer_sort(slot, use.at, analysis)
             if sort is None:
                 return
             if not isinstance(sort, str):
@@ -175,14 +177,16 @@ def _declarations(
         yield AttributeDeclaration(own, tuple(sorts), target, at=declared.at if declared else use.at)
 
 
-def _sort(slot: _Slot, at: Place, found: _Found) -> str | tuple[Expression | SortExpression, ...] | None:
-    """The sort of a place: its name, or the elements of a new one, or nothing if nothing is known."""
+def _infer_sort(
+    slot: _Slot, at: Place, analysis: _Analysis
+) -> str | tuple[Expression | SortExpression, ...] | None:
+    """Infer the sort of a position: its name, the elements of a new sort, or None if it has no use."""
     sorts, constants = list(slot.sorts), tuple(slot.constants.values())
     if not sorts and slot.constants.keys() <= BOOLEANS.members.keys():
         return BOOLEAN if constants else None
     if not sorts:
         return constants
-    if len(sorts) == 1 and found.sorts.known[sorts[0]].members.keys() >= slot.constants.keys():
+    if len(sorts) == 1 and analysis.sorts.known[sorts[0]].members.keys() >= slot.constants.keys():
         return sorts[0]
     whole: SortExpression = SortName(sorts[0], at=at)
     for name in sorts[1:]:

@@ -1,17 +1,36 @@
-"""A fault found in a syntax tree, on its way to the error type of whoever reads the tree."""
+"""Places in a program text, and the issues found there.
+
+A `SourceIssue` is internal: `Program` converts it to ProgramError, the parser to ParseError.
+"""
 
 from __future__ import annotations
 
-from lcorpp.reasoning.language.syntax import Place
+from dataclasses import dataclass
 
 
-class Offence(Exception):
-    """Never leaves the room: a program turns it into ProgramError, the parser into ParseError."""
+@dataclass(frozen=True)
+class Place:
+    """A place in a text: file, line and column, the last two counted from 1."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+SYNTHETIC_PLACE = Place("<made>", 1, 1)
+"""The place of nodes that do not come from a text."""
+
+
+class SourceIssue(Exception):
+    """An error at a place of a program text."""
 
     def __init__(self, at: Place, message: str) -> None:
         self.at, self.message = at, message
         super().__init__(f"{at}: {message}")
 
 
-class Misfit(Offence):
-    """What does not fit its declaration: a constant outside of its sort, a wrong number of arguments."""
+class SortMismatch(SourceIssue):
+    """A contradiction to a declaration: a constant outside of its sort, or a wrong number of arguments."""

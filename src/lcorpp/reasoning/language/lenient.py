@@ -1,8 +1,8 @@
-"""The lenient reading: statements that do not fit their declarations have no instance, and are left out.
+"""Lenient mode: remove statements that have no instance because they contradict their declarations.
 
-That holds where a value or an argument outside of its sort stands in a head or in a literal that has to be
-true, and where such a literal has a wrong number of arguments. Anywhere else a misfit stays an error: under
-`not`, in what is observed, set or asked, in the number of arguments of a head.
+A statement has no instance if its head or a positive body literal has a value or an argument outside of its
+sort, or if a positive body literal has a wrong number of arguments. Other contradictions remain errors: under
+`not`, in observations, interventions and queries, and in the number of arguments of a head.
 """
 
 from __future__ import annotations
@@ -10,27 +10,27 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from lcorpp.reasoning.language.checker import check_attribute, check_statement
-from lcorpp.reasoning.language.declared import declarations
-from lcorpp.reasoning.language.issues import Misfit
+from lcorpp.reasoning.language.issues import SortMismatch
 from lcorpp.reasoning.language.safety import check_slots
-from lcorpp.reasoning.language.signature import Signature, body_of
+from lcorpp.reasoning.language.signature import Signature, build_signature
 from lcorpp.reasoning.language.syntax import CrRule, Literal, Probability, Rule, Selection, Statement
+from lcorpp.reasoning.language.traversal import get_body
 
 
-def fitting(statements: Sequence[Statement]) -> tuple[Statement, ...]:
-    """The statements without those that have no instance.
+def drop_ill_sorted(statements: Sequence[Statement]) -> tuple[Statement, ...]:
+    """Return the statements that have instances.
 
     Raises:
-        Offence: something else is wrong with one.
+        SourceIssue: a statement has another error.
     """
-    signature = declarations(statements)
-    return tuple(statement for statement in statements if _fits(statement, signature))
+    signature = build_signature(statements)
+    return tuple(statement for statement in statements if _has_instances(statement, signature))
 
 
-def _fits(statement: Statement, signature: Signature) -> bool:
+def _has_instances(statement: Statement, signature: Signature) -> bool:
     try:
         check_statement(statement, signature)
-    except Misfit:
+    except SortMismatch:
         inner = statement.statement if isinstance(statement, CrRule) else statement
         if isinstance(inner, Rule | Selection | Probability) and _has_no_instance(inner, signature):
             return False
@@ -39,16 +39,16 @@ def _fits(statement: Statement, signature: Signature) -> bool:
 
 
 def _has_no_instance(statement: Rule | Selection | Probability, signature: Signature) -> bool:
-    for literal in _heads(statement):
+    for literal in _iter_heads(statement):
         check_attribute(literal.term, signature)
-        if not _is_within(literal, signature):
+        if not _is_well_sorted(literal, signature):
             return True
-    needed = (part for part in body_of(statement) if isinstance(part, Literal) and not part.negated)
-    return any(not _is_within(literal, signature) for literal in needed)
+    needed = (part for part in get_body(statement) if isinstance(part, Literal) and not part.negated)
+    return any(not _is_well_sorted(literal, signature) for literal in needed)
 
 
-def _heads(statement: Rule | Selection | Probability) -> Iterator[Literal]:
-    """What a statement gives a value; a selected term stands under a relation that asks for no value."""
+def _iter_heads(statement: Rule | Selection | Probability) -> Iterator[Literal]:
+    """Iterate over the heads of a statement; a selected term gets a relation without value slot."""
     if isinstance(statement, Rule):
         if statement.head:
             yield statement.head
@@ -58,12 +58,12 @@ def _heads(statement: Rule | Selection | Probability) -> Iterator[Literal]:
         yield Literal(statement.term, "<", statement.term)
 
 
-def _is_within(literal: Literal, signature: Signature) -> bool:
+def _is_well_sorted(literal: Literal, signature: Signature) -> bool:
     if signature.is_sort(literal):
         return True
     try:
         check_attribute(literal.term, signature)
         check_slots(signature.literal_slots(literal), signature)
-    except Misfit:
+    except SortMismatch:
         return False
     return True

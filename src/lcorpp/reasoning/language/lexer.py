@@ -1,7 +1,6 @@
-"""P-log text as tokens, and a cursor over them that remembers what it looked for.
+"""Lexer: the tokens of a P-log text, and a cursor over them that records the expected tokens for messages.
 
-Both dialects share the tokens. A word such as `random` or `not` is a name here; the place where it stands
-tells the parser what it means.
+Both dialects share the tokens. Keywords such as `random` are names here; the parser recognises them.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterable
 
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.syntax import Expression, Place
 
 NAME, VARIABLE, INTEGER, DECIMAL, HASH_NAME, UNKNOWN, END = (
@@ -22,16 +21,16 @@ NAME, VARIABLE, INTEGER, DECIMAL, HASH_NAME, UNKNOWN, END = (
     "an unknown character",
     "the end",
 )
-"""The kinds of tokens that are no signs, in the words of messages; a sign is its own kind."""
+"""Token kinds as shown in messages. A sign such as `:-` is its own kind."""
 
 _KINDS = {"N": NAME, "V": VARIABLE, "I": INTEGER, "D": DECIMAL, "H": HASH_NAME, "U": UNKNOWN}
 
-_NAMED = frozenset({*_KINDS.values(), END})
+_NAMED_KINDS = frozenset({*_KINDS.values(), END})
 
-_UNTOLD = frozenset(
+_HINTS_OMITTED = frozenset(
     {"+", "-", "*", "/", "\\", "mod", "==", "!=", "<>", "<", "<=", ">", ">=", "+-", ":+", DECIMAL}
 )
-"""What messages do not offer, as it may stand nearly everywhere."""
+"""Tokens that messages do not list, as they are valid nearly everywhere."""
 
 _TOKEN = re.compile(
     r"[ \t\r\n\f]+|%[^\r\n]*"
@@ -47,14 +46,14 @@ _TOKEN = re.compile(
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
-DEEPEST = 100
-"""How deep anything may be nested, so that a recursive function can walk it."""
+MAX_DEPTH = 100
+"""Maximal nesting depth, so that recursive functions are safe."""
 
 
-def _without_blocks(text: str) -> str:
-    """The text with spaces for its comments `%* ... *%`, line ends kept; `%*` that no `*%` ends is a line's.
+def _blank_block_comments(text: str) -> str:
+    """Replace block comments `%* ... *%` by spaces; keep line ends. `%*` without `*%` is a line comment.
 
-    Both readings are needed: block comments are plog 2.0's, and programs for plog 1.0 have lines `%*Title*`.
+    Block comments are plog 2.0's; programs for plog 1.0 contain lines such as `%*Title*`.
     """
     if "%*" not in text or "*%" not in text:
         return text
@@ -86,12 +85,12 @@ _VISIBLE = re.compile(r"[^\r\n]")
 
 
 class Cursor:
-    """Where a parser stands in a text, and what it knows of it so far.
+    """A position in the tokens of a text, and the state of the parser.
 
     constants: the values of `#const`.
-    dialect_2: whether a mark of plog 2.0 has been met.
-    semantics: what a `#semantics` directive says.
-    anonymous: how many `_` the statement has so far.
+    uses_plog2: whether a construct of plog 2.0 occurred.
+    semantics: the argument of the `#semantics` directive, None without one.
+    anonymous_count: the number of `_` in the statement so far.
     """
 
     def __init__(self, text: str, file: str) -> None:
@@ -99,7 +98,7 @@ class Cursor:
         self.kinds: list[str] = []
         self.texts: list[str] = []
         self._starts: list[int] = []
-        for found in _TOKEN.finditer(_without_blocks(text)):
+        for found in _TOKEN.finditer(_blank_block_comments(text)):
             group = found.lastgroup
             if group is None:
                 continue
@@ -107,16 +106,16 @@ class Cursor:
             self.kinds.append(_KINDS.get(group, token))
             self.texts.append(token)
             self._starts.append(found.start())
-        self.kinds += [END, END]  # two, as the parser looks one token ahead of the next
+        self.kinds += [END, END]  # two: `second_kind` looks ahead
         self.texts += ["", ""]
         self._lines = [0, *(found.end() for found in _LINE_END.finditer(text))]
         self.index = 0
         self.constants: dict[str, Expression] = {}
-        self.dialect_2 = False
+        self.uses_plog2 = False
         self.semantics: str | None = None
-        self.anonymous = 0
+        self.anonymous_count = 0
         self._depth = 0
-        self._wanted: set[str] = set()
+        self._expected_kinds: set[str] = set()
 
     @property
     def kind(self) -> str:
@@ -124,7 +123,7 @@ class Cursor:
         return self.kinds[self.index]
 
     @property
-    def following(self) -> str:
+    def second_kind(self) -> str:
         """The kind of the token after the next."""
         return self.kinds[self.index + 1]
 
@@ -135,7 +134,7 @@ class Cursor:
 
     @property
     def at(self) -> Place:
-        """The place of the next token; at the end of the text that behind its last visible character."""
+        """The place of the next token; at the end of the text, the place after its last visible character."""
         if self.kind == END:
             return self._place(len(self.text.rstrip()))
         return self._place(self._starts[self.index])
@@ -145,58 +144,66 @@ class Cursor:
         return Place(self.file, line, offset - self._lines[line - 1] + 1)
 
     def take(self) -> str:
-        """The text of the next token, which is passed."""
+        """Consume the next token and return its text."""
         token = self.texts[self.index]
         self.index += 1
-        self._wanted.clear()
+        self._expected_kinds.clear()
         return token
 
     def accept(self, kind: str) -> bool:
-        """Pass the next token if it is of this kind."""
+        """Consume the next token if it is of this kind; return whether it is."""
         if self.kinds[self.index] == kind:
             self.take()
             return True
-        self._wanted.add(kind)
+        self._expected_kinds.add(kind)
         return False
 
     def accept_word(self, word: str) -> bool:
-        """Pass the next token if it is this name."""
+        """Consume the next token if it is this name; return whether it is."""
         if self.kinds[self.index] == NAME and self.texts[self.index] == word:
             self.take()
             return True
-        self._wanted.add(word)
+        self._expected_kinds.add(word)
         return False
 
-    def sees(self, *kinds: str) -> bool:
+    def next_is(self, *kinds: str) -> bool:
         """Whether the next token is of one of these kinds."""
         if self.kinds[self.index] in kinds:
             return True
-        self._wanted.update(kinds)
+        self._expected_kinds.update(kinds)
         return False
 
     def expect(self, kind: str) -> str:
-        """The text of the next token, which must be of this kind and is passed."""
+        """Consume a token of this kind and return its text.
+
+        Raises:
+            SourceIssue: the next token is of another kind.
+        """
         if self.kinds[self.index] != kind:
             raise self.unexpected((kind,))
         return self.take()
 
-    def unexpected(self, wanted: Iterable[str] = ()) -> Offence:
-        """The next token as an error, with everything that was looked for in its place."""
-        kinds = {*self._wanted, *wanted} - _UNTOLD
-        names = {kind if kind in _NAMED else f"'{kind}'" for kind in kinds}
+    def unexpected(self, expected: Iterable[str] = ()) -> SourceIssue:
+        """Return the error for the next token, with all tokens expected in its place."""
+        kinds = {*self._expected_kinds, *expected} - _HINTS_OMITTED
+        names = {kind if kind in _NAMED_KINDS else f"'{kind}'" for kind in kinds}
         hint = f"; expected {' or '.join(sorted(names))}" if names else ""
         if self.kind == UNKNOWN:
-            return Offence(self.at, f"unexpected character {self.word!r}")
+            return SourceIssue(self.at, f"unexpected character {self.word!r}")
         if self.kind == END:
-            return Offence(self.at, f"unexpected end of the text{hint}")
-        return Offence(self.at, f"unexpected {self.word!r}{hint}")
+            return SourceIssue(self.at, f"unexpected end of the text{hint}")
+        return SourceIssue(self.at, f"unexpected {self.word!r}{hint}")
 
     def enter(self) -> None:
-        """Go one level deeper, and count it."""
+        """Enter a nesting level.
+
+        Raises:
+            SourceIssue: there are more than `MAX_DEPTH` levels.
+        """
         self._depth += 1
-        if self._depth > DEEPEST:
-            raise Offence(self.at, f"an expression nested deeper than {DEEPEST}")
+        if self._depth > MAX_DEPTH:
+            raise SourceIssue(self.at, f"an expression nested deeper than {MAX_DEPTH}")
 
     def leave(self) -> None:
-        """Come back from a level."""
+        """Leave a nesting level."""
         self._depth -= 1

@@ -1,8 +1,7 @@
-"""From text to the syntax tree of P-log, with the place of every fault.
+"""Parser: read P-log programs, queries and terms from text; errors have line and column.
 
-A parser by hand, one function for each construct: nothing has to be built before the first text is read,
-and a text is read in time proportional to its length. The parts: `lexer`, `expressions`, `sort_expressions`,
-`declarations`, `statements`; `completion` then writes out what a dialect leaves unsaid.
+A recursive descent parser in linear time: `lexer`, `expressions`, `declarations`, `queries`, `statements`.
+A program is then desugared (`desugar`) and checked (`Program`).
 """
 
 from __future__ import annotations
@@ -14,18 +13,18 @@ from typing import NoReturn, TypeVar
 
 from lcorpp.errors import ParseError, ProgramError
 from lcorpp.files import read_text
-from lcorpp.reasoning.language.declared import check_names
-from lcorpp.reasoning.language.desugar import completed
-from lcorpp.reasoning.language.expressions import value
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.lenient import fitting
+from lcorpp.reasoning.language.desugar import desugar
+from lcorpp.reasoning.language.expressions import parse_value
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.lenient import drop_ill_sorted
 from lcorpp.reasoning.language.lexer import END, Cursor
-from lcorpp.reasoning.language.queries import question
-from lcorpp.reasoning.language.statements import statements
+from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.language.queries import parse_question
+from lcorpp.reasoning.language.signature import check_record_names
+from lcorpp.reasoning.language.statements import parse_statements
 from lcorpp.reasoning.language.syntax import Expression, Query, Semantics
-from lcorpp.reasoning.program import Program
 
-_Read = TypeVar("_Read")
+_Result = TypeVar("_Result")
 
 
 def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: bool = True) -> Program:
@@ -36,7 +35,7 @@ def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: b
 
     Raises:
         FileError: the file cannot be read.
-        ParseError: it does not follow the grammar.
+        ParseError: the text does not follow the grammar.
         ProgramError: a name, sort, arity or probability in it is wrong.
     """
     return parse_plog(read_text(path), file=str(path), semantics=semantics, strict=strict)
@@ -48,16 +47,16 @@ def parse_plog(
     """Parse and check a P-log program given as text, in the dialect of plog 1.0, plog 2.0 or the papers.
 
     Args:
-        file: the name under which errors speak of it.
-        semantics: what `do` and Condition 1 mean. By default what a directive ``#semantics 2018.`` says;
-            without one 2018 if the text has a mark of plog 2.0 (a section header, ``#sort``,
+        file: the file name in error messages.
+        semantics: the meaning of `do` and Condition 1. Default: that of a directive ``#semantics 2018.``;
+            without one, 2018 if the text has a construct of plog 2.0 (a section header, ``#sort``,
             ``random(a, p)``, ``:+``), else 2009.
-        strict: whether to refuse what the public systems let pass against their manual: a constant outside of
+        strict: whether to reject what the public systems accept against their manual: a constant outside of
             its sort, a wrong number of arguments, an attribute with the name of a record. With
-            ``strict=False`` statements that so have no instance are left out; see `leniency`.
+            ``strict=False`` statements that therefore have no instance are removed; see `lenient`.
 
     Raises:
-        ParseError: it does not follow the grammar.
+        ParseError: the text does not follow the grammar.
         ProgramError: a name, sort, arity or probability in it is wrong.
 
     Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 2; Balai, Gelfond and Zhang, 2019, section 3;
@@ -65,65 +64,64 @@ def parse_plog(
     """
 
     def program(cursor: Cursor) -> Program:
-        found = tuple(statements(cursor))
-        marked: Semantics = "2018" if cursor.dialect_2 else "2009"
-        told: Semantics | None = cursor.semantics  # type: ignore[assignment]  # one of the two, checked where read
-        chosen = semantics or told or marked
+        found = tuple(parse_statements(cursor))
+        dialect: Semantics = "2018" if cursor.uses_plog2 else "2009"
+        declared: Semantics | None = cursor.semantics  # type: ignore[assignment]  # checked by the parser
         try:
-            whole = completed(found, marked)
+            whole = desugar(found, dialect)
             if strict:
-                check_names(whole)
+                check_record_names(whole)
             else:
-                whole = fitting(whole)
-        except Offence as offence:
-            raise ProgramError(str(offence)) from None
-        return Program(file, whole, chosen)
+                whole = drop_ill_sorted(whole)
+        except SourceIssue as issue:
+            raise ProgramError(str(issue)) from None
+        return Program(file, whole, semantics or declared or dialect)
 
-    return _parsed(text, file, program)
+    return _parse_with(text, file, program)
 
 
 def parse_query(text: str, program: Program) -> Query:
-    """Parse a query: ``a``, ``a=v, b=w | obs(c=u), do(d=x)`` or ``?{a=v} | obs(c=u).``.
+    """Parse a query about `program`: ``a``, ``a=v, b=w | obs(c=u), do(d=x)`` or ``?{a=v} | obs(c=u).``.
 
-    A single attribute without value and braces asks for its distribution, anything else for a probability.
+    A single attribute without value and braces asks for its distribution, any other query for a probability.
 
     Raises:
-        ParseError: it is not a query, or not one about `program`; the file is ``<query>``.
+        ParseError: the text is not a query, or contains a name unknown to `program`. The file is ``<query>``.
     """
 
     def query(cursor: Cursor) -> Query:
-        found = program.named(question(cursor))
+        found = program.named(parse_question(cursor))
         cursor.accept(".")
         cursor.expect(END)
         program.check_query(found)
         return found
 
-    return _parsed(text, "<query>", query)
+    return _parse_with(text, "<query>", query)
 
 
 def parse_term(text: str, file: str) -> Expression:
     """Parse one term or value, such as the key ``roll(d1)`` of evidence.
 
     Raises:
-        ParseError: it is not one.
+        ParseError: the text is not a term.
     """
 
     def term(cursor: Cursor) -> Expression:
-        found = value(cursor)
+        found = parse_value(cursor)
         cursor.expect(END)
         return found
 
-    return _parsed(text, file, term)
+    return _parse_with(text, file, term)
 
 
-def _parsed(text: str, file: str, read: Callable[[Cursor], _Read]) -> _Read:
+def _parse_with(text: str, file: str, parse: Callable[[Cursor], _Result]) -> _Result:
     try:
-        return read(Cursor(text, file))
-    except Offence as offence:
-        _refuse(offence, text)
+        return parse(Cursor(text, file))
+    except SourceIssue as issue:
+        _raise_parse_error(issue, text)
 
 
-def _refuse(offence: Offence, text: str) -> NoReturn:
+def _raise_parse_error(issue: SourceIssue, text: str) -> NoReturn:
     lines = re.split(r"\r\n|\r|\n", text)
-    shown = lines[offence.at.line - 1] if offence.at.line <= len(lines) else ""
-    raise ParseError(offence.at.file, offence.at.line, offence.at.column, offence.message, shown) from None
+    shown = lines[issue.at.line - 1] if issue.at.line <= len(lines) else ""
+    raise ParseError(issue.at.file, issue.at.line, issue.at.column, issue.message, shown) from None

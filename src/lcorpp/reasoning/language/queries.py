@@ -1,144 +1,158 @@
-"""Reads observations, interventions and queries."""
+"""Parse observations, interventions and queries."""
 
 from __future__ import annotations
 
-from lcorpp.reasoning.language.expressions import OPPOSITE, body, body_literal, is_bare, literal, value
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.reasoning.language.expressions import (
+    NEGATED_RELATIONS,
+    has_implicit_value,
+    parse_body,
+    parse_body_literal,
+    parse_literal,
+    parse_value,
+)
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.lexer import END, NAME, Cursor
 from lcorpp.reasoning.language.syntax import Body, Comparison, Intervention, Literal, Observation, Query, Term
 
 Conditions = tuple[tuple[Observation, ...], tuple[Intervention, ...]]
 
 
-def outcome(found: Literal | Comparison, where: str) -> Literal:
-    """The literal that says what value a term gets."""
+def require_assignment(found: Literal | Comparison, where: str) -> Literal:
+    """Return the literal; raise SourceIssue unless it has the form `attribute=value`."""
     if isinstance(found, Comparison) or found.relation != "=":
-        raise Offence(found.at, f"expected attribute=value in {where}, not {found}")
+        raise SourceIssue(found.at, f"expected attribute=value in {where}, not {found}")
     return found
 
 
-def _ordinary(found: Literal | Comparison, where: str) -> Literal:
+def _require_literal(found: Literal | Comparison, where: str) -> Literal:
     if isinstance(found, Comparison):
-        raise Offence(found.at, f"expected a literal of an attribute in {where}, not {found}")
+        raise SourceIssue(found.at, f"expected a literal of an attribute in {where}, not {found}")
     return found
 
 
-def observation(cursor: Cursor) -> Observation:
-    """`obs(literal)`, or in the way of plog 2.0 `obs(term, value)` and `obs(term, value, true or false)`."""
+def parse_observation(cursor: Cursor) -> Observation:
+    """Parse `obs(literal)`, or `obs(term, value)` and `obs(term, value, true or false)` of plog 2.0."""
     at = cursor.at
     cursor.take()
     cursor.expect("(")
-    found = _ordinary(body_literal(cursor), "obs()")
+    found = _require_literal(parse_body_literal(cursor), "obs()")
     if cursor.accept(","):
-        if is_bare(found) and found.value == Term("true"):
-            found = Literal(found.term, "=", value(cursor), found.negated, at=found.at)
+        if has_implicit_value(found) and found.value == Term("true"):
+            found = Literal(found.term, "=", parse_value(cursor), found.negated, at=found.at)
             if cursor.accept(","):
-                found = _polarised(cursor, found)
+                found = _apply_polarity(cursor, found)
         else:
-            found = _polarised(cursor, found)
+            found = _apply_polarity(cursor, found)
     cursor.expect(")")
     return Observation(found, at=at)
 
 
-def _polarised(cursor: Cursor, found: Literal) -> Literal:
-    """The literal that was observed to be true, or its opposite; both need a value."""
+def _apply_polarity(cursor: Cursor, found: Literal) -> Literal:
+    """Parse `true` or `false`; return the literal or its opposite."""
     if cursor.accept_word("true"):
         return found
     if not cursor.accept_word("false"):
         raise cursor.unexpected()
-    return Literal(found.term, OPPOSITE[found.relation], found.value, found.negated, at=found.at)
+    return Literal(found.term, NEGATED_RELATIONS[found.relation], found.value, found.negated, at=found.at)
 
 
-def intervention(cursor: Cursor) -> Intervention:
-    """`do(term=value)`, or `do(term, value)`."""
+def parse_intervention(cursor: Cursor) -> Intervention:
+    """Parse `do(term=value)` or `do(term, value)`."""
     at = cursor.at
     cursor.take()
     cursor.expect("(")
-    found = outcome(literal(cursor), "do()")
+    found = require_assignment(parse_literal(cursor), "do()")
     chosen = found.value
     if cursor.accept(","):
-        if not is_bare(found) or found.value != Term("true"):
-            raise Offence(
+        if not has_implicit_value(found) or found.value != Term("true"):
+            raise SourceIssue(
                 found.at, f"expected do(attribute=value) or do(attribute, value), not do({found}, ...)"
             )
-        chosen = value(cursor)
+        chosen = parse_value(cursor)
         if cursor.kind == ",":
-            raise Offence(found.at, "do() of a named rule is not read; expected do(attribute, value)")
+            raise SourceIssue(
+                found.at, "do() of a named rule is not supported; expected do(attribute, value)"
+            )
     cursor.expect(")")
     if cursor.kind == ":-":
-        raise Offence(cursor.at, "an intervention has no body; expected do(attribute=value).")
+        raise SourceIssue(cursor.at, "an intervention has no body; expected do(attribute=value).")
     return Intervention(found.term, chosen, at=at)
 
 
-def query_statement(cursor: Cursor) -> Query:
-    """`?question.`"""
+def parse_query_statement(cursor: Cursor) -> Query:
+    """Parse `?question.` The full stop is optional at the end of the text."""
     at = cursor.at
-    found = question(cursor)
-    if cursor.kind != END:  # the dot of a query that ends the text may be missing
+    found = parse_question(cursor)
+    if cursor.kind != END:
         cursor.expect(".")
     return Query(found.literals, found.subject, found.observations, found.interventions, at=at)
 
 
-def question(cursor: Cursor) -> Query:
-    """`{literals} | conditions`, `literals | conditions` or `term | conditions`, `?` before it or not."""
+def parse_question(cursor: Cursor) -> Query:
+    """Parse `{literals} | conditions`, `literals | conditions` or `term | conditions`, with optional `?`."""
     cursor.accept("?")
     braced = cursor.accept("{")
-    literals = tuple(_ordinary(found, "a query") for found in (_formulas(cursor) if braced else body(cursor)))
+    literals = tuple(
+        _require_literal(found, "a query")
+        for found in (_parse_formulas(cursor) if braced else parse_body(cursor))
+    )
     if braced:
         cursor.expect("}")
-    observations, interventions = _conditions(cursor) if cursor.accept("|") else ((), ())
+    observations, interventions = _parse_conditions(cursor) if cursor.accept("|") else ((), ())
     first = literals[0]
     if (
         not braced
         and len(literals) == 1
         and not first.negated
-        and is_bare(first)
+        and has_implicit_value(first)
         and first.value == Term("true")
     ):
         return Query((), first.term, observations, interventions, at=first.at)
     return Query(literals, None, observations, interventions, at=first.at)
 
 
-def _formulas(cursor: Cursor) -> Body:
-    """Formulas of plog 1.0 that all have to hold: literals, `(F and F)` and `!literal`."""
-    found = list(_formula(cursor))
+def _parse_formulas(cursor: Cursor) -> Body:
+    """Parse a conjunction of formulas of plog 1.0: literals, `(F and F)` and `!literal`."""
+    found = list(_parse_formula(cursor))
     while cursor.accept(","):
-        found.extend(_formula(cursor))
+        found.extend(_parse_formula(cursor))
     return tuple(found)
 
 
-def _formula(cursor: Cursor) -> Body:
+def _parse_formula(cursor: Cursor) -> Body:
     at = cursor.at
     if cursor.accept("!"):
         cursor.enter()
-        inner = _formula(cursor)
+        inner = _parse_formula(cursor)
         cursor.leave()
         first = inner[0]
         if len(inner) > 1 or isinstance(first, Comparison) or first.negated:
-            raise Offence(at, "'!' is read before a single literal only")
+            raise SourceIssue(at, "'!' is only supported before a single literal")
         return (Literal(first.term, first.relation, first.value, True, at=at),)
     if cursor.kind != "(":
-        return (body_literal(cursor),)
+        return (parse_body_literal(cursor),)
     cursor.take()
     cursor.enter()
-    found = list(_formula(cursor))
+    found = list(_parse_formula(cursor))
     while cursor.accept_word("and"):
-        found.extend(_formula(cursor))
+        found.extend(_parse_formula(cursor))
     cursor.leave()
     if cursor.kind == NAME and cursor.word == "or":
-        raise Offence(cursor.at, "'or' is not read in a query; give an attribute one rule for each case")
+        raise SourceIssue(
+            cursor.at, "'or' is not supported in a query; define an attribute with one rule for each case"
+        )
     cursor.expect(")")
     return tuple(found)
 
 
-def _conditions(cursor: Cursor) -> Conditions:
+def _parse_conditions(cursor: Cursor) -> Conditions:
     observations: list[Observation] = []
     interventions: list[Intervention] = []
     while not (observations or interventions) or cursor.accept(","):
         if cursor.kind == NAME and cursor.word == "obs":
-            observations.append(observation(cursor))
+            observations.append(parse_observation(cursor))
         elif cursor.kind == NAME and cursor.word == "do":
-            interventions.append(intervention(cursor))
+            interventions.append(parse_intervention(cursor))
         else:
             raise cursor.unexpected(("obs", "do"))
     return tuple(observations), tuple(interventions)

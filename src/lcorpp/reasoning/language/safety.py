@@ -1,15 +1,15 @@
-"""Variables and arithmetic of one statement: variables safe and of fitting sorts, numbers within bounds.
+"""Safety: check that the variables of a statement have finite ranges and its arithmetic stays in bounds.
 
-Each variable ranges over a finite set, so whatever passes here can be grounded.
+A statement that passes these checks can be grounded.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from lcorpp.errors import expected
-from lcorpp.reasoning.language.arithmetic import LARGEST, ground, is_integer, variables
-from lcorpp.reasoning.language.issues import Misfit, Offence
+from lcorpp.errors import expected_one_of
+from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, canonical_text, is_integer, iter_variables
+from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
 from lcorpp.reasoning.language.signature import Signature, Slot
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
@@ -22,11 +22,11 @@ from lcorpp.reasoning.language.syntax import (
     Variable,
 )
 
-MOST_INSTANCES = 2_000_000
-"""How many ground instances the variables of one statement may span, each outcome of a selection counted."""
+MAX_INSTANCES = 2_000_000
+"""Maximal number of ground instances of one statement; each outcome of a selection counts."""
 
 
-def check_scope(
+def check_variables(
     at: Place,
     scope: Sequence[Expression],
     slots: list[Slot],
@@ -38,39 +38,37 @@ def check_scope(
     """Check the variables and the arithmetic of a statement.
 
     Args:
-        scope: every expression in which its variables occur.
-        slots: those whose place asks for a sort.
-        number: the number of a pr-atom, which is computed exactly and so has no bound.
-        outcomes: how many values each instance may take, for a selection.
+        scope: the expressions of the statement.
+        slots: the expressions with a required sort.
+        number: the number of a pr-atom, which is computed exactly and has no bound.
+        outcomes: the number of values of each instance of a selection.
 
     Raises:
-        Offence: a constant or variable does not fit its sort, a variable ranges over nothing known, the
-            instances are too many, or arithmetic meets what is no integer or grows beyond 32 bits.
+        SourceIssue: a constant or variable contradicts its sort, a variable is unsafe, there are too many
+            instances, or an operand of arithmetic is not an integer or may exceed 32 bits.
     """
     check_slots(slots, signature)
-    used = [variable for expression in scope for variable in variables(expression)]
+    used = [variable for expression in scope for variable in iter_variables(expression)]
     sorts = variable_sorts(slots, used, signature)
     span = outcomes
-    computed = _computed(body)
+    computed = _find_computed(body)
     for name, found in sorts.items():
-        common = signature.shared(found)
+        common = signature.count_common_members(found)
         if not common:
             where = next((v.at for v in used if v.name == name), at)
-            raise Offence(where, f"variable {name} cannot be of the sorts {' and '.join(found)} at once")
+            raise SourceIssue(where, f"variable {name} cannot be of the sorts {' and '.join(found)} at once")
         if name not in computed:
             span *= common
-    if span > MOST_INSTANCES:
-        raise Offence(at, f"this spans {span} ground instances; at most {MOST_INSTANCES} are grounded")
-    bounds = dict.fromkeys(sorts, signature.largest)
+    if span > MAX_INSTANCES:
+        raise SourceIssue(at, f"the statement has {span} ground instances; expected at most {MAX_INSTANCES}")
+    bounds = dict.fromkeys(sorts, signature.max_integer)
     for expression, _ in slots:
-        if isinstance(
-            expression, Term
-        ):  # a record: its members are known, so its variables are found by matching
-            bounds.update((v.name, signature.largest) for v in variables(expression))
-    _bind(body, bounds)
+        if isinstance(expression, Term):  # a record: matching its known members binds its variables
+            bounds.update((v.name, signature.max_integer) for v in iter_variables(expression))
+    _add_computed_bounds(body, bounds)
     for variable in used:
         if variable.name not in bounds:
-            raise Offence(
+            raise SourceIssue(
                 variable.at,
                 f"variable {variable} is unsafe; expected it as an argument or a value of an attribute,"
                 " or in #domain",
@@ -82,19 +80,23 @@ def check_scope(
 
 
 def check_slots(slots: Iterable[Slot], signature: Signature) -> None:
-    """Check that the constants in slots are members of their sorts."""
+    """Check that constants in slots are members of their sorts.
+
+    Raises:
+        SortMismatch: a constant is not.
+    """
     for expression, sort in slots:
-        if not any(variables(expression)):
-            value = ground(expression)
+        if not any(iter_variables(expression)):
+            value = canonical_text(expression)
             if value not in signature.sorts[sort]:
-                known = expected(list(signature.sorts[sort]))
-                raise Misfit(expression.at, f"{value!r} is not a member of the sort {sort}; {known}")
+                known = expected_one_of(list(signature.sorts[sort]))
+                raise SortMismatch(expression.at, f"{value!r} is not a member of the sort {sort}; {known}")
 
 
 def variable_sorts(
     slots: Iterable[Slot], used: Iterable[Variable], signature: Signature
 ) -> dict[str, list[str]]:
-    """The sorts of each variable: those of the slots it fills alone, and that of `#domain`."""
+    """Map each variable to its sorts: those of its slots and of `#domain`."""
     sorts: dict[str, list[str]] = {}
     for variable in used:
         if variable.name in signature.domains:
@@ -105,8 +107,8 @@ def variable_sorts(
     return sorts
 
 
-def _computed(body: Iterable[Literal | Comparison]) -> set[str]:
-    """The variables that equations such as T1=T+1 give once the others have values: they span nothing."""
+def _find_computed(body: Iterable[Literal | Comparison]) -> set[str]:
+    """Find the variables computed by equations such as T1=T+1, which do not multiply instances."""
     computed: set[str] = set()
     others: set[str] = set()
     for comparison in body:
@@ -116,7 +118,7 @@ def _computed(body: Iterable[Literal | Comparison]) -> set[str]:
             (comparison.left, comparison.right),
             (comparison.right, comparison.left),
         ):
-            names = {variable.name for variable in variables(other)}
+            names = {variable.name for variable in iter_variables(other)}
             if isinstance(side, Variable) and side.name not in names | others and not names & computed:
                 computed.add(side.name)
                 others |= names
@@ -124,8 +126,8 @@ def _computed(body: Iterable[Literal | Comparison]) -> set[str]:
     return computed
 
 
-def _bind(body: Iterable[Literal | Comparison], bounds: dict[str, int]) -> None:
-    """Add the variables that an equation such as X=Y+1 computes from those that are bound."""
+def _add_computed_bounds(body: Iterable[Literal | Comparison], bounds: dict[str, int]) -> None:
+    """Add bounds of variables computed by equations such as X=Y+1 from bounded variables."""
     waiting: dict[str, list[tuple[Variable, Expression, set[str]]]] = {}
     ready: list[tuple[Variable, Expression]] = []
     for equation in body:
@@ -133,7 +135,7 @@ def _bind(body: Iterable[Literal | Comparison], bounds: dict[str, int]) -> None:
             continue
         for side, other in ((equation.left, equation.right), (equation.right, equation.left)):
             if isinstance(side, Variable) and side.name not in bounds:
-                missing = {v.name for v in variables(other)} - bounds.keys()
+                missing = {v.name for v in iter_variables(other)} - bounds.keys()
                 for name in missing:
                     waiting.setdefault(name, []).append((side, other, missing))
                 if not missing:
@@ -142,34 +144,32 @@ def _bind(body: Iterable[Literal | Comparison], bounds: dict[str, int]) -> None:
         side, other = ready.pop()
         if side.name in bounds:
             continue
-        bounds[side.name] = _magnitude(other, bounds)
+        bounds[side.name] = _bound_magnitude(other, bounds)
         for next_side, next_other, missing in waiting.pop(side.name, ()):
             missing.discard(side.name)
             if not missing:
                 ready.append((next_side, next_other))
 
 
-def _magnitude(expression: Expression, bounds: dict[str, int]) -> int:
-    """A bound on the absolute value of an expression."""
+def _bound_magnitude(expression: Expression, bounds: dict[str, int]) -> int:
+    """Return an upper bound on the absolute value of an expression."""
     if isinstance(expression, Variable):
         return bounds[expression.name]
     if isinstance(expression, Number):
         if expression.value.denominator != 1:
-            raise Offence(expression.at, f"expected an integer, not {expression}")
+            raise SourceIssue(expression.at, f"expected an integer, not {expression}")
         return abs(expression.value.numerator)
     if isinstance(expression, Term):
-        return max((_magnitude(argument, bounds) for argument in expression.arguments), default=0)
-    left, right = _magnitude(expression.left, bounds), _magnitude(expression.right, bounds)
+        return max((_bound_magnitude(argument, bounds) for argument in expression.arguments), default=0)
+    left, right = _bound_magnitude(expression.left, bounds), _bound_magnitude(expression.right, bounds)
     return left * right if expression.operator == "*" else left + right
 
 
 def _check_arithmetic(
     expression: Expression, bounds: dict[str, int], sorts: dict[str, list[str]], signature: Signature
 ) -> None:
-    if _magnitude(expression, bounds) > LARGEST:
-        raise Offence(
-            expression.at, f"{expression} may become larger than {LARGEST}, the largest number there is"
-        )
+    if _bound_magnitude(expression, bounds) > MAX_INTEGER:
+        raise SourceIssue(expression.at, f"{expression} may exceed {MAX_INTEGER}, the largest integer")
     if isinstance(expression, Term):
         for argument in expression.arguments:
             _check_arithmetic(argument, bounds, sorts, signature)
@@ -182,13 +182,17 @@ def _check_arithmetic(
 def check_order(
     body: Iterable[Literal | Comparison], sorts: dict[str, list[str]], signature: Signature
 ) -> None:
-    """Check that only integers are compared by order."""
+    """Check that only integers are compared by order.
+
+    Raises:
+        SourceIssue: an operand is not an integer.
+    """
     for literal in body:
         if literal.relation in ("=", "!="):
             continue
         if isinstance(literal, Literal):
             if signature.attributes[literal.term.name].range not in signature.integer_sorts:
-                raise Offence(
+                raise SourceIssue(
                     literal.at, f"{literal} orders values of {literal.term.name}, which are not integers"
                 )
             sides: tuple[Expression, ...] = (literal.value,)
@@ -202,11 +206,11 @@ def _check_integer(
     expression: Expression, what: str, sorts: dict[str, list[str]], signature: Signature
 ) -> None:
     if isinstance(expression, Term):
-        raise Offence(expression.at, f"{what} needs integers, and {expression} is none")
+        raise SourceIssue(expression.at, f"{what} needs integers, but {expression} is none")
     if isinstance(expression, Variable):
         for sort in sorts.get(expression.name, ()):
             if sort not in signature.integer_sorts:
                 odd = next(m for m in signature.sorts[sort] if not is_integer(m))
-                raise Offence(
-                    expression.at, f"{what} needs integers, and {expression} may be {odd} of the sort {sort}"
+                raise SourceIssue(
+                    expression.at, f"{what} needs integers, but {expression} may be {odd} of the sort {sort}"
                 )

@@ -1,38 +1,44 @@
-"""What a program declares, its sorts and attributes, and which sort each place of a statement asks for."""
+"""The signature of a program: its sorts and attributes, the sorts of its variables, its random selections."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
-from lcorpp.reasoning.language.arithmetic import variables
+from lcorpp.errors import expected_one_of
+from lcorpp.reasoning.language.issues import Place, SourceIssue
+from lcorpp.reasoning.language.sorts import BOOLEANS, SortTable, iter_record_shapes
 from lcorpp.reasoning.language.syntax import (
+    AttributeDeclaration,
     Comparison,
-    CrRule,
+    DomainDirective,
     Expression,
     Literal,
     Probability,
     Rule,
     Selection,
+    SortDefinition,
     Statement,
     Term,
 )
+from lcorpp.reasoning.language.traversal import as_selection, get_body
 
 BOOLEAN = "boolean"
-"""The sort that every program has, with the values true and false."""
+"""The built-in sort with the values true and false."""
 
 Slot = tuple[Expression, str]
-"""An expression and the sort that its place asks for."""
+"""An expression and the sort required at its position."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Attribute:
     """A declared attribute.
 
-    arguments: the names of the sorts of its arguments.
-    range: the name of the sort of its values.
-    values: its range, in the order of declaration, integers as decimal text.
-    line: where it was declared.
+    arguments: the sort names of its arguments.
+    range: the sort name of its values.
+    values: the values in order of declaration; integers are decimal text.
+    line: the line of the declaration.
     """
 
     name: str
@@ -41,64 +47,79 @@ class Attribute:
     values: tuple[str, ...]
     line: int
 
+    def __repr__(self) -> str:
+        arguments = f"{', '.join(self.arguments)} -> " if self.arguments else ""
+        return f"<Attribute {self.name} : {arguments}{self.range}, {len(self.values)} values>"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Signature:
     """The declarations of a program.
 
-    sorts: the members of each sort in order, as text.
-    attributes: by name.
-    domains: the sort of each variable that `#domain` declares.
-    largest: no integer in a member of a sort has a larger absolute value.
-    integer_sorts: the sorts whose members are all integers.
-    selections: attribute -> its random selections, those of cr-rules included.
+    sorts: sort -> its members in order, as text.
+    attributes: name -> attribute.
+    domains: variable -> the sort declared by `#domain`.
+    max_integer: the largest absolute value of the integers in all sorts.
+    integer_sorts: the sorts that contain only integers.
+    selections: attribute -> its random selections, including those of cr-rules.
     """
 
     sorts: Mapping[str, Mapping[str, None]]
     attributes: Mapping[str, Attribute]
     domains: Mapping[str, str]
-    largest: int
+    max_integer: int
     integer_sorts: frozenset[str] = frozenset()
     selections: Mapping[str, tuple[Selection, ...]] = field(default_factory=dict)
-    _shared: dict[tuple[str, ...], int] = field(default_factory=dict, init=False, compare=False, repr=False)
+    _common_counts: dict[tuple[str, ...], int] = field(default_factory=dict, init=False, compare=False)
 
-    def shared(self, names: Iterable[str]) -> int:
-        """How many members some sorts have in common."""
-        key = tuple(names)
+    def __repr__(self) -> str:
+        return f"<Signature with {len(self.sorts)} sorts, {len(self.attributes)} attributes>"
+
+    def count_common_members(self, sorts: Iterable[str]) -> int:
+        """Return the size of the intersection of some sorts."""
+        key = tuple(sorts)
         if len(key) == 1:
             return len(self.sorts[key[0]])
-        if key not in self._shared:
+        if key not in self._common_counts:
             members = [self.sorts[name].keys() for name in key]
-            self._shared[key] = len(set(members[0]).intersection(*members[1:]))
-        return self._shared[key]
+            self._common_counts[key] = len(set(members[0]).intersection(*members[1:]))
+        return self._common_counts[key]
 
-    def named(self, term: Term) -> Term:
-        """The term under the name of its attribute: `pair(a,b)` may be `pair_2(a,b)` beside `pair(a)`."""
+    def resolve_overload(self, term: Term) -> Term:
+        """Return the term with its mangled name if its attribute is overloaded; see `mangle_name`."""
         count = len(term.arguments)
         attribute = self.attributes.get(term.name)
-        other = self.attributes.get(overloaded(term.name, count))
+        other = self.attributes.get(mangle_name(term.name, count))
         if attribute is None or len(attribute.arguments) == count or other is None:
             return term
         return Term(other.name, term.arguments, at=term.at) if len(other.arguments) == count else term
 
+    def is_sort(self, literal: Literal) -> bool:
+        """Whether the literal is a sort membership `s(X)`; attributes take precedence over sorts."""
+        return literal.term.name in self.sorts and literal.term.name not in self.attributes
+
     def term_slots(self, term: Term) -> Iterator[Slot]:
-        """The arguments of an attribute with their sorts."""
+        """The slots of an attribute term: its arguments."""
         return zip(term.arguments, self.attributes[term.name].arguments, strict=True)
 
     def literal_slots(self, literal: Literal) -> Iterator[Slot]:
-        """Arguments and value of a literal with their sorts; a value that is only ordered needs none."""
+        """The slots of a literal: arguments, and the value unless it is only compared by order."""
         if self.is_sort(literal):
             return
         yield from self.term_slots(literal.term)
         if literal.relation in ("=", "!="):
             yield literal.value, self.attributes[literal.term.name].range
 
-    def is_sort(self, literal: Literal) -> bool:
-        """Whether the literal `s(X)` says that X is a member of the sort s, and s is no attribute as well."""
-        return literal.term.name in self.sorts and literal.term.name not in self.attributes
+    def body_slots(self, body: Iterable[Literal | Comparison]) -> Iterator[Slot]:
+        """The slots of a body; a positive sort membership `s(X)` has one."""
+        for literal in body:
+            if isinstance(literal, Literal):
+                yield from self.literal_slots(literal)
+                if self.is_sort(literal) and not literal.negated:
+                    yield literal.term.arguments[0], literal.term.name
 
     def slots(self, statement: Rule | Selection | Probability) -> Iterator[Slot]:
-        """All slots of a statement but those of a dynamic range, which has its own variables."""
+        """The slots of a statement without those of a dynamic range, which has its own variables."""
         if isinstance(statement, Rule):
             if statement.head:
                 yield from self.literal_slots(statement.head)
@@ -107,62 +128,107 @@ class Signature:
             yield from self.term_slots(statement.term)
             if isinstance(statement, Probability):
                 yield statement.value, self.attributes[statement.term.name].range
-            yield from self.body_slots(body_of(statement))
+            yield from self.body_slots(get_body(statement))
 
     def range_slots(self, selection: Selection) -> Iterator[Slot]:
-        """The slots of a selection's dynamic range, its variable first."""
+        """The slots of a dynamic range, its variable first."""
         if selection.range:
             yield selection.range.variable, self.attributes[selection.term.name].range
             yield from self.body_slots(selection.range.condition)
 
-    def body_slots(self, body: Iterable[Literal | Comparison]) -> Iterator[Slot]:
-        """The slots of the literals of a body; `s(X)` gives one if it is not negated."""
-        for literal in body:
-            if isinstance(literal, Literal):
-                yield from self.literal_slots(literal)
-                if self.is_sort(literal) and not literal.negated:
-                    yield literal.term.arguments[0], literal.term.name
 
-
-def overloaded(name: str, count: int) -> str:
-    """The name of an attribute that shares its own with one that has fewer arguments."""
+def mangle_name(name: str, count: int) -> str:
+    """Return the internal name of an overload: `pair(a,b)` is `pair_2(a,b)` if `pair(a)` exists, too."""
     return f"{name}_{count}"
 
 
-def selection_of(statement: Statement) -> Selection | None:
-    """The random selection that a statement is, perhaps as a cr-rule."""
-    if isinstance(statement, CrRule):
-        statement = statement.statement
-    return statement if isinstance(statement, Selection) else None
+def build_signature(statements: Sequence[Statement]) -> Signature:
+    """Collect the declarations of a program.
+
+    Raises:
+        SourceIssue: a declaration is invalid.
+    """
+    sorts = SortTable()
+    sorts.known[BOOLEAN] = BOOLEANS
+    places: dict[str, Place] = {}
+    for sort in (s for s in statements if isinstance(s, SortDefinition)):
+        if sort.name == BOOLEAN:
+            _check_boolean(sort)
+            continue
+        _check_new(sort.name, sort.at, places)
+        sorts.define(sort)
+    domains: dict[str, str] = {}
+    attributes = _collect_attributes(statements, sorts)
+    for domain in (s for s in statements if isinstance(s, DomainDirective)):
+        _check_sort(domain.sort, domain.at, sorts.known)
+        for variable in domain.variables:
+            if domains.setdefault(variable, domain.sort) != domain.sort:
+                raise SourceIssue(domain.at, f"variable {variable} already has the sort {domains[variable]}")
+    selections: dict[str, tuple[Selection, ...]] = {}
+    for selection in filter(None, map(as_selection, statements)):
+        selections[selection.term.name] = (*selections.get(selection.term.name, ()), selection)
+    return Signature(
+        MappingProxyType({name: MappingProxyType(s.members) for name, s in sorts.known.items()}),
+        MappingProxyType(attributes),
+        MappingProxyType(domains),
+        max(sort.max_integer for sort in sorts.known.values()),
+        frozenset(name for name, sort in sorts.known.items() if sort.integers),
+        MappingProxyType(selections),
+    )
 
 
-def body_of(statement: Rule | Selection | Probability) -> tuple[Literal | Comparison, ...]:
-    """The conditions under which a statement speaks."""
-    return statement.condition if isinstance(statement, Probability) else statement.body
+def _collect_attributes(statements: Sequence[Statement], sorts: SortTable) -> dict[str, Attribute]:
+    values: dict[str, tuple[str, ...]] = {}  # attributes of one sort share one tuple
+    attributes: dict[str, Attribute] = {}
+    places: dict[str, Place] = {}
+    for declared in (s for s in statements if isinstance(s, AttributeDeclaration)):
+        _check_new(declared.name, declared.at, places)
+        for name in (*declared.arguments, declared.range):
+            _check_sort(name, declared.at, sorts.known)
+        if declared.range not in values:
+            values[declared.range] = tuple(sorts.known[declared.range].members)
+        attributes[declared.name] = Attribute(
+            declared.name, declared.arguments, declared.range, values[declared.range], declared.at.line
+        )
+    return attributes
 
 
-def expressions(body: Iterable[Literal | Comparison]) -> Iterator[Expression]:
-    """Every expression of a body, terms of attributes included."""
-    for literal in body:
-        if isinstance(literal, Literal):
-            yield from (*literal.term.arguments, literal.value)
-        else:
-            yield from (literal.left, literal.right)
+def _check_boolean(sort: SortDefinition) -> None:
+    """Accept `boolean = {true, false}`, which plog 2.0 requires."""
+    if sort.has_sort_expression or {str(element) for element in sort.elements} != {"true", "false"}:
+        raise SourceIssue(
+            sort.at, "the sort boolean is built in as {true, false} and cannot be declared otherwise"
+        )
 
 
-def scope(statement: Rule | Selection | Probability) -> list[Expression]:
-    """Every expression of a statement outside of a dynamic range."""
-    found: list[Expression] = []
-    if isinstance(statement, Rule):
-        found.extend(expressions((statement.head,) if statement.head else ()))
-    else:
-        found.extend((*statement.term.arguments, *(statement.label.arguments if statement.label else ())))
-        if isinstance(statement, Probability):
-            found.extend((statement.value, statement.number))
-    found.extend(expressions(body_of(statement)))
-    return found
+def _check_new(name: str, at: Place, places: dict[str, Place]) -> None:
+    if name == BOOLEAN:
+        raise SourceIssue(at, "the sort boolean is built in; an attribute cannot have its name")
+    if name in places:
+        raise SourceIssue(at, f"{name} is declared twice; first at {places[name]}")
+    places[name] = at
 
 
-def pr_variables(atom: Probability) -> list[str]:
-    """The variables of a pr-atom in the order in which an instance of it lists their values."""
-    return sorted({variable.name for expression in scope(atom) for variable in variables(expression)})
+def _check_sort(name: str, at: Place, sorts: Iterable[str]) -> None:
+    if name not in sorts:
+        raise SourceIssue(at, f"unknown sort {name!r}; {expected_one_of(list(sorts))}")
+
+
+def check_record_names(statements: Sequence[Statement]) -> None:
+    """Check that no attribute has the name and the number of arguments of a record.
+
+    Raises:
+        SourceIssue: an attribute has. The parser could distinguish the two, a reader could not.
+
+    Source: the manual of plog 2.0, section on errors in attribute declarations.
+    """
+    records: set[tuple[str, int]] = set()
+    for sort in (s for s in statements if isinstance(s, SortDefinition)):
+        records.update(iter_record_shapes(sort.elements))
+    for declared in (s for s in statements if isinstance(s, AttributeDeclaration)):
+        if (declared.name, len(declared.arguments)) in records:
+            raise SourceIssue(
+                declared.at,
+                f"{declared.name} is an attribute and, with as many arguments, a record in a sort;"
+                " expected different names",
+            )

@@ -1,6 +1,6 @@
-"""The members of sorts: sets, intervals, records, and union, difference and intersection of sorts.
+"""Evaluation of sort expressions: sets, intervals, records, and set operations on sorts.
 
-Whatever the text says, no more than half a million members are handled for one program.
+The total work for one program is bounded by `MAX_HANDLED_MEMBERS`.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from itertools import product
 from math import prod
 
-from lcorpp.errors import expected
-from lcorpp.reasoning.language.arithmetic import compare, ground, is_integer
-from lcorpp.reasoning.language.issues import Offence
+from lcorpp.errors import expected_one_of
+from lcorpp.reasoning.language.arithmetic import canonical_text, compare, is_integer
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Connective,
@@ -30,151 +30,156 @@ from lcorpp.reasoning.language.syntax import (
     Variable,
 )
 
-LARGEST_SORT = 100_000
-"""How many members a sort may have."""
+MAX_SORT_SIZE = 100_000
+"""Maximal number of members of a sort."""
 
-MOST_HANDLED = 500_000
-"""How many members are handled to make the sorts of a program, as often as each is taken up or compared."""
+MAX_HANDLED_MEMBERS = 500_000
+"""Maximal number of members created or compared to evaluate the sorts of a program."""
 
 _INTEGER = re.compile(r"\b[0-9]+\b")
 
 
 @dataclass(frozen=True)
 class Sort:
-    """A sort that has been worked out.
+    """An evaluated sort.
 
-    members: in order, as text.
-    largest: no integer in a member has a larger absolute value.
+    members: the members in order, as text.
+    largest: the largest absolute value of the integers in its members.
     integers: whether all members are integers.
     """
 
     members: dict[str, None]
-    largest: int
+    max_integer: int
     integers: bool
 
 
 BOOLEANS = Sort({"true": None, "false": None}, 0, False)
 
 
-class Sorts:
-    """The sorts of a program, worked out one after the other; each may use those before it."""
+class SortTable:
+    """The evaluated sorts of a program; a definition may refer to earlier sorts.
+
+    known: name -> sort.
+    """
 
     def __init__(self) -> None:
         self.known: dict[str, Sort] = {}
         self._handled = 0
 
     def define(self, definition: SortDefinition) -> None:
-        """Work out one definition.
+        """Evaluate one definition and add the sort.
 
         Raises:
-            Offence: it names an unknown sort, has a member twice, is empty or too large.
+            SourceIssue: the definition names an unknown sort, has a member twice, is empty or too large.
         """
         name, at = definition.name, definition.at
-        if definition.is_algebra:
+        if definition.has_sort_expression:
             expression = definition.elements[0]
             assert isinstance(expression, SortName | SortSet | RecordSort | SortOperation)
-            made = self._made(expression)
+            sort = self._evaluate(expression)
         else:
-            made = self._set(definition.elements, name)
-        if not made.members:
-            raise Offence(at, f"the sort {name} is empty")
-        if len(made.members) > LARGEST_SORT:
-            raise Offence(at, f"the sort {name} is too large; at most {LARGEST_SORT} members")
-        self.known[name] = made
+            sort = self._evaluate_set(definition.elements, name)
+        if not sort.members:
+            raise SourceIssue(at, f"the sort {name} is empty")
+        if len(sort.members) > MAX_SORT_SIZE:
+            raise SourceIssue(at, f"the sort {name} is too large; at most {MAX_SORT_SIZE} members")
+        self.known[name] = sort
 
-    def _handle(self, count: int, at: Place) -> None:
+    def _count_work(self, count: int, at: Place) -> None:
         self._handled += count
-        if self._handled > MOST_HANDLED:
-            raise Offence(at, f"the sorts up to here take more than {MOST_HANDLED} members to make")
+        if self._handled > MAX_HANDLED_MEMBERS:
+            raise SourceIssue(
+                at, f"evaluation of the sorts up to here takes more than {MAX_HANDLED_MEMBERS} members"
+            )
 
-    def _made(self, expression: SortExpression) -> Sort:
+    def _evaluate(self, expression: SortExpression) -> Sort:
         if isinstance(expression, SortName):
             if expression.name not in self.known:
-                names = expected([f"#{name}" for name in self.known])
-                raise Offence(expression.at, f"unknown sort {str(expression)!r}; {names}")
+                names = expected_one_of([f"#{name}" for name in self.known])
+                raise SourceIssue(expression.at, f"unknown sort {str(expression)!r}; {names}")
             return self.known[expression.name]
         if isinstance(expression, Interval):
-            return self._interval(expression)
+            return self._evaluate_interval(expression)
         if isinstance(expression, SortSet):
-            return self._set(expression.elements, "here")
+            return self._evaluate_set(expression.elements, "here")
         if isinstance(expression, RecordSort):
-            return self._records(expression)
-        return self._operation(expression)
+            return self._evaluate_records(expression)
+        return self._evaluate_operation(expression)
 
-    def _set(self, elements: Iterable[Expression | SortExpression], name: str) -> Sort:
+    def _evaluate_set(self, elements: Iterable[Expression | SortExpression], name: str) -> Sort:
         members: dict[str, None] = {}
         largest, integers = 0, True
         for element in elements:
             if isinstance(element, Interval):
-                part = self._interval(element)
+                part = self._evaluate_interval(element)
                 found: Iterable[str] = part.members
-                largest = max(largest, part.largest)
+                largest = max(largest, part.max_integer)
             else:
                 assert not isinstance(element, SortName | SortSet | RecordSort | SortOperation)
-                text = ground(element)
+                text = canonical_text(element)
                 found = (text,)
-                self._handle(1, element.at)
+                self._count_work(1, element.at)
                 if is_integer(text):
                     largest = max(largest, abs(int(text)))
                 else:
-                    largest, integers = max(largest, _largest(text)), False
+                    largest, integers = max(largest, _find_max_integer(text)), False
             for member in found:
                 if member in members:
-                    raise Offence(element.at, f"{member} is twice in the sort {name}")
+                    raise SourceIssue(element.at, f"{member} is twice in the sort {name}")
                 members[member] = None
         return Sort(members, largest, integers)
 
-    def _interval(self, interval: Interval) -> Sort:
+    def _evaluate_interval(self, interval: Interval) -> Sort:
         low, high = interval.low, interval.high
         if high < low:
-            raise Offence(interval.at, f"the interval {interval} is empty")
-        if high - low >= LARGEST_SORT:
-            raise Offence(
+            raise SourceIssue(interval.at, f"the interval {interval} is empty")
+        if high - low >= MAX_SORT_SIZE:
+            raise SourceIssue(
                 interval.at,
-                f"the interval {interval} is too long; a sort has at most {LARGEST_SORT} members",
+                f"the interval {interval} is too long; a sort has at most {MAX_SORT_SIZE} members",
             )
-        self._handle(high - low + 1, interval.at)
+        self._count_work(high - low + 1, interval.at)
         return Sort(dict.fromkeys(map(str, range(low, high + 1))), max(abs(low), abs(high)), True)
 
-    def _records(self, record: RecordSort) -> Sort:
-        parts = [self._made(part) for part in record.parts]
+    def _evaluate_records(self, record: RecordSort) -> Sort:
+        parts = [self._evaluate(part) for part in record.parts]
         count = prod(len(part.members) for part in parts)
-        if count > LARGEST_SORT:
-            raise Offence(
+        if count > MAX_SORT_SIZE:
+            raise SourceIssue(
                 record.at,
-                f"the records {record.name}(...) are {count}; a sort has at most {LARGEST_SORT} members",
+                f"the records {record.name}(...) are {count}; a sort has at most {MAX_SORT_SIZE} members",
             )
-        self._handle(count * (1 + _comparisons(record.condition)), record.at)
+        self._count_work(count * (1 + _count_comparisons(record.condition)), record.at)
         places = {variable: index for index, variable in enumerate(record.variables) if variable}
         if len(places) < sum(variable is not None for variable in record.variables):
-            raise Offence(record.at, "a variable stands for two arguments of the record")
+            raise SourceIssue(record.at, "a variable names two arguments of the record")
         rows: Iterable[Sequence[str]] = product(*(part.members for part in parts))
         if record.condition is not None:
             condition = record.condition
             rows = (row for row in rows if _holds(condition, row, places))
         members = {f"{record.name}({','.join(row)})": None for row in rows}
-        return Sort(members, max(part.largest for part in parts), False)
+        return Sort(members, max(part.max_integer for part in parts), False)
 
-    def _operation(self, operation: SortOperation) -> Sort:
-        left, right = self._made(operation.left), self._made(operation.right)
-        self._handle(len(left.members) + len(right.members), operation.at)
+    def _evaluate_operation(self, operation: SortOperation) -> Sort:
+        left, right = self._evaluate(operation.left), self._evaluate(operation.right)
+        self._count_work(len(left.members) + len(right.members), operation.at)
         if operation.operator == "+":
             members = {**left.members, **right.members}
         elif operation.operator == "*":
             members = {member: None for member in left.members if member in right.members}
         else:
             members = {member: None for member in left.members if member not in right.members}
-        return Sort(members, max(left.largest, right.largest), all(map(is_integer, members)))
+        return Sort(members, max(left.max_integer, right.max_integer), all(map(is_integer, members)))
 
 
-def _largest(text: str) -> int:
+def _find_max_integer(text: str) -> int:
     return max(map(int, _INTEGER.findall(text)), default=0)
 
 
-def _comparisons(condition: Comparison | Connective | None) -> int:
-    """How many comparisons a condition has, each weighed as two members."""
+def _count_comparisons(condition: Comparison | Connective | None) -> int:
+    """Return the cost of a condition: two members for each comparison."""
     if isinstance(condition, Connective):
-        return _comparisons(condition.left) + _comparisons(condition.right)
+        return _count_comparisons(condition.left) + _count_comparisons(condition.right)
     return 2 if condition else 0
 
 
@@ -185,22 +190,22 @@ def _holds(condition: Comparison | Connective, row: Sequence[str], places: Mappi
             return left
         return _holds(condition.right, row, places)
     sides = (
-        row[places[side.name]] if isinstance(side, Variable) else ground(side)
+        row[places[side.name]] if isinstance(side, Variable) else canonical_text(side)
         for side in (condition.left, condition.right)
     )
     first, second = sides
     return compare(first, condition.relation, second)
 
 
-def records_of(elements: Iterable[Expression | SortExpression]) -> Iterator[tuple[str, int]]:
-    """Name and number of arguments of each kind of record in sort expressions, names of sorts left alone."""
+def iter_record_shapes(elements: Iterable[Expression | SortExpression]) -> Iterator[tuple[str, int]]:
+    """Iterate over name and number of arguments of the records in sort expressions, without named sorts."""
     for element in elements:
         if isinstance(element, Term) and element.arguments:
             yield element.name, len(element.arguments)
         elif isinstance(element, RecordSort):
             yield element.name, len(element.parts)
-            yield from records_of(element.parts)
+            yield from iter_record_shapes(element.parts)
         elif isinstance(element, SortSet):
-            yield from records_of(element.elements)
+            yield from iter_record_shapes(element.elements)
         elif isinstance(element, SortOperation):
-            yield from records_of((element.left, element.right))
+            yield from iter_record_shapes((element.left, element.right))

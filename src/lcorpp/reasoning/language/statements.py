@@ -1,33 +1,37 @@
-"""Reads statements: what a P-log program is made of, in the words of plog 1.0, plog 2.0 and the papers."""
+"""Parse statements in the dialects of plog 1.0, plog 2.0 and the papers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from fractions import Fraction
 
-from lcorpp.reasoning.language.arithmetic import exact, variables
+from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
 from lcorpp.reasoning.language.declarations import (
-    attribute,
-    constant,
-    domains,
-    hash_sort,
-    is_name,
-    plain_sort,
-    semantics,
+    is_bare_name,
+    parse_attributes,
+    parse_hash_sort,
+    parse_plain_sort,
 )
 from lcorpp.reasoning.language.expressions import (
-    body,
-    literal,
-    literal_from,
-    operand,
-    value,
+    parse_body,
+    parse_literal,
+    parse_relation,
+    parse_sum,
+    parse_value,
 )
-from lcorpp.reasoning.language.issues import Offence
-from lcorpp.reasoning.language.lexer import END, HASH_NAME, NAME, VARIABLE, Cursor
-from lcorpp.reasoning.language.queries import intervention, observation, outcome, query_statement
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.lexer import END, HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
+from lcorpp.reasoning.language.queries import (
+    parse_intervention,
+    parse_observation,
+    parse_query_statement,
+    require_assignment,
+)
 from lcorpp.reasoning.language.syntax import (
     Body,
     Comparison,
     CrRule,
+    DomainDirective,
     DynamicRange,
     Literal,
     Number,
@@ -45,145 +49,195 @@ _SECTIONS = ("sorts", "attributes", "statements")
 _ARROWS = (":+", "+-")
 
 
-def statements(cursor: Cursor) -> Iterator[Statement]:
-    """All statements of a program, one after the other."""
+def parse_statements(cursor: Cursor) -> Iterator[Statement]:
+    """Parse the statements of a program."""
     while cursor.kind != END:
-        cursor.anonymous = 0
-        yield from _statement(cursor)
+        cursor.anonymous_count = 0
+        yield from _parse_statement(cursor)
 
 
-def _statement(cursor: Cursor) -> Iterator[Statement]:
+def _parse_statement(cursor: Cursor) -> Iterator[Statement]:
     kind = cursor.kind
     if kind == HASH_NAME:
-        yield from _directive(cursor)
+        yield from _parse_directive(cursor)
     elif kind == "?":
-        yield query_statement(cursor)
+        yield parse_query_statement(cursor)
     elif kind == ":-" or kind in _ARROWS:
-        yield _constraint(cursor)
+        yield _parse_constraint(cursor)
     elif kind == "[":
         cursor.take()
-        yield _labelled(cursor, _label(cursor))
+        yield _parse_labelled(cursor, _parse_label(cursor))
     elif (
         kind == NAME
         and cursor.word in _SECTIONS
-        and cursor.following in (NAME, HASH_NAME, END, "[", ":-", "?")
+        and cursor.second_kind in (NAME, HASH_NAME, END, "[", ":-", "?")
     ):
-        cursor.dialect_2 = True
+        cursor.uses_plog2 = True
         cursor.take()
     elif kind == NAME and cursor.word in ("random", "pr"):
-        yield _labelled(cursor, None)
+        yield _parse_labelled(cursor, None)
     elif kind == NAME and cursor.word == "obs":
-        yield observation(cursor)
+        yield parse_observation(cursor)
         cursor.expect(".")
     elif kind == NAME and cursor.word == "do":
-        yield intervention(cursor)
+        yield parse_intervention(cursor)
         cursor.expect(".")
     elif kind == NAME and cursor.word == "not":
         raise cursor.unexpected()
     else:
-        yield from _declaration_or_rule(cursor)
+        yield from _parse_declaration_or_rule(cursor)
 
 
-def _directive(cursor: Cursor) -> Iterator[Statement]:
+def _parse_directive(cursor: Cursor) -> Iterator[Statement]:
     if cursor.word == "#domain":
-        yield from domains(cursor)
+        yield from _parse_domains(cursor)
     elif cursor.word == "#const":
-        constant(cursor)
+        _parse_constant(cursor)
     elif cursor.word == "#semantics":
-        semantics(cursor)
+        _parse_semantics(cursor)
     else:
-        yield hash_sort(cursor)
+        yield parse_hash_sort(cursor)
 
 
-def _declaration_or_rule(cursor: Cursor) -> Iterator[Statement]:
-    left = operand(cursor, arrow=True)
-    if cursor.kind == ":" or (cursor.kind == "," and cursor.following == NAME and is_name(left)):
-        yield from attribute(cursor, left)
-    elif cursor.kind == "=" and cursor.following == "{":
-        yield plain_sort(cursor, left)
+def _parse_declaration_or_rule(cursor: Cursor) -> Iterator[Statement]:
+    left = parse_sum(cursor, arrow=True)
+    if cursor.kind == ":" or (cursor.kind == "," and cursor.second_kind == NAME and is_bare_name(left)):
+        yield from parse_attributes(cursor, left)
+    elif cursor.kind == "=" and cursor.second_kind == "{":
+        yield parse_plain_sort(cursor, left)
     else:
-        yield _rule(cursor, literal_from(left, cursor, arrow=True), None)
+        yield _parse_rule(cursor, parse_relation(left, cursor, arrow=True), None)
+
+
+def _parse_domains(cursor: Cursor) -> Iterator[DomainDirective]:
+    """Parse `#domain s(X;Y), t(Z).`"""
+    at = cursor.at
+    cursor.take()
+    while True:
+        sort = cursor.expect(NAME)
+        cursor.expect("(")
+        names = [_parse_domain_variable(cursor)]
+        while cursor.accept(";"):
+            names.append(_parse_domain_variable(cursor))
+        cursor.expect(")")
+        yield DomainDirective(sort, tuple(dict.fromkeys(names)), at=at)
+        if not cursor.accept(","):
+            break
+    cursor.expect(".")
+
+
+def _parse_domain_variable(cursor: Cursor) -> str:
+    if cursor.word == "_":
+        raise cursor.unexpected((VARIABLE,))
+    return cursor.expect(VARIABLE)
+
+
+def _parse_constant(cursor: Cursor) -> None:
+    """Parse `#const name = value.`, which replaces the name in the rest of the text."""
+    cursor.take()
+    at, name = cursor.at, cursor.expect(NAME)
+    cursor.expect("=")
+    given = parse_value(cursor)
+    cursor.expect(".")
+    if name in cursor.constants:
+        raise SourceIssue(at, f"the constant {name} is declared twice")
+    text = canonical_text(given)
+    cursor.constants[name] = given if isinstance(given, Term) else Number(Fraction(text), at=given.at)
+
+
+def _parse_semantics(cursor: Cursor) -> None:
+    """Parse `#semantics 2009.` or `#semantics 2018.`, which overrides the dialect."""
+    cursor.take()
+    at, given = cursor.at, cursor.expect(INTEGER)
+    if given not in ("2009", "2018"):
+        raise SourceIssue(at, f"unknown semantics {given}; expected 2009 or 2018")
+    if cursor.semantics not in (None, given):
+        raise SourceIssue(at, f"the semantics {cursor.semantics} is already chosen")
+    cursor.semantics = given
+    cursor.expect(".")
 
 
 # rules
 
 
-def _label(cursor: Cursor) -> Term:
-    term = value(cursor)
+def _parse_label(cursor: Cursor) -> Term:
+    term = parse_value(cursor)
     if not isinstance(term, Term):
-        raise Offence(term.at, f"expected a label such as r or r(X), not {term}")
+        raise SourceIssue(term.at, f"expected a label such as r or r(X), not {term}")
     cursor.expect("]")
     return term
 
 
-def _labelled(cursor: Cursor, label: Term | None) -> Statement:
+def _parse_labelled(cursor: Cursor, label: Term | None) -> Statement:
     at = label.at if label else cursor.at
     if cursor.accept_word("random"):
-        term, chosen = _selected(cursor)
+        term, chosen = _parse_selection_head(cursor)
         arrow = cursor.kind
-        given = _tail(cursor)
+        given = _parse_tail(cursor)
         selection = Selection(term, chosen, given, label, at=at)
         return CrRule(selection, at=at) if arrow in _ARROWS else selection
     if cursor.accept_word("pr"):
-        return _probability(cursor, label, at)
-    return _rule(cursor, literal(cursor, arrow=True), label)
+        return _parse_probability(cursor, label, at)
+    return _parse_rule(cursor, parse_literal(cursor, arrow=True), label)
 
 
-def _tail(cursor: Cursor) -> Body:
-    """What follows a head, the dot included."""
-    if not cursor.sees(":-", *_ARROWS):
+def _parse_tail(cursor: Cursor) -> Body:
+    """Parse the rest of a rule after its head, full stop included; return the body."""
+    if not cursor.next_is(":-", *_ARROWS):
         cursor.expect(".")
         return ()
     if cursor.take() == ":+":
-        cursor.dialect_2 = True
-    given = () if cursor.sees(".") else body(cursor)
+        cursor.uses_plog2 = True
+    given = () if cursor.next_is(".") else parse_body(cursor)
     cursor.expect(".")
     return given
 
 
-def _rule(cursor: Cursor, found: Literal | Comparison, label: Term | None) -> Rule | CrRule:
-    head = outcome(found, "the head of a rule")
+def _parse_rule(cursor: Cursor, found: Literal | Comparison, label: Term | None) -> Rule | CrRule:
+    head = require_assignment(found, "the head of a rule")
     arrow = cursor.kind
-    given = _tail(cursor)
+    given = _parse_tail(cursor)
     rule = Rule(head, given, at=head.at)
     if arrow in _ARROWS:
         return CrRule(rule, label, at=label.at if label else head.at)
     if label:
-        raise Offence(label.at, f"only random selections, pr-atoms and cr-rules have a label, not '{rule}'")
+        raise SourceIssue(
+            label.at, f"only random selections, pr-atoms and cr-rules have a label, not '{rule}'"
+        )
     return rule
 
 
-def _constraint(cursor: Cursor) -> Rule | CrRule:
+def _parse_constraint(cursor: Cursor) -> Rule | CrRule:
     at, arrow = cursor.at, cursor.take()
-    rule = Rule(None, body(cursor), at=at)
+    rule = Rule(None, parse_body(cursor), at=at)
     cursor.expect(".")
     return CrRule(rule, at=at) if arrow in _ARROWS else rule
 
 
-def _selected(cursor: Cursor) -> tuple[Term, DynamicRange | None]:
-    """`(term)`, `(term : {X : condition})` or `(term, p)`."""
+def _parse_selection_head(cursor: Cursor) -> tuple[Term, DynamicRange | None]:
+    """Parse `(term)`, `(term : {X : condition})` or `(term, p)`."""
     cursor.expect("(")
-    term = value(cursor)
+    term = parse_value(cursor)
     if not isinstance(term, Term):
-        raise Offence(term.at, f"expected an attribute, not {term}")
+        raise SourceIssue(term.at, f"expected an attribute, not {term}")
     chosen = None
     if cursor.accept(":"):
         cursor.expect("{")
         at = cursor.at
         variable = Variable(cursor.expect(VARIABLE), at=at)
         if variable.name == "_":
-            raise Offence(at, "the values of a dynamic range need a name; expected a variable, not '_'")
+            raise SourceIssue(at, "expected a named variable in a dynamic range, not '_'")
         cursor.expect(":")
-        chosen = DynamicRange(variable, body(cursor), at=at)
+        chosen = DynamicRange(variable, parse_body(cursor), at=at)
         cursor.expect("}")
     elif cursor.accept(","):
-        chosen = _unary_range(cursor)
+        chosen = _parse_unary_range(cursor)
     cursor.expect(")")
     return term, chosen
 
 
-def _unary_range(cursor: Cursor) -> DynamicRange:
-    cursor.dialect_2 = True
+def _parse_unary_range(cursor: Cursor) -> DynamicRange:
+    cursor.uses_plog2 = True
     at = cursor.at
     name = cursor.expect(NAME)
     variable = Variable("Chosen", at=at)
@@ -191,15 +245,15 @@ def _unary_range(cursor: Cursor) -> DynamicRange:
     return DynamicRange(variable, (condition,), at=at)
 
 
-def _probability(cursor: Cursor, label: Term | None, at: Place) -> Probability:
+def _parse_probability(cursor: Cursor, label: Term | None, at: Place) -> Probability:
     cursor.expect("(")
-    found = outcome(literal(cursor), "a pr-atom")
-    condition = body(cursor) if cursor.accept("|") else ()
+    found = require_assignment(parse_literal(cursor), "a pr-atom")
+    condition = parse_body(cursor) if cursor.accept("|") else ()
     cursor.expect(")")
     if not cursor.accept("=="):
         cursor.expect("=")
-    number = value(cursor)
-    if not any(variables(number)):
-        number = Number(exact(number, {}), at=number.at)
+    number = parse_value(cursor)
+    if not any(iter_variables(number)):
+        number = Number(evaluate_number(number, {}), at=number.at)
     cursor.expect(".")
     return Probability(found.term, found.value, number, condition, label, at=at)

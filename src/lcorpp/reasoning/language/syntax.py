@@ -1,7 +1,6 @@
-"""The syntax tree of P-log: frozen nodes that know where they stand and print as the text that reads back.
+"""Syntax tree of P-log: the statements, with the nodes of `terms` re-exported.
 
-The place of a node takes no part in its equality, so a program equals what its own text parses to.
-Expressions and literals come from `nodes`, sort expressions from `sort_nodes`; import them from here.
+Each node prints as text that parses to an equal node; equality ignores places.
 """
 
 from __future__ import annotations
@@ -9,38 +8,35 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal as OneOf
 
-from lcorpp.reasoning.language.sort_nodes import (
+from lcorpp.reasoning.language.issues import SYNTHETIC_PLACE, Place
+from lcorpp.reasoning.language.terms import (
+    Arithmetic,
+    Comparison,
     Connective,
+    Expression,
     Interval,
+    Literal,
+    Node,
+    Number,
     RecordSort,
     SortExpression,
     SortName,
     SortOperation,
     SortSet,
-)
-from lcorpp.reasoning.language.terms import (
-    NOWHERE,
-    Arithmetic,
-    Comparison,
-    Expression,
-    Literal,
-    Node,
-    Number,
-    Place,
     Term,
     Variable,
     depth,
 )
 
 __all__ = [
-    "NOWHERE",
+    "SYNTHETIC_PLACE",
     "Arithmetic",
     "AttributeDeclaration",
     "Body",
     "Comparison",
     "Connective",
     "CrRule",
-    "Domain",
+    "DomainDirective",
     "DynamicRange",
     "Expression",
     "Interval",
@@ -68,7 +64,7 @@ __all__ = [
 ]
 
 Semantics = OneOf["2009", "2018"]
-"""The two meanings of `do` and of Condition 1: that of TPLP 9(1), 2009, and that of P-log 2, 2018."""
+"""Semantics of `do` and Condition 1: TPLP 9(1), 2009, or P-log 2, 2018."""
 
 Body = tuple[Literal | Comparison, ...]
 
@@ -81,7 +77,7 @@ def _label(label: Term | None) -> str:
     return f"[{label}] " if label else ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SortDefinition(Node):
     """`name = {elements}.`, or `#name = expression.` with the expression as the only element."""
 
@@ -89,19 +85,19 @@ class SortDefinition(Node):
     elements: tuple[Expression | SortExpression, ...]
 
     @property
-    def is_algebra(self) -> bool:
-        """Whether it is written with a sort expression, which only plog 2.0 has."""
+    def has_sort_expression(self) -> bool:
+        """Whether the definition is a sort expression, a construct of plog 2.0."""
         return len(self.elements) == 1 and isinstance(
             self.elements[0], SortName | SortSet | RecordSort | SortOperation
         )
 
     def __str__(self) -> str:
-        if self.is_algebra:
+        if self.has_sort_expression:
             return f"#{self.name} = {self.elements[0]}."
         return f"{self.name} = {{{', '.join(map(str, self.elements))}}}."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AttributeDeclaration(Node):
     """`name : arguments -> range.`"""
 
@@ -113,9 +109,9 @@ class AttributeDeclaration(Node):
         return f"{self.name} : {', '.join(self.arguments)}{' -> ' if self.arguments else ''}{self.range}."
 
 
-@dataclass(frozen=True)
-class Domain(Node):
-    """`#domain sort(X;Y).`: the sort of these variables, everywhere in the program."""
+@dataclass(frozen=True, repr=False)
+class DomainDirective(Node):
+    """`#domain sort(X;Y).`: the sort of these variables in the whole program."""
 
     sort: str
     variables: tuple[str, ...]
@@ -124,9 +120,9 @@ class Domain(Node):
         return f"#domain {self.sort}({';'.join(self.variables)})."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DynamicRange(Node):
-    """`{variable : condition}`: the values a selection may take, judged in each world."""
+    """`{variable : condition}`: the possible values of a selection, which depend on the world."""
 
     variable: Variable
     condition: Body
@@ -135,7 +131,7 @@ class DynamicRange(Node):
         return f"{{{self.variable} : {', '.join(map(str, self.condition))}}}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Selection(Node):
     """`[label] random(term : range) :- body.`"""
 
@@ -149,9 +145,9 @@ class Selection(Node):
         return f"{_label(self.label)}random({self.term}{chosen}){_if(self.body)}."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Probability(Node):
-    """`[label] pr(term=value | condition) = number.`; a number without variables is kept evaluated."""
+    """`[label] pr(term=value | condition) = number.` A number without variables is evaluated."""
 
     term: Term
     value: Expression
@@ -164,9 +160,9 @@ class Probability(Node):
         return f"{_label(self.label)}pr({self.term}={self.value}{_if(self.condition, ' | ')}) = {number}."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Rule(Node):
-    """`head :- body.`, a fact without body, a constraint without head."""
+    """`head :- body.` A rule without body is a fact, one without head a constraint."""
 
     head: Literal | None
     body: Body = ()
@@ -175,12 +171,12 @@ class Rule(Node):
         return f"{self.head or ''}{_if(self.body)}.".lstrip()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CrRule(Node):
-    """`[label] statement +- body.`: a rule that applies only if there is no possible world without it.
+    """`[label] statement +- body.`: a consistency-restoring rule, applied only if no possible world exists.
 
-    statement: the rule, or the random selection, that it then is.
-    label: of a rule; a selection carries its own.
+    statement: the rule or random selection that it adds.
+    label: the label of a rule; a selection has its own.
     """
 
     statement: Rule | Selection
@@ -193,9 +189,9 @@ class CrRule(Node):
         return f"{_label(self.label)}{head} +- {body}".rstrip() + "."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Observation(Node):
-    """`obs(literal)`: only worlds in which the literal holds are possible."""
+    """`obs(literal)`: excludes the worlds in which the literal is false."""
 
     literal: Literal
 
@@ -203,9 +199,9 @@ class Observation(Node):
         return f"obs({self.literal})."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Intervention(Node):
-    """`do(term=value)`: the term is set, its random selection does not take place."""
+    """`do(term=value)`: an intervention that replaces the random selection of the term."""
 
     term: Term
     value: Expression
@@ -214,11 +210,11 @@ class Intervention(Node):
         return f"do({self.term}={self.value})."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Query(Node):
     """`?{literals} | conditions.` for a probability, `? subject | conditions.` for a distribution.
 
-    Exactly one of `literals` and `subject` is given.
+    A query has either `literals` or a `subject`.
     """
 
     literals: tuple[Literal, ...] = ()
@@ -235,7 +231,7 @@ class Query(Node):
 Statement = (
     SortDefinition
     | AttributeDeclaration
-    | Domain
+    | DomainDirective
     | Selection
     | Probability
     | Rule

@@ -1,6 +1,6 @@
-"""What statements are made of: expressions and literals, frozen nodes that know where they stand.
+"""Nodes of the syntax tree below statements: expressions, literals and sort expressions.
 
-The place of a node takes no part in its equality.
+Nodes are frozen. Each has a place, which equality ignores, and prints as P-log text.
 """
 
 from __future__ import annotations
@@ -8,40 +8,38 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from fractions import Fraction
 
+from lcorpp.reasoning.language.issues import SYNTHETIC_PLACE, Place
 
-@dataclass(frozen=True)
-class Place:
-    """Where a node begins: file, line and column, the last two counted from 1."""
-
-    file: str
-    line: int
-    column: int
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}"
-
-
-NOWHERE = Place("<made>", 1, 1)
-"""The place of nodes that no text was read for."""
+SHOWN_CHARACTERS = 120
+"""`repr` of a node shows at most this many characters of its text."""
 
 
 @dataclass(frozen=True)
 class Node:
-    """What all nodes share: their place."""
+    """Base class of nodes.
 
-    at: Place = field(default=NOWHERE, compare=False, repr=False, kw_only=True)
+    at: the place where the node begins.
+    """
+
+    at: Place = field(default=SYNTHETIC_PLACE, compare=False, kw_only=True)
+
+    def __repr__(self) -> str:
+        text = str(self)
+        if len(text) > SHOWN_CHARACTERS:
+            text = f"{text[:SHOWN_CHARACTERS]}..."
+        return f"<{type(self).__name__} {text}>"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Number(Node):
-    """A number; only the number of a pr-atom may be a fraction."""
+    """A number. Only the number of a pr-atom may be a fraction."""
 
     value: Fraction
 
     def __str__(self) -> str:
         if self.value.denominator == 1:
             return str(self.value.numerator)
-        for digits in range(1, self.value.denominator.bit_length()):  # a decimal as written, if it ends
+        for digits in range(1, self.value.denominator.bit_length()):  # a finite decimal
             shifted = self.value * 10**digits
             if shifted.denominator == 1:
                 shown = f"{abs(shifted.numerator):0{digits + 1}d}"
@@ -49,9 +47,9 @@ class Number(Node):
         return str(self.value)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Variable(Node):
-    """A variable: an identifier that begins with a capital."""
+    """A variable, an identifier with a capital first letter."""
 
     name: str
 
@@ -59,9 +57,9 @@ class Variable(Node):
         return self.name
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Term(Node):
-    """A constant `a`, a record `f(1, a)` or an attribute with its arguments; the context tells which."""
+    """A constant `a`, a record `f(1, a)` or an attribute with its arguments, depending on the context."""
 
     name: str
     arguments: tuple[Expression, ...] = ()
@@ -74,7 +72,7 @@ class Term(Node):
         return f"{self.name}({','.join(map(str, self.arguments))})" if self.arguments else self.name
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Arithmetic(Node):
     """`left operator right`, the operator one of ``+ - * / mod``.
 
@@ -98,7 +96,7 @@ Expression = Number | Variable | Term | Arithmetic
 
 
 def depth(expression: Expression) -> int:
-    """How deep an expression is nested; the parser refuses what a recursive function could not walk."""
+    """Nesting depth of an expression. The parser limits it, so that recursive functions are safe."""
     return expression.depth if isinstance(expression, Term | Arithmetic) else 0
 
 
@@ -107,9 +105,9 @@ def _operand(expression: Expression) -> str:
     return str(expression) if bare else f"({expression})"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Literal(Node):
-    """`term relation value`, under `not` if negated; `p` and `-p` are `p=true` and `p=false`."""
+    """`term relation value`, or its default negation. `p` is `p=true`, `-p` is `p=false`."""
 
     term: Term
     relation: str
@@ -120,7 +118,7 @@ class Literal(Node):
         return f"{'not ' if self.negated else ''}{self.term}{self.relation}{self.value}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison(Node):
     """`left relation right` between expressions without attributes."""
 
@@ -130,3 +128,82 @@ class Comparison(Node):
 
     def __str__(self) -> str:
         return f"{self.left}{self.relation}{self.right}"
+
+
+# sort expressions
+
+
+@dataclass(frozen=True, repr=False)
+class Interval(Node):
+    """`low..high`, including both ends."""
+
+    low: int
+    high: int
+
+    def __str__(self) -> str:
+        return f"{self.low}..{self.high}"
+
+
+@dataclass(frozen=True, repr=False)
+class SortName(Node):
+    """`#name`: the members of a sort defined earlier."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return f"#{self.name}"
+
+
+@dataclass(frozen=True, repr=False)
+class SortSet(Node):
+    """`{elements}` within a sort expression."""
+
+    elements: tuple[Expression | Interval, ...]
+
+    def __str__(self) -> str:
+        return f"{{{', '.join(map(str, self.elements))}}}"
+
+
+@dataclass(frozen=True, repr=False)
+class Connective(Node):
+    """`left & right` or `left | right` in the condition of a record sort."""
+
+    operator: str
+    left: Comparison | Connective
+    right: Comparison | Connective
+
+    def __str__(self) -> str:
+        return f"({self.left} {self.operator} {self.right})"
+
+
+@dataclass(frozen=True, repr=False)
+class RecordSort(Node):
+    """`name(part(Variable), part) : condition`: records with arguments from the parts.
+
+    variables: the variable of each part in the condition, None without one.
+    """
+
+    name: str
+    parts: tuple[SortExpression, ...]
+    variables: tuple[str | None, ...]
+    condition: Comparison | Connective | None = None
+
+    def __str__(self) -> str:
+        pairs = zip(self.parts, self.variables, strict=True)
+        inside = ", ".join(f"{part}({variable})" if variable else str(part) for part, variable in pairs)
+        return f"{self.name}({inside}){f' : {self.condition}' if self.condition else ''}"
+
+
+@dataclass(frozen=True, repr=False)
+class SortOperation(Node):
+    """`left operator right`: union `+`, difference `-` or intersection `*` of sorts."""
+
+    operator: str
+    left: SortExpression
+    right: SortExpression
+
+    def __str__(self) -> str:
+        return f"({self.left}) {self.operator} ({self.right})"
+
+
+SortExpression = SortName | SortSet | RecordSort | SortOperation | Interval

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lcorpp.errors import ModelError, expected
+from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.planning.formats.numbers import is_count, is_number
 from lcorpp.planning.formats.pomdp.tokens import PREAMBLE, ROW_TOLERANCE, TABLES, Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, discount_message
@@ -63,7 +63,7 @@ class Preamble:
                 )
         if index is None:
             singular = kind.removesuffix("s")
-            raise tokens.error(f"unknown {singular} {tokens.found()}; {expected(self.names[kind])}")
+            raise tokens.error(f"unknown {singular} {tokens.found()}; {expected_one_of(self.names[kind])}")
         tokens.take()
         return index
 

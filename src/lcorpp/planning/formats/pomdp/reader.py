@@ -18,7 +18,7 @@ from lcorpp.planning.formats.pomdp.statements import Statements
 from lcorpp.planning.formats.pomdp.tables import Table
 from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE, Places, Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 
 
 def read_pomdp(path: str | Path) -> Pomdp:
@@ -76,7 +76,7 @@ def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
         raise ModelError(f"{file}: {error}") from None
 
 
-def _checked(tokens: Tokens, head: Preamble, table: Table) -> Rows:
+def _checked(tokens: Tokens, head: Preamble, table: Table) -> SparseTables:
     """The table, of which every row is there and sums to 1; rounding of the file is taken out.
 
     Raises:
@@ -84,7 +84,7 @@ def _checked(tokens: Tokens, head: Preamble, table: Table) -> Rows:
     """
     rows, places = table.rows()
     _check_all_there(tokens, head, table, places)
-    sums = rows.sums()
+    sums = rows.row_sums()
     off = np.abs(sums - 1)
     if off.max() > ROW_TOLERANCE:
         wrong = np.argwhere(off > ROW_TOLERANCE)
@@ -97,7 +97,7 @@ def _checked(tokens: Tokens, head: Preamble, table: Table) -> Rows:
     if off.max() <= SUM_TOLERANCE:
         return rows
     divisors = np.where(off > SUM_TOLERANCE, sums, 1.0).reshape(-1)
-    return Rows(rows.shape, rows.begins, rows.columns, rows.values / divisors[rows.rows])
+    return SparseTables(rows.shape, rows.begins, rows.columns, rows.values / divisors[rows.rows])
 
 
 def _check_all_there(tokens: Tokens, head: Preamble, table: Table, places: Places) -> None:

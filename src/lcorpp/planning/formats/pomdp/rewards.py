@@ -12,7 +12,7 @@ from lcorpp.errors import ModelError
 from lcorpp.planning.formats.pomdp.entries import Entries, Indices, last_of_each
 from lcorpp.planning.formats.pomdp.preamble import ALL
 from lcorpp.planning.formats.pomdp.tables import ranges
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
 AT_ONCE = 2**20
@@ -29,7 +29,7 @@ _Flags = npt.NDArray[np.bool_]
 _Cases = Iterator[tuple[Indices, Indices | None, Indices | None, Array]]
 
 
-def expected_rewards(transition: Rows, observation: Rows, statements: Entries) -> Array:
+def expected_rewards(transition: SparseTables, observation: SparseTables, statements: Entries) -> Array:
     """(A, S) sum over s', o of P(s' | s, a) P(o | a, s') R(a, s, s', o).
 
     Later statements override earlier ones. Cases are unfolded only where T and Z are not zero, and only for
@@ -57,7 +57,9 @@ def expected_rewards(transition: Rows, observation: Rows, statements: Entries) -
     return total.reshape(A, S)
 
 
-def _cases(transition: Rows, observation: Rows, by_next: _Flags, by_observation: _Flags) -> _Cases:
+def _cases(
+    transition: SparseTables, observation: SparseTables, by_next: _Flags, by_observation: _Flags
+) -> _Cases:
     """Pieces of the sum: for (n,) cases the row a S + s, next state, observation and probability.
 
     Of rows (A S,) flagged `by_next` alone the observation is left open, of those flagged `by_observation`
@@ -98,7 +100,7 @@ def _split(items: npt.NDArray[np.intp], sizes: Indices) -> list[npt.NDArray[np.i
     return [part for part in np.split(items, np.searchsorted(ends, steps)) if len(part)]
 
 
-def _observed(transition: Rows, observation: Rows, rows: npt.NDArray[np.intp]) -> _Cases:
+def _observed(transition: SparseTables, observation: SparseTables, rows: npt.NDArray[np.intp]) -> _Cases:
     """P(o | s, a) of the rows given: T times Z."""
     if not len(rows):
         return
@@ -106,8 +108,8 @@ def _observed(transition: Rows, observation: Rows, rows: npt.NDArray[np.intp]) -
 
     S, count = observation.shape[1:]
 
-    def matrix(table: Rows, action: int) -> csr_array:
-        part = table.part(action)
+    def matrix(table: SparseTables, action: int) -> csr_array:
+        part = table.action_slice(action)
         begins = table.begins[action * S : (action + 1) * S + 1] - part.start
         return csr_array((table.values[part], table.columns[part], begins), shape=table.shape[1:])
 

@@ -16,7 +16,7 @@ from lcorpp.errors import ModelError
 from lcorpp.planning.formats.pomdp.entries import Entries, Indices, last_of_each
 from lcorpp.planning.formats.pomdp.preamble import ALL
 from lcorpp.planning.formats.pomdp.tokens import Places
-from lcorpp.planning.sparse import MAX_BYTES, Rows
+from lcorpp.planning.sparse import MAX_BYTES, SparseTables
 from lcorpp.values import Array
 
 MAX_NUMBERS = MAX_BYTES // 32
@@ -95,7 +95,7 @@ class Table:
         self._whole.pop((action, state), None)
         self._whole[action, state] = _Whole(places, content)
 
-    def rows(self) -> tuple[Rows, Places]:
+    def rows(self) -> tuple[SparseTables, Places]:
         """The table, and for each row (A, S) the offset of the statement that last spoke of it, or -1.
 
         Raises:
@@ -119,9 +119,9 @@ class Table:
         places.reshape(-1)[row] = at  # of several the last one stays
         if not len(row):
             ends = np.concatenate([[0], np.cumsum(lengths)])
-            return Rows(self.shape, ends, columns, values), places
+            return SparseTables(self.shape, ends, columns, values), places
         rows = np.repeat(np.arange(A * S), lengths.reshape(-1))
-        return Rows.of_entries(
+        return SparseTables.of_entries(
             self.shape,
             np.concatenate([rows, row]),
             np.concatenate([columns, column]),

@@ -93,7 +93,7 @@ class Tokens:
         """Whether the next token begins a statement: a keyword with its colon."""
         return _STATEMENT.match(self.text, self.at) is not None
 
-    # --- what is said of an offence ---
+    # --- what is said of an issue ---
 
     def error(self, message: str, at: int | None = None) -> ParseError:
         """A ParseError at an offset, by default that of the next token or else the end of the text."""

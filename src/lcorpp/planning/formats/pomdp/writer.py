@@ -12,7 +12,7 @@ from lcorpp.files import write_atomically
 from lcorpp.planning.formats.numbers import is_number
 from lcorpp.planning.formats.pomdp.tokens import PREAMBLE, TABLES
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 
 _RESERVED = {*PREAMBLE, *TABLES, "start", "include", "exclude", "uniform", "identity", "reset", "*"}
 
@@ -53,7 +53,7 @@ def _lines(pomdp: Pomdp) -> Iterator[str]:
         yield f"R: {pomdp.actions[a]} : {pomdp.states[s]} : * : * {r!r}"
 
 
-def _entries(keyword: str, pomdp: Pomdp, table: Rows, columns: Sequence[str]) -> Iterator[str]:
+def _entries(keyword: str, pomdp: Pomdp, table: SparseTables, columns: Sequence[str]) -> Iterator[str]:
     actions, states = pomdp.actions, pomdp.states
     for row, c, p in zip(table.rows.tolist(), table.columns.tolist(), table.values.tolist(), strict=True):
         a, s = divmod(row, len(states))

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lcorpp.errors import expected
-from lcorpp.planning.factored.table_builder import Cells, Selector
+from lcorpp.errors import expected_one_of
+from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import AFTER, ALL, EACH
 from lcorpp.planning.formats.pomdpx.tables import Function, check_probabilities
 from lcorpp.planning.formats.pomdpx.xml import Element
@@ -25,7 +25,7 @@ _SHORTHANDS = {
 _HOLDERS = {"DAG": (), "Edge": ("val",), "SubDAGTemplate": ("id",)}
 
 
-def read_diagram(function: Function, cells: Cells) -> None:
+def read_diagram(function: Function, cells: TableBuilder) -> None:
     """Put what the decision diagram of a function says into a table; cases that no path agrees with are 0.
 
     Raises:
@@ -35,7 +35,7 @@ def read_diagram(function: Function, cells: Cells) -> None:
 
 
 class _Diagram:
-    def __init__(self, function: Function, cells: Cells) -> None:
+    def __init__(self, function: Function, cells: TableBuilder) -> None:
         self.function, self.cells = function, cells
         self.document = function.source.document
         self.templates: dict[str, Element] = {}
@@ -72,7 +72,7 @@ class _Diagram:
         name = self.document.attribute(element, "idref")
         if name not in self.templates:
             raise self.document.error(
-                element, f"unknown template {name!r}; {expected(tuple(self.templates))}"
+                element, f"unknown template {name!r}; {expected_one_of(tuple(self.templates))}"
             )
         if before >= len(self.templates):
             raise self.document.error(element, f"template {name!r} is within itself")
@@ -101,7 +101,9 @@ class _Diagram:
     def _kind(self, element: Element) -> str:
         kind = self.document.attribute(element, "type")
         if kind not in _SHORTHANDS:
-            raise self.document.error(element, f"unknown type {kind!r}; {expected(tuple(_SHORTHANDS))}")
+            raise self.document.error(
+                element, f"unknown type {kind!r}; {expected_one_of(tuple(_SHORTHANDS))}"
+            )
         self.document.children(element, (), _SHORTHANDS[kind])
         if kind != "template" and not self.function.children:
             raise self.document.error(element, f"{kind!r} is for probabilities, not for rewards")
@@ -141,7 +143,7 @@ class _Diagram:
         names, function = self.function.source.names, self.function
         if names.get(theirs) not in function.names:
             known = [theirs for theirs, ours in names.items() if ours in function.names]
-            raise self.document.error(element, f"unknown variable {theirs!r} here; {expected(known)}")
+            raise self.document.error(element, f"unknown variable {theirs!r} here; {expected_one_of(known)}")
         axis = function.names.index(names[theirs])
         if place[axis] != ALL:
             raise self.document.error(element, f"{theirs!r} is decided already on the way here")
@@ -152,6 +154,6 @@ class _Diagram:
         if value not in known:
             name = self.function.names[axis]
             raise self.document.error(
-                element, f"unknown value {value!r} of {name!r}; {expected(tuple(known))}"
+                element, f"unknown value {value!r} of {name!r}; {expected_one_of(tuple(known))}"
             )
         return known[value]

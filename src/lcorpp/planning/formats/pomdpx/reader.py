@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from lcorpp.errors import ModelError, expected
+from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.files import read_bytes
 from lcorpp.planning.factored.cpt import distribution
+from lcorpp.planning.factored.flatten import flatten
 from lcorpp.planning.factored.model import Factored
 from lcorpp.planning.factored.table import Table
-from lcorpp.planning.factored.table_builder import Cells
+from lcorpp.planning.factored.table_builder import TableBuilder
 from lcorpp.planning.factored.variables import AFTER, scope_of
 from lcorpp.planning.formats.pomdpx.decision_diagrams import read_diagram
 from lcorpp.planning.formats.pomdpx.tables import Function, Source, checked, read_entries
@@ -28,7 +29,7 @@ _ENDLESS = ("inf", "infinite", "infinity")
 
 
 def read_pomdpx(path: str | Path, *, reachable: bool = False) -> Pomdp:
-    """Read a .pomdpx file as a flat problem, see `Factored.flat`.
+    """Read a .pomdpx file as a flat problem, see `flatten`.
 
     Args:
         reachable: leave out the states that the start cannot lead to.
@@ -40,7 +41,7 @@ def read_pomdpx(path: str | Path, *, reachable: bool = False) -> Pomdp:
     """
     problem = read_factored(path)
     try:
-        return problem.flat(reachable=reachable)
+        return flatten(problem, reachable=reachable)
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
 
@@ -158,7 +159,7 @@ class _Reader:
             name = document.word(variable)
             if name not in self.declared.rewards:
                 raise document.error(
-                    variable, f"unknown reward {name!r}; {expected(tuple(self.declared.rewards))}", 0
+                    variable, f"unknown reward {name!r}; {expected_one_of(tuple(self.declared.rewards))}", 0
                 )
             if name in tables:
                 raise document.error(variable, f"a second <Func> for {name!r}", 0)
@@ -177,7 +178,7 @@ class _Reader:
         if kind not in ("TBL", "DD"):
             raise document.error(parameter, f"a parameter of type {kind!r} is not read; expected TBL or DD")
         try:
-            cells = Cells(function.source.scope, function.parents, function.children)
+            cells = TableBuilder(function.source.scope, function.parents, function.children)
             read_entries(function, cells) if kind == "TBL" else read_diagram(function, cells)
             table = cells.table()
         except ModelError as error:
@@ -195,7 +196,7 @@ class _Reader:
             if name is None or name not in allowed:
                 theirs = [theirs for theirs, ours in self.declared.names.items() if ours in allowed]
                 what = f"{word!r} cannot stand here" if name else f"unknown variable {word!r}"
-                raise self.document.error(element, f"{what}; {expected(theirs)}", i)
+                raise self.document.error(element, f"{what}; {expected_one_of(theirs)}", i)
             if name in found or name in taken:
                 raise self.document.error(element, f"{word!r} is named twice", i)
             found.append(name)

@@ -9,9 +9,9 @@ from math import prod
 
 import numpy as np
 
-from lcorpp.errors import ParseError, expected
+from lcorpp.errors import ParseError, expected_one_of
 from lcorpp.planning.factored.table import Table, row_name
-from lcorpp.planning.factored.table_builder import Cells, Selector
+from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import ALL, EACH, Scope
 from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE
 from lcorpp.planning.formats.pomdpx.xml import Document, Element
@@ -49,7 +49,7 @@ class Function:
         return tuple({value: i for i, value in enumerate(scope[name].values)} for name in self.names)
 
 
-def read_entries(function: Function, cells: Cells) -> None:
+def read_entries(function: Function, cells: TableBuilder) -> None:
     """Put what the entries of a function say into a table.
 
     Raises:
@@ -59,7 +59,7 @@ def read_entries(function: Function, cells: Cells) -> None:
         _read_entry(function, cells, entry)
 
 
-def _read_entry(function: Function, cells: Cells, entry: Element) -> None:
+def _read_entry(function: Function, cells: TableBuilder, entry: Element) -> None:
     document = function.source.document
     # the documentation itself has a ProbTable where a reward wants a ValueTable
     titles = ("ProbTable",) if function.children else ("ValueTable", "ProbTable")
@@ -85,7 +85,7 @@ def _read_entry(function: Function, cells: Cells, entry: Element) -> None:
         cells.put(place, values)
 
 
-def _uniform(function: Function, cells: Cells, place: Sequence[Selector], numbers: Element) -> None:
+def _uniform(function: Function, cells: TableBuilder, place: Sequence[Selector], numbers: Element) -> None:
     own = slice(len(function.parents), None)
     if not all(isinstance(selector, str) for selector in place[own]):
         raise function.source.document.error(numbers, "'uniform' needs '-' for the variable itself", 0)
@@ -93,7 +93,7 @@ def _uniform(function: Function, cells: Cells, place: Sequence[Selector], number
     cells.put(loose, 1.0 / prod(cells.sizes[own]))
 
 
-def _identity(function: Function, cells: Cells, place: Sequence[Selector], numbers: Element) -> None:
+def _identity(function: Function, cells: TableBuilder, place: Sequence[Selector], numbers: Element) -> None:
     each = [n for n, selector in zip(cells.sizes, place, strict=True) if selector == EACH]
     if len(each) != 2 or each[0] != each[1] or place[-1] != EACH or len(function.children) != 1:
         raise function.source.document.error(
@@ -115,7 +115,7 @@ def _place(function: Function, instance: Element) -> list[Selector]:
     place: list[Selector] = []
     for i, (word, known) in enumerate(zip(words, function.numbers, strict=True)):
         if word not in known and word not in (ALL, EACH):
-            message = f"unknown value {word!r} of {function.names[i]!r}; {expected(tuple(known))}"
+            message = f"unknown value {word!r} of {function.names[i]!r}; {expected_one_of(tuple(known))}"
             raise document.error(instance, message, i)
         place.append(known.get(word, word))
     return place
@@ -134,7 +134,7 @@ def checked(function: Function, table: Table) -> Table:
     Raises:
         ParseError: a row is missing or its sum is wrong.
     """
-    sums = table.rows.sums()
+    sums = table.rows.row_sums()
     off = np.abs(sums - 1)
     wrong = np.flatnonzero(off[0] > ROW_TOLERANCE)
     if len(wrong):
@@ -142,7 +142,7 @@ def checked(function: Function, table: Table) -> Table:
     inexact = off > SUM_TOLERANCE
     if not inexact.any():
         return table
-    rows = table.rows.scaled(np.where(inexact, 1 / sums, 1.0))
+    rows = table.rows.scale_rows(np.where(inexact, 1 / sums, 1.0))
     return Table(table.parents, table.children, table.shape, rows)
 
 

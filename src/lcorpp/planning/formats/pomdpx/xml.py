@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from xml.parsers import expat
 
-from lcorpp.errors import ParseError, expected
+from lcorpp.errors import ParseError, expected_one_of
 from lcorpp.planning.formats.numbers import finite_numbers, first_fault
 from lcorpp.values import Array
 
@@ -104,7 +104,7 @@ class Document:
             raise self.error(element, f"<{element.name}> holds no text, found {element.words()[0][:40]!r}", 0)
         for child in element.children:
             if child.name not in names:
-                known = expected([f"<{name}>" for name in names]) if names else "it is empty"
+                known = expected_one_of([f"<{name}>" for name in names]) if names else "it is empty"
                 raise self.error(child, f"unknown <{child.name}> in <{element.name}>; {known}")
         return element.children
 
@@ -155,7 +155,7 @@ class Document:
         """Refuse attributes other than these."""
         for name in element.attributes:
             if name not in names:
-                known = expected(names) if names else "there is none"
+                known = expected_one_of(names) if names else "there is none"
                 raise self.error(element, f"unknown attribute {name!r} of <{element.name}>; {known}")
 
     # --- while expat walks through the text ---

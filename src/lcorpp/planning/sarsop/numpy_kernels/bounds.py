@@ -19,7 +19,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lcorpp.planning.sarsop.numpy_kernels.model import Indices, Model, entries
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
 
@@ -110,11 +110,11 @@ def _check(tolerance: float, seconds: float) -> None:
         raise ValueError("tolerance and seconds are numbers, the tolerance not negative")
 
 
-def _matrices(rows: Rows) -> list[Any]:
+def _matrices(rows: SparseTables) -> list[Any]:
     """Each action's table as a matrix of scipy."""
     matrices = []
     for a in range(rows.shape[0]):
-        part = rows.part(a)
+        part = rows.action_slice(a)
         begins = rows.begins[a * rows.shape[1] : (a + 1) * rows.shape[1] + 1] - part.start
         matrices.append(csr_array((rows.values[part], rows.columns[part], begins), shape=rows.shape[1:]))
     return matrices
@@ -123,7 +123,7 @@ def _matrices(rows: Rows) -> list[Any]:
 def _joint(model: Model, action: int) -> tuple[Any, Indices]:
     """P(s', o | s, a) of one action, a row for each (s, o) that can be, a column for each s'; the rows' s."""
     T, Z = model.transition, model.observation
-    part = T.part(action)
+    part = T.action_slice(action)
     reached = T.columns[part].astype(np.intp)
     index, owner = entries(Z, action * model.states + reached)
     state = T.rows[part][owner] - action * model.states

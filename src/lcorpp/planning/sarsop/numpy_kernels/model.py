@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array, Belief
 
 Indices = npt.NDArray[np.intp]
@@ -143,7 +143,7 @@ class Model:
         return np.argsort(np.argsort(first))[inverse]
 
 
-def entries(rows: Rows, wanted: Indices) -> tuple[Indices, Indices]:
+def entries(rows: SparseTables, wanted: Indices) -> tuple[Indices, Indices]:
     """Where the entries of the rows `wanted` (n,) are, end to end, and which of the n each belongs to."""
     return ranges(rows.begins[wanted], rows.begins[wanted + 1])
 
@@ -160,13 +160,13 @@ def _distributions(
     begins: npt.NDArray[np.int64],
     column: npt.NDArray[np.int32],
     value: Array,
-) -> Rows:
+) -> SparseTables:
     try:
-        rows = Rows(shape, begins, column, value)
+        rows = SparseTables(shape, begins, column, value)
     except ModelError as error:
         raise ValueError(str(error)) from None
     if not (np.isfinite(rows.values).all() and (rows.values >= 0).all()):
         raise ValueError("probabilities are finite numbers, not negative")
-    if (np.abs(rows.sums() - 1) > ROW_TOLERANCE).any():
+    if (np.abs(rows.row_sums() - 1) > ROW_TOLERANCE).any():
         raise ValueError("a row of a table does not sum to 1")
     return rows

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcorpp.planning.belief import IMPOSSIBLE
+from lcorpp.planning.belief import MIN_PROBABILITY
 from lcorpp.planning.sarsop.numpy_kernels.model import Beliefs, Indices, Model, entries
 from lcorpp.values import Array
 
@@ -59,7 +59,7 @@ def outcomes(model: Model, belief: Beliefs, action: int) -> Outcomes:
     owner, weights = owner[order], (mass[owner] * model.observation.values[index])[order]
     probability: Array = np.asarray(np.bincount(child, weights, minlength=len(observation)), dtype=np.float64)
     # children whose probability has no digits are left out; the others move up
-    possible = probability >= IMPOSSIBLE
+    possible = probability >= MIN_PROBABILITY
     inside = possible[child] & (weights > 0)
     child, owner, weights = (np.cumsum(possible) - 1)[child[inside]], owner[inside], weights[inside]
     group = np.empty(int(possible.sum()), dtype=np.intp)

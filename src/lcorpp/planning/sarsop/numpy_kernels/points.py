@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.belief import IMPOSSIBLE
+from lcorpp.planning.belief import MIN_PROBABILITY
 from lcorpp.planning.sarsop.numpy_kernels.model import Indices, ranges
 from lcorpp.values import Array
 
@@ -92,7 +92,7 @@ class Points:
         for part in np.split(asked, np.flatnonzero(np.diff(work // _BLOCK)) + 1):
             begins, ends = self._begins[part], self._begins[part + 1]
             index, _ = ranges(begins, ends)
-            ratios = beliefs[:, self._places[index]] / np.maximum(self._weights[index], IMPOSSIBLE)
+            ratios = beliefs[:, self._places[index]] / np.maximum(self._weights[index], MIN_PROBABILITY)
             phi = np.minimum.reduceat(ratios, np.cumsum(ends - begins) - (ends - begins), axis=1)
             np.minimum(lowest, (phi * self._excess[part]).min(axis=1), out=lowest)
         return lowest

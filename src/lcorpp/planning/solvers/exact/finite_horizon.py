@@ -12,7 +12,7 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.policy import Piece, Policy
+from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Progress
 from lcorpp.planning.solvers.arguments import checked_count, checked_discount, checked_limits, checked_starts
@@ -112,7 +112,7 @@ class _Stages:
     def _stage(
         self, vectors: Array, actions: npt.NDArray[np.intp], witnesses: Array, lost: float, to_go: int
     ) -> _Stage:
-        pieces = [Piece(np.arange(self.steps.states), vectors, actions)]
+        pieces = [AlphaVectors(np.arange(self.steps.states), vectors, actions)]
         above = RaisedBound(vectors, lost)
         policy = finite_policy(self.pomdp, pieces, to_go, self.steps.discount, above)
         return _Stage(policy, witnesses, lost)

@@ -14,7 +14,7 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.policy import Piece, Policy
+from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Progress, Solution
 from lcorpp.planning.solvers.arguments import checked_limits, checked_starts
@@ -184,9 +184,10 @@ class _Iteration:
     def solution(self, reason: str) -> Solution:
         """The best so far."""
         widest, low, high = self._note()
-        piece = Piece(np.arange(self.steps.states), *self.sure)
+        piece = AlphaVectors(np.arange(self.steps.states), *self.sure)
         return Solution(
-            policy=Policy.of_pieces(self.pomdp, [piece], self.above),
+            pomdp=self.pomdp,
+            policy=Policy.of_sets(self.pomdp, [piece], self.above),
             lower=low,
             upper=high,
             seconds=monotonic() - self.began,

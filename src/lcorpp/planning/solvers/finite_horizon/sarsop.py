@@ -12,7 +12,7 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.policy import Piece, Policy
+from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop import solve
 from lcorpp.planning.solution import Progress
@@ -87,7 +87,8 @@ def _policies(pomdp: Pomdp, layers: Layers, found: Policy, discount: float) -> t
         )
         weight = float(layers.weights[layer])
         own = [
-            Piece(piece.states - layer * S, piece.vectors / weight, piece.actions) for piece in pieces[layer]
+            AlphaVectors(piece.states - layer * S, piece.vectors / weight, piece.actions)
+            for piece in pieces[layer]
         ]
         # with those that do one thing all the time there is something to do at beliefs that were not met
         whole = [piece for piece in own if len(piece.states) == S]
@@ -95,19 +96,19 @@ def _policies(pomdp: Pomdp, layers: Layers, found: Policy, discount: float) -> t
         actions = np.concatenate([np.arange(len(blind)), *(piece.actions for piece in whole)])
         parts = [piece for piece in own if len(piece.states) < S]
         above = LayerBound(layers, layer, found.upper_bound) if found.upper_bound is not None else None
-        kept = [*parts, Piece(everywhere, *_not_dominated(vectors, actions))]
+        kept = [*parts, AlphaVectors(everywhere, *_not_dominated(vectors, actions))]
         policies.append(finite_policy(pomdp, kept, layers.horizon - layer, discount, above))
     return tuple(policies)
 
 
-def _by_layer(layers: Layers, policy: Policy) -> list[list[Piece]]:
+def _by_layer(layers: Layers, policy: Policy) -> list[list[AlphaVectors]]:
     """The pieces of each layer; one over all layers was made for the first, whose states nothing leads to."""
-    S, found = layers.states, [list[Piece]() for _ in range(layers.horizon)]
-    for piece in policy.pieces:
+    S, found = layers.states, [list[AlphaVectors]() for _ in range(layers.horizon)]
+    for piece in policy.vector_sets:
         layer = int(piece.states[0]) // S
         within = piece.states < (layer + 1) * S
         if layer < layers.horizon:
-            found[layer].append(Piece(piece.states[within], piece.vectors[:, within], piece.actions))
+            found[layer].append(AlphaVectors(piece.states[within], piece.vectors[:, within], piece.actions))
     return found
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.policy import Piece, Policy, UpperBound
+from lcorpp.planning.policy import AlphaVectors, Policy, UpperBound
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Belief
 
@@ -61,7 +61,7 @@ class FiniteSolution:
 
 
 def finite_policy(
-    pomdp: Pomdp, pieces: Sequence[Piece], to_go: int, discount: float, above: UpperBound | None
+    pomdp: Pomdp, pieces: Sequence[AlphaVectors], to_go: int, discount: float, above: UpperBound | None
 ) -> Policy:
     """A policy for a number of steps to go; what any plan earns in them at least is its floor."""
     floor = float(pomdp.reward.min()) * float((discount ** np.arange(to_go)).sum())

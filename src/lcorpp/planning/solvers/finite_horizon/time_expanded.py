@@ -14,7 +14,7 @@ import numpy as np
 from lcorpp.errors import ModelError
 from lcorpp.planning.policy import UpperBound
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import MAX_BYTES, Rows
+from lcorpp.planning.sparse import MAX_BYTES, SparseTables
 from lcorpp.values import Array, Belief
 
 
@@ -95,13 +95,13 @@ def layered(pomdp: Pomdp, horizon: int, discount: float) -> Layers:
     return Layers(flat, weights)
 
 
-def _stacked(table: Rows, horizon: int, *, ahead: int) -> Rows:
+def _stacked(table: SparseTables, horizon: int, *, ahead: int) -> SparseTables:
     """(A, H S + 1, H N + 1) a table (A, S, N) in every layer, leading `ahead` layers on or to the end."""
     A, S, N = table.shape
     inner = horizon - ahead
     sizes, columns, values = [], [], []
     for a in range(A):
-        part = table.part(a)
+        part = table.action_slice(a)
         counts = np.diff(table.begins[a * S : (a + 1) * S + 1])
         sizes += [np.tile(counts, inner), np.ones(ahead * S + 1, dtype=np.int64)]
         shifts = np.repeat((np.arange(inner) + ahead) * N, part.stop - part.start)
@@ -109,4 +109,4 @@ def _stacked(table: Rows, horizon: int, *, ahead: int) -> Rows:
         values += [np.tile(table.values[part], inner), np.ones(ahead * S + 1)]
     begins = np.concatenate([[0], np.cumsum(np.concatenate(sizes))])
     shape = (A, horizon * S + 1, horizon * N + 1)
-    return Rows(shape, begins, np.concatenate(columns).astype(np.int32), np.concatenate(values))
+    return SparseTables(shape, begins, np.concatenate(columns).astype(np.int32), np.concatenate(values))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lcorpp.errors import ModelError, ObservationError
-from lcorpp.planning.belief import checked_belief, update
+from lcorpp.planning.belief import check_belief, update
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solvers.arguments import checked_count
 from lcorpp.planning.solvers.pomcp.search import EXPLORATION, History, Looked, TreeSearch
@@ -81,7 +81,7 @@ class PomcpPlanner:
         Raises:
             ModelError: it is not a distribution over the states.
         """
-        belief = checked_belief(self.pomdp, belief)
+        belief = check_belief(self.pomdp, belief)
         self._go_to(belief)
         draw, left = self._simulator.drawing(belief), self.simulations - self._root.total
         return self._search.search(self._root, draw, simulations=left, seconds=self.seconds)

@@ -9,11 +9,11 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from lcorpp.errors import ModelError, expected
-from lcorpp.planning.evaluation.absorbing import unpaid
+from lcorpp.errors import ModelError, expected_one_of
+from lcorpp.planning.evaluation.absorbing import zero_reward_states
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import engine, model_of
-from lcorpp.planning.sparse import Rows
+from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array, Belief
 
 State = TypeVar("State")
@@ -56,11 +56,13 @@ class TableSimulator:
 
     def __init__(self, pomdp: Pomdp, *, leaves: str = "mdp", seed: int = 0) -> None:
         if leaves not in LEAVES:
-            raise ModelError(f"unknown guess {leaves!r} at the value of a state; {expected(tuple(LEAVES))}")
+            raise ModelError(
+                f"unknown guess {leaves!r} at the value of a state; {expected_one_of(tuple(LEAVES))}"
+            )
         self.actions, self.discount = len(pomdp.actions), pomdp.discount
         self._states = len(pomdp.states)
         self._reward: list[float] = pomdp.reward.reshape(-1).tolist()
-        self._over: list[bool] = unpaid(pomdp).tolist()
+        self._over: list[bool] = zero_reward_states(pomdp).tolist()
         self._values: list[float] = np.where(self._over, 0.0, LEAVES[leaves](pomdp)).tolist()
         self._moves, self._shows = _Chances(pomdp.transition), _Chances(pomdp.observation)
         self._numbers = _numbers(np.random.default_rng(seed))
@@ -89,7 +91,7 @@ class TableSimulator:
 class _Chances:
     """The rows of a table, each made ready to be drawn from when it is first needed."""
 
-    def __init__(self, table: Rows) -> None:
+    def __init__(self, table: SparseTables) -> None:
         self._table = table
         self._rows: dict[int, tuple[list[int], list[float]]] = {}
 
@@ -134,8 +136,8 @@ def _random(pomdp: Pomdp) -> Array:
         states=pomdp.states,
         actions=("any",),
         observations=("nothing",),
-        transition=Rows.of([mean]),
-        observation=Rows.of([nothing]),
+        transition=SparseTables.of([mean]),
+        observation=SparseTables.of([nothing]),
         reward=pomdp.reward.mean(axis=0, keepdims=True),
         discount=pomdp.discount,
         start=pomdp.start,

@@ -1,0 +1,121 @@
+"""Training data, simulated or recorded, and the trajectories of the trials that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lcorpp.domains import Domain
+from lcorpp.errors import DataError
+from lcorpp.learning import leakage_note, learner, read_data, split
+from lcorpp.simulation.trajectories import (
+    RecordedTrajectories,
+    SimulatedTrajectories,
+    TrajectorySource,
+    simulate_dataset,
+)
+from lcorpp.values import Dataset
+
+FOLDS = 5
+"""Folds of every cross-validation."""
+
+PAPER_EPOCHS = 300
+"""Epochs in the paper; right for a hundred recorded tracks, too many for simulated ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingData:
+    """A training set and the source of the test trajectories, which never contains a training track.
+
+    epochs: the number of epochs that suits the data.
+    """
+
+    dataset: Dataset
+    trajectories: TrajectorySource
+    epochs: int
+
+
+def simulate_training_data(domain: Domain, seed: int, *, tracks: int | None = None) -> TrainingData:
+    """Simulate a training set; the trials simulate new trajectories.
+
+    Args:
+        tracks: the number of tracks; None takes the domain's number.
+
+    Raises:
+        DomainError: the domain has no `people.py` with a function `trajectories`.
+    """
+    source = SimulatedTrajectories.of(domain)
+    rng = np.random.default_rng([seed, 0])
+    return TrainingData(simulate_dataset(domain, source, tracks or domain.tracks, rng), source, domain.epochs)
+
+
+def read_training_data(
+    domain: Domain, path: Path, seed: int, *, features: Sequence[str] = ("x", "y")
+) -> TrainingData:
+    """Read recorded tracks and split them: 70 % for training, the other people's 30 % for the trials.
+
+    Args:
+        path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz.
+        features: the classifier's features, see `Motion`. Columns that no feature needs are dropped, so that
+            the classifier also works where they are not measured.
+
+    Raises:
+        DataError: a class is none of the domain's values, x or y is missing, or there are too few tracks.
+        FileError, ParseError: the data are missing or malformed.
+    """
+    labels = domain.data_labels or {value: value for value in domain.values}
+    dataset = _select_columns(read_data(path, labels=labels), features)
+    try:
+        train, test = split(dataset, seed=seed)
+        leak = leakage_note(train) if len(domain.values) == 2 else None
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
+    shares = (
+        f"{len(train)} of {len(dataset)} tracks are training data; the trials sample tracks of the"
+        f" {len(set(test.groups))} other people, so their intervals do not cover people outside of the data"
+    )
+    notes = (*train.notes, shares, *([] if leak is None else [leak]))
+    return TrainingData(replace(train, notes=notes), RecordedTrajectories(domain.target, test), PAPER_EPOCHS)
+
+
+def _select_columns(dataset: Dataset, features: Sequence[str]) -> Dataset:
+    """Drop the columns that no feature is computed from."""
+    needed = {"x", "y", *features, *(["facing"] if "attention" in features else [])}
+    indices = [index for index, name in enumerate(dataset.channels) if name in needed]
+    names = tuple(dataset.channels[index] for index in indices)
+    return replace(dataset, trajectories=dataset.trajectories[:, indices], channels=names)
+
+
+def make_estimator(
+    data: TrainingData,
+    name: str = "lstm",
+    *,
+    epochs: int | None = None,
+    seed: int = 0,
+    device: str = "cpu",
+    features: Sequence[str] = ("x", "y"),
+) -> Any:
+    """Return an unfitted estimator for the interval and the channels of some training data.
+
+    Args:
+        name: the learner, see `learner`.
+        epochs: None takes the number that suits the data for "lstm", and the learner's default otherwise.
+        features: the classifier's features, see `Motion`.
+
+    Raises:
+        DataError: as `learner`.
+    """
+    suitable = data.epochs if name == "lstm" else None
+    return learner(
+        name,
+        interval=data.dataset.interval,
+        inputs=data.dataset.channels,
+        features=features,
+        epochs=epochs or suitable,
+        seed=seed,
+        device=device,
+    )

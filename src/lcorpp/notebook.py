@@ -1,0 +1,28 @@
+"""Short texts and HTML tables for the `repr` and `_repr_html_` of values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+
+def join_some(parts: Sequence[str], limit: int = 6) -> str:
+    """Join at most `limit` parts with commas; more are cut and counted: ``a, b, ... (9 in all)``."""
+    cut = f", ... ({len(parts)} in all)" if len(parts) > limit else ""
+    return ", ".join(parts[:limit]) + cut
+
+
+def html_table(
+    header: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = "", limit: int = 100
+) -> str:
+    """Return an HTML table; all texts are escaped, and at most `limit` rows are shown."""
+    every = list(rows)
+    lines = [_row("th", header), *(_row("td", row) for row in every[:limit])]
+    if len(every) > limit:
+        lines.append(_row("td", [f"... ({len(every)} rows in all)"]))
+    title = f"<caption>{escape(caption)}</caption>" if caption else ""
+    return f"<table>{title}{''.join(lines)}</table>"
+
+
+def _row(tag: str, cells: Sequence[str]) -> str:
+    return "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"

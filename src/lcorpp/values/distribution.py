@@ -1,0 +1,119 @@
+"""Discrete distributions, and likelihoods as soft evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcorpp.errors import ModelError, expected_one_of
+from lcorpp.notebook import html_table, join_some
+from lcorpp.values.arrays import Array, freeze
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Distribution:
+    """A distribution over named values, e.g. the marginal of one attribute.
+
+    values: (n,) the names, in the order of their declaration.
+    probabilities: (n,) non-negative, summing to 1.
+    """
+
+    values: tuple[str, ...]
+    probabilities: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "probabilities", freeze(self.probabilities))
+        p = self.probabilities
+        if p.shape != (len(self.values),) or not len(p):
+            raise ModelError(f"a distribution over {len(self.values)} values cannot have shape {p.shape}")
+        if not np.all(np.isfinite(p)) or p.min() < 0 or abs(p.sum() - 1) > 1e-9:
+            raise ModelError(f"{p.tolist()} over {', '.join(self.values)} is not a distribution")
+
+    @classmethod
+    def certain(cls, value: str, values: tuple[str, ...]) -> Distribution:
+        """Return the distribution with probability 1 on `value`.
+
+        Raises:
+            ModelError: `value` is not one of `values`.
+        """
+        if value not in values:
+            raise ModelError(f"unknown value {value!r}; {expected_one_of(values)}")
+        return cls(values, np.array([float(v == value) for v in values]))
+
+    @classmethod
+    def unchecked(cls, values: tuple[str, ...], probabilities: Array) -> Distribution:
+        """Return a distribution without checks and without a copy of the (read-only) array."""
+        distribution = object.__new__(cls)
+        object.__setattr__(distribution, "values", values)
+        object.__setattr__(distribution, "probabilities", probabilities)
+        return distribution
+
+    def __getitem__(self, value: str) -> float:
+        if value not in self.values:
+            raise ModelError(f"unknown value {value!r}; {expected_one_of(self.values)}")
+        return float(self.probabilities[self.values.index(value)])
+
+    def __iter__(self) -> Iterator[tuple[str, float]]:
+        return iter(zip(self.values, self.probabilities.tolist(), strict=True))
+
+    def __repr__(self) -> str:
+        return f"Distribution({join_some([f'{value}: {p:.4g}' for value, p in self])})"
+
+    def _repr_html_(self) -> str:
+        return html_table(("value", "probability"), [(value, f"{p:.4g}") for value, p in self])
+
+    def most_likely(self) -> str:
+        """Return the value with the highest probability, the first declared among equals."""
+        return self.values[int(np.argmax(self.probabilities))]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Likelihood:
+    """Soft evidence about a named value: P(observed | value) up to a common factor.
+
+    values: (n,) the names, all different.
+    weights: (n,) finite, not negative, not all zero; scaled to a maximum of 1. Weight 0 rules a value out.
+
+    Source: Pearl, Probabilistic Reasoning in Intelligent Systems, 1988, section 2.2.2 (virtual evidence).
+    """
+
+    values: tuple[str, ...]
+    weights: Array
+
+    def __post_init__(self) -> None:
+        w = np.array(self.weights, dtype=np.float64)
+        if w.shape != (len(self.values),) or not len(w) or len(set(self.values)) < len(w):
+            raise ModelError(
+                f"a likelihood needs one weight for each of {len(self.values)} different values, not shape"
+                f" {w.shape}"
+            )
+        if not np.all(np.isfinite(w)) or w.min() < 0 or w.max() <= 0:
+            pairs = ", ".join(f"{value} {weight:g}" for value, weight in zip(self.values, w, strict=True))
+            raise ModelError(f"likelihood of {pairs}: expected finite weights, none negative, not all zero")
+        object.__setattr__(self, "weights", freeze(w / w.max()))
+
+    def __iter__(self) -> Iterator[tuple[str, float]]:
+        return iter(zip(self.values, self.weights.tolist(), strict=True))
+
+    def __str__(self) -> str:
+        return ":".join(self.values) + " as " + ":".join(f"{weight:.3g}" for weight in self.weights.tolist())
+
+    def __repr__(self) -> str:
+        return f"Likelihood({join_some([f'{value}: {weight:.4g}' for value, weight in self])})"
+
+    def _repr_html_(self) -> str:
+        return html_table(("value", "likelihood"), [(value, f"{weight:.4g}") for value, weight in self])
+
+    def rename(self, names: Mapping[str, str]) -> Likelihood:
+        """Return this likelihood with other value names: old name -> new name, one for each value."""
+        return Likelihood(tuple(names[value] for value in self.values), self.weights)
+
+    def most_likely(self) -> str:
+        """Return the value with the largest weight, the first among equals."""
+        return self.values[int(np.argmax(self.weights))]
+
+
+Label = str | Likelihood
+"""Output of a classifier: a class name, or the likelihood of each class."""

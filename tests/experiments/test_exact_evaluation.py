@@ -1,0 +1,97 @@
+"""Shows 4: the values of PAPER.md's table, exactly and by simulation."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from lcorpp import planning
+from lcorpp.decision import STRATEGIES, Robot
+from lcorpp.domains import load_domain
+from lcorpp.errors import DomainError
+from lcorpp.experiments.exact_evaluation import evaluate_exactly
+from lcorpp.experiments.metrics import Scores
+from lcorpp.experiments.trials import Experiment, run_trials
+from lcorpp.reasoning import Enumeration
+from lcorpp.simulation.channel import NoisyChannel
+
+# strategy: F1, accuracy, cost, its standard deviation, return
+TABLE = {
+    "paper": {
+        "L": (0.692, 0.730, 0, 0, 36.80),
+        "R": (0.596, 0.705, 0, 0, 32.75),
+        "P": (0.813, 0.845, 13.79, 8.94, 41.38),
+        "L+R": (0.731, 0.771, 0, 0, 43.32),
+        "R+P": (0.817, 0.852, 10.27, 7.82, 45.98),
+        "LCORPP": (0.848, 0.880, 9.28, 7.96, 51.53),
+    },
+    "authors": {
+        "L": (0.670, 0.766, 0, 0, 42.59),
+        "R": (0.596, 0.705, 0, 0, 32.75),
+        "P": (0.870, 0.893, 10.95, 7.22, 52.00),
+        "L+R": (0.724, 0.789, 0, 0, 46.26),
+        "R+P": (0.874, 0.899, 9.56, 6.97, 54.21),
+        "LCORPP": (0.891, 0.916, 8.18, 7.06, 58.45),
+    },
+}
+
+
+@cache
+def parts(preset: str):
+    domain = load_domain("intention", preset=preset)
+    policy = planning.solve(domain.pomdp, domain.start_beliefs()).policy
+    channel = NoisyChannel.of(domain)
+    robot = Robot(channel, Enumeration(domain.program), planning.Planner(policy, domain.pomdp), domain)
+    return domain, robot, channel
+
+
+@cache
+def exactly(preset: str) -> dict[str, Scores]:
+    domain, robot, channel = parts(preset)
+    return {scores.strategy: scores for scores in evaluate_exactly(domain, robot, channel, STRATEGIES)}
+
+
+@pytest.mark.parametrize("preset", TABLE)
+@pytest.mark.parametrize("strategy", TABLE["paper"])
+def test_the_table_to_its_last_digit(preset, strategy):
+    f1, accuracy, cost, cost_sd, return_ = TABLE[preset][strategy]
+    found = exactly(preset)[strategy]
+    assert round(found.f1.estimate, 3) == f1
+    assert round(found.accuracy.estimate, 3) == accuracy
+    assert round(found.cost.estimate, 2) == cost
+    assert round(found.cost_sd, 2) == cost_sd
+    assert round(found.return_.estimate, 2) == return_
+
+
+@pytest.mark.parametrize("preset", TABLE)
+def test_simulation_agrees_with_enumeration(preset):
+    """3000 decisions; 36 figures in both presets, each within 4 standard errors (1 chance in 400 for all)."""
+    domain, robot, channel = parts(preset)
+    results, done = run_trials(Experiment(domain, robot, channel, channel, STRATEGIES, 5), 3000)
+    assert done == 3000
+    for result in results:
+        truth = exactly(preset)[result.strategy]
+        for name in ("f1", "cost", "return_"):
+            interval, value = getattr(result, name), getattr(truth, name).estimate
+            standard_error = (interval.high - interval.low) / 2 / 1.96
+            assert abs(interval.estimate - value) <= 4 * standard_error + 1e-12, (result.strategy, name)
+
+
+def test_probabilities_of_an_enumeration_sum_to_one():
+    for scores in exactly("authors").values():
+        assert np.sum(scores.counts) == pytest.approx(1, abs=1e-8)
+
+
+def test_return_is_report_reward_minus_cost():
+    """80 for right and -80 for wrong, so that return = 80 (2 accuracy - 1) - cost."""
+    for scores in exactly("paper").values():
+        expected = 80 * (2 * scores.accuracy.estimate - 1) - scores.cost.estimate
+        assert scores.return_.estimate == pytest.approx(expected, abs=1e-6)
+
+
+def test_reactions_drawn_by_python_cannot_be_enumerated():
+    domain, robot, channel = parts("paper")
+    drawn = replace(domain.simulation, reaction=lambda person, action, rng: "pos")
+    with pytest.raises(DomainError, match=r"people\.py draws its reactions, so only simulation can score it"):
+        evaluate_exactly(replace(domain, simulation=drawn), robot, channel, STRATEGIES)

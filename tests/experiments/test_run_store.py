@@ -1,0 +1,304 @@
+"""A run of Algorithm 1 goes on from its store and checkpoint, whatever became of either."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+
+from lcorpp.decision import Batch
+from lcorpp.errors import DataError, FileError
+from lcorpp.experiments.run_store import RunStore
+from lcorpp.learning import learner, train_and_validate
+from lcorpp.learning.store import NewTrack, Store, read_store
+from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance
+
+CLASSES = ("slow", "fast")
+BELIEF = Distribution(CLASSES, np.array([0.9, 0.1]))
+
+
+def walks(cases: int, seed: int = 0) -> Dataset:
+    rng = np.random.default_rng(seed)
+    labels = tuple(CLASSES[row % 2] for row in range(cases))
+    steps = (
+        rng.normal(0.2, 0.05, (cases, 2, 12)) * np.array([1 + (x == "fast") for x in labels])[:, None, None]
+    )
+    return Dataset(np.cumsum(steps, axis=2), labels, interval=0.4)
+
+
+DATA = walks(24)
+MATRIX = ConfusionMatrix(CLASSES, np.array([[9, 3], [2, 10]]))
+
+
+@cache
+def learnt(numbers: bytes, labels: tuple[str, ...]):
+    tracks = np.frombuffer(numbers).reshape(len(labels), 2, -1)
+    trained, validation = train_and_validate(
+        learner("summaries", interval=0.4), Dataset(tracks, labels, interval=0.4), folds=2
+    )
+    return trained, validation.confusion
+
+
+def learn(dataset: Dataset):
+    return learnt(dataset.trajectories.tobytes(), dataset.labels)
+
+
+def never(_dataset):
+    raise AssertionError("nothing had to be trained")
+
+
+def decide(run_store: RunStore, row: int, report: str | None = "slow", **extra: object) -> str:
+    instance = Instance(walks(1, seed=row).trajectories[0], {"time": "noon"})
+    return run_store.append_decision(
+        instance, Episode("fast", {}, None, np.array([1.0]), (), report), BELIEF, extra
+    )
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "s.tracks"
+
+
+@pytest.fixture
+def opened(path):
+    """Open the run store again and again, each time as a run with some settings would."""
+    run_stores = []
+
+    def open_again(data: Dataset = DATA, **settings: object) -> RunStore:
+        for run_store in run_stores:
+            run_store.close()
+        run_stores.append(RunStore(path, data, CLASSES, {"seed": 0, **settings}))
+        return run_stores[-1]
+
+    yield open_again
+    for run_store in run_stores:
+        run_store.close()
+
+
+@pytest.fixture
+def ended(opened):
+    """A run that completed batch 1 of three decisions, and two decisions of the next."""
+    run_store = opened()
+    assert run_store.resume(never) is None
+    run_store.save_checkpoint(batch(0, run_store.dataset()), [{"batch": 0}])
+    for row in range(3):
+        decide(run_store, row, None if row == 1 else "fast")
+    completed = batch(1, run_store.dataset())
+    run_store.save_checkpoint(completed, [{"batch": 0}, {"batch": 1, "f1": 0.1 + 0.2}])
+    decide(run_store, 3, note="a")
+    decide(run_store, 4, None)
+    return completed
+
+
+def batch(number: int, dataset: Dataset) -> Batch:
+    trained, confusion = learn(dataset)
+    return Batch(number, dataset, trained, confusion, 0.125, (), (), False)
+
+
+def test_a_run_goes_on_where_it_ended(opened, ended):
+    run_store = opened()
+    resumed = run_store.resume(never)
+    assert (run_store.notes, run_store.number, run_store.n_people) == ([], 1, 5)
+    assert run_store.rows == [{"batch": 0}, {"batch": 1, "f1": 0.1 + 0.2}]
+    assert [(s.extra.get("note"), s.label) for s in run_store.pending] == [
+        ("a", "slow"),
+        (None, None),
+    ]
+    assert (resumed.number, resumed.change, resumed.decided) == (1, 0.125, 2)
+    assert np.array_equal(resumed.confusion.counts, ended.confusion.counts)
+    tracks = walks(50, seed=9).trajectories
+    assert resumed.classifier.classify_many(tracks) == ended.classifier.classify_many(tracks)
+    omega = run_store.dataset()
+    assert omega.labels == (*DATA.labels, "fast", "fast", "slow")
+    assert omega.groups[:24] == DATA.groups
+    assert np.array_equal(omega.trajectories[-1], walks(1, seed=3).trajectories[0])
+
+
+def test_what_is_kept_tells_its_origin(opened, path):
+    run_store = opened()
+    id = decide(run_store, 7, "slow", simulated={"actual": "fast"})
+    (stored,) = read_store(path)
+    assert (stored.id, stored.label, stored.source, dict(stored.context)) == (
+        id,
+        "slow",
+        "robot",
+        {"time": "noon"},
+    )
+    assert dict(stored.belief) == dict(BELIEF)
+    assert stored.extra["batch"] == 1
+    assert stored.extra["met"] == 0
+    assert stored.extra["simulated"] == {"actual": "fast"}
+
+
+def test_a_classifier_in_the_soft_way(opened):
+    run_store = opened()
+    first = batch(0, run_store.dataset())
+    soft = first.classifier.soft()
+    run_store.save_checkpoint(Batch(0, first.dataset, soft, first.confusion, 1, (), (), False), [])
+    tracks = walks(3, seed=9).trajectories
+    again = opened().resume(never).classifier.classify_many(tracks)
+    assert [str(likelihood) for likelihood in again] == [str(one) for one in soft.classify_many(tracks)]
+
+
+def test_a_classifier_that_cannot_be_stored_is_trained_once_more(opened, path):
+    """On what it had been trained on, not on the decisions since: a run without a crash had it so."""
+
+    class Odd:
+        def classify(self, instance):
+            return "slow"
+
+    run_store = opened()
+    run_store.save_checkpoint(Batch(0, DATA, Odd(), MATRIX, 1, (), (), False), [])
+    decide(run_store, 1)
+    given = []
+    resumed = opened().resume(lambda dataset: given.append(dataset) or (Odd(), MATRIX))
+    assert len(given[0]) == len(DATA)
+    assert (resumed.decided, resumed.classifier.classify(None)) == (1, "slow")
+
+
+def test_what_persons_add_in_between_is_learnt_at_once(opened, ended, path):
+    opened().close()
+    with Store(path, read_store(path).schema) as store:
+        (first, *_) = store.snapshot()
+        store.relabel(first.id, "slow")
+        store.append(NewTrack(walks(1, seed=99).trajectories[0], "slow", "person"))
+    run_store = opened()
+    given = []
+    resumed = run_store.resume(lambda dataset: given.append(dataset) or learn(dataset))
+    assert run_store.notes == ["2 records were added since, by persons or another run: trained anew"]
+    assert given[0].labels[24:] == ("slow", "fast", "slow", "slow")
+    assert resumed.change != 0.125
+    run_store.save_checkpoint(
+        Batch(1, given[0], resumed.classifier, resumed.confusion, 0.5, (), (), False), run_store.rows
+    )
+    run_store = opened()
+    assert (run_store.resume(never).decided, run_store.resume(never).change) == (2, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"seed": 3}, "not used, seed was 0, and is 3 now"),
+        ({"data": walks(30)}, "not used, data was 24 tracks, "),
+    ],
+)
+def test_other_settings_begin_anew_with_all_that_is_stored(opened, ended, settings, words):
+    run_store = opened(**settings)
+    assert run_store.resume(never) is None
+    assert words in run_store.notes[0]
+    assert run_store.notes[0].endswith("; trained on all that is stored")
+    assert (run_store.number, run_store.pending, run_store.rows, run_store.n_people) == (None, (), [], 5)
+    assert len(run_store.dataset()) == len(settings.get("data", DATA)) + 3
+
+
+def spoilt(path, how):
+    (file,) = (path.with_name(path.name + ".checkpoint")).glob(how[0])
+    how[1](file)
+
+
+def cut(file):
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+
+
+def changed(**facts):
+    def change(file):
+        file.write_text(json.dumps({**json.loads(file.read_text()), **facts}))
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        (("checkpoint.json", lambda file: file.unlink()), "no checkpoint"),
+        (("checkpoint.json", cut), "not used, it is damaged"),
+        (("checkpoint.json", lambda file: file.write_bytes(b"\xff")), "not UTF-8"),
+        (("checkpoint.json", lambda file: file.write_text("[]")), "damaged"),
+        (("checkpoint.json", changed(version=2)), "'lcorpp checkpoint', version 2"),
+        (("checkpoint.json", changed(store="00")), "another store"),
+        (("checkpoint.json", changed(number=-1)), "-1 is no number"),
+        (("checkpoint.json", changed(counts=[[1]])), "cannot have shape"),
+        (("checkpoint.json", changed(rows=3)), "damaged"),
+        (("checkpoint.json", changed(settings=None)), "damaged"),
+        (("checkpoint.json", changed(classifier="x")), "damaged"),
+    ],
+)
+def test_a_checkpoint_that_cannot_be_used_costs_a_training(opened, ended, path, how, words):
+    opened().close()
+    spoilt(path, how)
+    run_store = opened()
+    assert words in run_store.notes[0]
+    assert run_store.resume(never) is None
+    assert len(run_store.dataset()) == 24 + 3
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        (("classifier-*", lambda file: file.unlink()), "cannot be read"),
+        (("classifier-*", cut), "is not as it was written; trained once more"),
+    ],
+)
+def test_a_damaged_classifier_is_trained_once_more(opened, ended, path, how, words):
+    opened().close()
+    spoilt(path, how)
+    run_store = opened()
+    resumed = run_store.resume(learn)
+    assert words in run_store.notes[0]
+    assert (resumed.number, resumed.decided, resumed.change) == (1, 2, 0.125)
+    tracks = walks(50, seed=9).trajectories
+    assert resumed.classifier.classify_many(tracks) == ended.classifier.classify_many(tracks)
+
+
+def test_decisions_lost_with_their_bytes_are_made_again(opened, ended, path):
+    """The tail is torn: of the two decisions since the last training one is left."""
+    opened().close()
+    path.write_bytes(path.read_bytes()[:-7])
+    run_store = opened()
+    assert "moved to" in run_store.notes[0]
+    assert (run_store.resume(never).decided, run_store.n_people) == (1, 4)
+    decide(run_store, 4)
+
+
+def test_records_that_the_training_knew_are_lost(opened, ended, path):
+    opened().close()
+    stored = read_store(path).tracks[1]
+    path.write_bytes(path.read_bytes()[: stored.place + 5])
+    run_store = opened()
+    assert run_store.resume(learn).decided == 0
+    assert run_store.notes[-1] == "2 records that the last training knew are lost: trained anew"
+
+
+def test_only_one_classifier_file_stays(opened, ended, path):
+    folder = path.with_name(path.name + ".checkpoint")
+    assert len(list(folder.iterdir())) == 2
+
+
+def test_a_crash_between_the_files_of_a_checkpoint_leaves_the_one_before(opened, ended, path, monkeypatch):
+    run_store = opened()
+    before = run_store.resume(never)
+    write = run_store.save_checkpoint.__globals__["write_atomically"]
+
+    def crash(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(run_store.save_checkpoint.__globals__, "write_atomically", crash)
+    with pytest.raises(KeyboardInterrupt):
+        run_store.save_checkpoint(batch(2, run_store.dataset()), [])
+    monkeypatch.setitem(run_store.save_checkpoint.__globals__, "write_atomically", write)
+    after = opened().resume(never)
+    assert (after.number, after.decided) == (before.number, before.decided) == (1, 2)
+
+
+def test_one_run_at_a_time(opened, path):
+    opened()
+    with pytest.raises(FileError, match="is being written to already"):
+        RunStore(path, DATA, CLASSES, {})
+
+
+def test_a_store_of_other_tracks_is_refused(opened, path):
+    opened().close()
+    other = Dataset(np.zeros((2, 2, 5)), CLASSES, interval=0.4)
+    with pytest.raises(DataError, match="its time points of a track: 12; the tracks to be stored have: 5"):
+        RunStore(path, other, CLASSES, {})
+    Store(path, read_store(path).schema).close()  # the lock is free again

@@ -1,0 +1,292 @@
+"""The reasoner: which engine answers, and what it says when it is not the compiled one."""
+
+from __future__ import annotations
+
+import pickle
+import warnings
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
+from math import sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
+from lcorpp.reasoning import Enumeration, Reasoner, ReasoningWarning, parse_plog, parse_query, read_plog
+
+PLOG = Path(__file__).parent.parent / "plog"
+LCORPP = read_plog(PLOG / "lcorpp.plog")
+HEART = read_plog(PLOG / "heart.plog")  # cr-rules
+GOLDEN = {"time": "afternoon", "location": "classroom", "classifier": "zero"}
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """An engine that finds every program too large."""
+    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (1,))
+
+
+def test_posterior_by_reasoner_and_enumeration():
+    expected = Enumeration(LCORPP).exact("identity", GOLDEN)
+    for reasoner in (Reasoner(LCORPP), Enumeration(LCORPP)):
+        found = reasoner.posterior("identity", GOLDEN)
+        assert found.values == tuple(expected)
+        assert found.probabilities == pytest.approx([float(p) for p in expected.values()], abs=1e-12)
+    assert Reasoner(LCORPP).exact("identity", GOLDEN) == expected
+    assert expected["student"] == pytest.approx(0.359531, abs=5e-7)
+
+
+def test_answers_are_kept_until_there_are_many(monkeypatch):
+    engine = Reasoner(LCORPP)
+    first = engine.posterior("intention", GOLDEN)
+    assert engine.posterior("intention", GOLDEN) is first
+    assert engine.posterior("intention", dict(reversed(GOLDEN.items())))["interested"] == first["interested"]
+    monkeypatch.setattr("lcorpp.reasoning.reasoner.KEPT", 1)
+    for value in ("morning", "afternoon", "evening"):
+        engine.posterior("intention", {"time": value})
+    assert engine.posterior("intention", GOLDEN)["interested"] == first["interested"]
+
+
+def test_doing_is_not_seeing():
+    reasoner = Reasoner(read_plog(PLOG / "rat.plog"))
+    assert reasoner.posterior("arsenic", {"death": "true"})["true"] == pytest.approx(0.981595, abs=5e-7)
+    assert reasoner.posterior("arsenic", do={"death": "true"})["true"] == pytest.approx(0.4, abs=1e-12)
+    assert reasoner.exact("arsenic", {}, {"death": "true"})["true"] == Fraction(2, 5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("weather", {}), "'weather'"),
+        (("intention", {"weather": "wet"}), "'weather'"),
+        (
+            ("intention", {"time": "noon"}),
+            "'noon' is not a value of time; expected one of morning, afternoon",
+        ),
+        (("intention", {"time": 3}), "3 is not a value of time"),
+        (("intention", {"time": None}), "None is not a value of time"),
+        (("intention", {"time": b"morning"}), "b'morning' is not a value of time"),
+        (("intention", {"time": ["morning"]}), r"\['morning'\] is not a value of time"),
+        (("intention", {b"time": "morning"}), "expected the name of an attribute, not b'time'"),
+        (("intention", {3: "morning"}), "expected the name of an attribute, not 3"),
+        (("intention", {None: "morning"}), "expected the name of an attribute, not None"),
+        (([], {}), r"expected the name of an attribute, not \[\]"),
+        ((None, {}), "expected the name of an attribute, not None"),
+        (("intention", {}, {"time": "noon"}), "'noon' is not a value of time"),
+        (("intention", {}, {"weather": "wet"}), "'weather'"),
+        (("Time", {}), "'Time' is not an attribute"),
+        (("time = morning", {}), "time = morning"),
+        (("time", {"time": "morning", " time": "evening"}), "the evidence gives  time two values"),
+    ],
+)
+def test_wrong_questions(arguments, words):
+    engine = Reasoner(LCORPP)
+    for ask in (engine.posterior, engine.exact):
+        with pytest.raises(ProgramError, match=words):
+            ask(*arguments)
+
+
+def test_values_may_be_numpy_strings():
+    found = Reasoner(LCORPP).posterior("intention", {"time": np.str_("morning")})
+    assert found["interested"] == Reasoner(LCORPP).posterior("intention", {"time": "morning"})["interested"]
+
+
+def test_impossible_evidence():
+    program = parse_plog("p, q : boolean. random(p). q :- p.", file="a.plog")
+    for ask in (Reasoner(program).posterior, Reasoner(program).exact):
+        with pytest.raises(
+            UndefinedError, match=r"a\.plog: no possible world of positive measure has .*p=false"
+        ):
+            ask("q", {"q": "true", "p": "false"})
+    with pytest.raises(ProgramError, match=r"a\.plog: q has no value with probability 1/2; ask for q=value"):
+        Reasoner(program).exact("q", {})
+    with pytest.raises(
+        UndefinedError, match=r"a\.plog: no possible world .* has obs\(q=true\), do\(p=false\)"
+    ):
+        Reasoner(program).ask(parse_query("?{q} | obs(q), do(p=false)", program))
+
+
+def test_ask_for_a_distribution_or_a_conjunction():
+    engine = Reasoner(LCORPP)
+    query = parse_query("?{identity=student, not time!=morning} | obs(location!=library)", LCORPP)
+    assert engine.ask(query, exact=True) == Enumeration(LCORPP).ask(query) != 0
+    assert engine.ask(query) == pytest.approx(float(Enumeration(LCORPP).ask(query)), abs=1e-12)
+    query = parse_query("identity | obs(time=morning)", LCORPP)
+    assert engine.ask(query, exact=True) == Enumeration(LCORPP).ask(query)
+    assert list(engine.ask(query)) == ["student", "professor", "visitor"]
+
+
+def test_ask_what_never_holds():
+    program = parse_plog("p, q : boolean. random(p). pr(p) = 0.")
+    for text in ("?{p}", "?{q}", "?{p, not p}", "?{p=true, p=false}"):
+        assert Reasoner(program).ask(parse_query(text, program), exact=True) == 0
+    assert Reasoner(program).ask(parse_query("?{not q}", program), exact=True) == 1
+
+
+def test_a_query_of_another_program():
+    other = parse_plog("weather : boolean. random(weather).")
+    with pytest.raises(ProgramError, match="'weather' is not declared"):
+        Reasoner(LCORPP).ask(parse_query("?{weather}", other))
+    query = parse_query("?{time=morning} | do(time=morning), do(time=evening)", LCORPP)
+    with pytest.raises(ProgramError, match=r"do\(time\) sets two values, morning and evening"):
+        Reasoner(LCORPP).ask(query)
+
+
+def test_cr_rules_are_enumerated():
+    assert HEART.has_cr_rules
+    reference, engine = Enumeration(HEART), Reasoner(HEART)
+    for text in ("?{active} | obs(slow)", "?{unusual}"):
+        query = parse_query(text, HEART)
+        assert engine.ask(query, exact=True) == reference.ask(query)
+        assert engine.ask(query) == float(reference.ask(query))
+    assert engine.posterior("active", {"slow": "true"})["true"] == pytest.approx(40 / 43)
+    assert engine.exact("active", {"slow": "true"})["true"] == Fraction(40, 43)
+    assert engine.sample(np.random.default_rng(0), {"slow": "true"})["unusual"] == "true"
+    with pytest.raises(ProgramError, match="cr-rules cannot be compiled"):
+        engine.compile([], "active")
+
+
+def test_too_large_is_said_and_estimated(small):
+    engine = Reasoner(LCORPP, samples=4000)
+    with pytest.warns(
+        ReasoningWarning, match=r"more than 1 edges in the circuit: estimated from 4000 worlds"
+    ):
+        found = engine.posterior("intention", GOLDEN)
+    assert found.samples == 4000
+    exact = Enumeration(LCORPP).exact("intention", GOLDEN)
+    for p, (value, estimated), error in zip(exact.values(), found, found.errors, strict=True):
+        assert abs(estimated - float(p)) < 5 * error, value
+    assert found.probabilities.sum() == pytest.approx(1)
+    with pytest.warns(ReasoningWarning):
+        asked = engine.ask(parse_query("intention | obs(time=morning)", LCORPP))
+    exact = Enumeration(LCORPP).exact("intention", {"time": "morning"})
+    for value, estimate in asked.items():
+        assert 0 < estimate.error < 0.02
+        assert abs(estimate - float(exact[value])) < 5 * estimate.error
+    with pytest.warns(ReasoningWarning):
+        asked = engine.ask(parse_query("?{intention=interested, time=morning}", LCORPP))
+    assert isinstance(asked, float)
+    assert 0 < asked.error < 0.02
+
+
+def test_too_large_for_what_must_be_exact(small):
+    engine = Reasoner(LCORPP)
+    for answer in (
+        lambda: engine.exact("intention", {}),
+        lambda: engine.compile([], "intention"),
+        lambda: engine.ask(parse_query("intention", LCORPP), exact=True),
+        lambda: engine.sample(np.random.default_rng(0)),
+    ):
+        with pytest.raises(TooLargeError, match=r"lcorpp\.plog: more than 1 edges in the circuit"):
+            answer()
+
+
+def test_too_large_and_undefined(small):
+    program = parse_plog("p, q : boolean. random(p). random(q) :- p.")
+    with (
+        pytest.warns(ReasoningWarning),
+        pytest.raises(ProgramError, match=r"q has no value with probability 0\.\d+;"),
+    ):
+        Reasoner(program, samples=1000).posterior("q", {})
+    with pytest.warns(ReasoningWarning), pytest.raises(UndefinedError, match="none of 10 worlds"):
+        Reasoner(program, samples=10).posterior("p", {"q": "true", "p": "false"})
+
+
+def test_large_programs_are_refused(monkeypatch):
+    """30 terms that constraints join pairwise: more states than any machine could hold."""
+    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (20_000,))
+    program = parse_plog(
+        "i = {1..30}. c : i -> i. random(c(I)). #domain i(I;J). same : i, i -> boolean."
+        " same(I,J) :- c(I)=V, c(J)=V, I < J. some : boolean. some :- not same(1,2), same(3,4), not"
+        " same(5,30)."
+        " :- same(I,J)."
+    )
+    with pytest.raises(TooLargeError, match="more than 20000 edges"):
+        Reasoner(program).compile([], "c(1)")
+
+
+def test_nothing_is_said_when_all_is_well():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Reasoner(LCORPP).posterior("intention", GOLDEN)
+
+
+def test_worlds_are_drawn_by_their_probability():
+    engine, draws, rng = Reasoner(LCORPP), 3000, np.random.default_rng(7)
+    for given in ({}, {"classifier": "one"}):
+        counts = Counter(engine.sample(rng, given)["intention"] for _ in range(draws))
+        p = float(engine.exact("intention", given)["interested"])
+        assert abs(counts["interested"] - draws * p) <= 5 * sqrt(draws * p * (1 - p))
+    with pytest.raises(ProgramError, match="'noon' is not a value of time"):
+        engine.sample(rng, {"time": "noon"})
+    with pytest.raises(UndefinedError):
+        Reasoner(parse_plog("p : boolean. random(p). :- p.")).sample(rng, {"p": "true"})
+
+
+def test_programs_and_reasoners_can_be_pickled():
+    reasoner = Reasoner(LCORPP, samples=7)
+    reasoner.posterior("intention", GOLDEN)
+    again = pickle.loads(pickle.dumps(reasoner))
+    assert again.posterior("intention", GOLDEN)["interested"] == pytest.approx(0.220250, abs=5e-7)
+    assert again.samples == 7
+    assert pickle.loads(pickle.dumps(LCORPP)) == LCORPP
+
+
+def test_threads_may_share_a_reasoner():
+    reasoner = Reasoner(read_plog(PLOG / "lcorpp.plog"))
+    times = ["morning", "afternoon", "evening"] * 20
+    with ThreadPoolExecutor(8) as pool:
+        found = [
+            p["interested"] for p in pool.map(lambda t: reasoner.posterior("intention", {"time": t}), times)
+        ]
+    assert found == found[:3] * 20
+
+
+@pytest.mark.parametrize("evidence", [{"p": "true"}, {"f(g(a),1)": "u"}, {"f( g(a), 1 )": "u"}])
+def test_records_name_terms_and_values(evidence):
+    program = parse_plog(
+        "sorts #c = {a, b}. #r = g(#c). #n = 1..2. #s = {u, v}. attributes f : #r, #n -> #s. p : #boolean."
+        " best : #r. statements random(f(X,N)). random(p) :- f(g(a),1) = u. p=false :- f(g(a),1) = v."
+        " best = X :- f(X,1) = u, f(Y,1) = v. best = g(a) :- f(g(a),1) = V, f(g(b),1) = V."
+    )
+    assert Reasoner(program).posterior("f(g(a),1)", evidence)["u"] == 1
+    found = Reasoner(program).exact("best", evidence)
+    assert found == Enumeration(program).exact("best", evidence) == {"g(a)": 1, "g(b)": 0}
+
+
+def test_sorts_of_one_member():
+    program = parse_plog(
+        "sorts #n = 1..3. #left = #n - {2, 3}. attributes x : #left. f : #left -> #boolean."
+        " statements random(x). random(f(X)) :- x = X. pr(f(X)) = 1/4."
+    )
+    circuit = Reasoner(program).compile(["f", "x"], "f(1)")
+    assert circuit({"x": "1"})["true"] == 0.25
+    assert circuit(np.array([[-1, 0], [0, -1]])).tolist() == [[0.25, 0.75], [1, 0]]
+
+
+def test_empty_sorts_are_refused():
+    with pytest.raises(ProgramError, match="1:18: the sort none is empty"):
+        parse_plog("sorts #n = 1..2. #none = #n - #n. attributes x : #none. statements random(x).")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x : n. random(x). random(x).",
+        "x : n. random(x). pr(x=1) = 1/2. pr(x=1) = 1/3.",
+        "x : n. ok : n -> boolean. ok(3). random(x : {V : ok(V)}). pr(x=1) = 1/2.",
+        "x : n. random(x). pr(x=1) = 3/4. pr(x=2) = 1/2.",
+        "x : n. random(x). pr(x=V) = 1/2.",
+    ],
+)
+def test_a_broken_condition_is_told_in_the_same_words_by_both_engines(text):
+    """A range such as {3} must not be taken for the place of a statement."""
+    program = parse_plog(f"n = {{1..3}}. {text}")
+    with pytest.raises(ProgramError) as counted:
+        Enumeration(program).posterior("x", {})
+    with pytest.raises(ProgramError) as compiled:
+        Reasoner(program).posterior("x")
+    told, also_told = (str(error.value).partition(", in the world ")[0] for error in (counted, compiled))
+    assert told == also_told

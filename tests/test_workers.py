@@ -1,0 +1,45 @@
+"""Workers never see a Ctrl-C; the process that started them does."""
+
+import signal
+import subprocess
+import sys
+import threading
+
+from joblib import Parallel, delayed
+
+from lcorpp.workers import ignore_sigint
+
+
+def test_a_process_started_inside_does_not_see_it():
+    code = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
+    with ignore_sigint():
+        worker = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert worker.communicate(timeout=60)[0] == "alive\n"
+
+
+def test_workers_of_joblib_do_not_see_it():
+    with ignore_sigint():
+        started = Parallel(n_jobs=2, return_as="generator")(
+            delayed(signal.getsignal)(signal.SIGINT) for _ in range(4)
+        )
+    assert list(started) == [signal.SIG_IGN] * 4
+
+
+def test_the_handler_is_what_it_was():
+    before = signal.getsignal(signal.SIGINT)
+    with ignore_sigint():
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_in_another_thread_nothing_is_touched():
+    seen = []
+
+    def inside() -> None:
+        with ignore_sigint():
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=inside)
+    thread.start()
+    thread.join()
+    assert seen == [signal.getsignal(signal.SIGINT)]
