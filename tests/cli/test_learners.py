@@ -77,7 +77,7 @@ def test_soft_evidence_of_three_rooms(lcorpp):
 def test_a_threshold_is_chosen_or_given(lcorpp):
     chosen = lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "accuracy", "--prevalence", 0.02)
     assert chosen.code == 0, chosen.err
-    assert "best where the share is: interested 0.02" in chosen.out
+    assert "thresholds are for the prevalence: interested 0.02" in chosen.out
     costly = lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "9:1")
     assert costly.code == 0, costly.err
     assert "least cost" in costly.out
@@ -103,13 +103,13 @@ def test_explain_with_a_likelihood(lcorpp):
 
 
 def test_options_that_make_no_sense(lcorpp, tmp_path):
-    refused(lcorpp("run", "--learner", "lstn"), "unknown learner 'lstn'; expected one of lstm, fast")
+    refused(lcorpp("run", "--learner", "lstn"), "unknown learner 'lstn'; expected one of lstm, lstm-fast")
     refused(
         lcorpp("run", "--learner", "forest", "--epochs", 3, "--tracks", 40, "--jobs", 1), "makes no passes"
     )
     refused(
         lcorpp("run", "--learner", "forest", "--device", "cuda", "--tracks", 40, "--jobs", 1),
-        "on the cpu alone",
+        "on the cpu only",
     )
     refused(lcorpp("run", "--learner", "lstm", "--device", "tpu", "--tracks", 40, "--jobs", 1), "'tpu'")
     refused(lcorpp("run", "--learner", "lstm", "--classifier", "channel"), "both say who classifies")
@@ -127,8 +127,8 @@ def test_options_that_make_no_sense(lcorpp, tmp_path):
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "speed"), "unknown goal 'speed'")
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "1:2:3"), "unknown goal '1:2:3'")
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "0:0"), "not both 0")
-    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "nan"), "from nan on")
-    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", 7), "called interested from 7")
+    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "nan"), "threshold of interested is nan")
+    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", 7), "threshold of interested is 7")
     refused(lcorpp("run", ROOMS, *FEW, "--learner", "summaries", "--threshold", "f1"), "for two classes")
     refused(lcorpp("run", "--prevalence", 0), "--prevalence")
     refused(lcorpp("explain", "--likelihood", "one"), "expected VALUE=NUMBER")
