@@ -145,7 +145,7 @@ def main(
     """Measure, then write a table and a picture."""
     console = Console(stderr=True)
     domain = load_domain("intention")
-    tracks = tracks or domain.tracks
+    tracks = tracks or domain.learning.tracks
     make_folder(out.parent)
     scenes = pedestrians(pedestrians_folder) if pedestrians_folder else {}
     likeness = _likeness(domain, scenes) if scenes else []
@@ -170,7 +170,7 @@ def _work(
     rng = np.random.default_rng([seed, 0])
     balanced = simulate_dataset(domain, SimulatedTrajectories(domain.simulation.trajectories), tracks, rng)
     work = []
-    for epochs in (domain.epochs, PAPER_EPOCHS):
+    for epochs in (domain.learning.epochs, PAPER_EPOCHS):
 
         def lstm(epochs: int = epochs) -> Any:
             return paper_pipeline(epochs=epochs, random_state=seed, class_weight="balanced")

@@ -165,7 +165,7 @@ def _batches(
 
     drawn = np.random.default_rng(0).integers(len(evidences), size=BATCH)
     columns = {name: [evidences[i][name] for i in drawn] for name in circuit.inputs}
-    codes = circuit.codes(columns)
+    codes = circuit.encode(columns)
     wanted = np.array(exact)[drawn]
     for what, batch in (("codes", codes), ("columns of words", columns)):
         found, results = timed("batch", f"one of a batch of {BATCH:,}, {what}", [partial(circuit, batch)])

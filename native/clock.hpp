@@ -1,4 +1,4 @@
-// How long a kernel may run, and whether the user wants it to stop.
+// Time limit of a kernel, with a check for the user's interrupt.
 #pragma once
 
 #include <chrono>
@@ -7,25 +7,25 @@
 
 namespace lcorpp {
 
-// Looks at the time whenever it is asked, and a few times a second at the user's interrupt, which comes as an
-// exception from `check`. It is asked between two changes of what is kept, so that nothing is left half done.
+// `expired` compares the elapsed time with the limit. At most ten times a second it also calls `check`, which throws
+// if the user interrupts. Kernels call it only between two complete updates, so an interrupt leaves no partial state.
 class Clock {
   public:
     explicit Clock(double seconds, std::function<void()> check = {})
-        : began_(Now::now()), checked_(began_), seconds_(seconds), check_(std::move(check)) {}
+        : start_(SteadyClock::now()), last_check_(start_), seconds_(seconds), check_(std::move(check)) {}
 
-    bool over() {
-        const auto now = Now::now();
-        if (check_ && std::chrono::duration<double>(now - checked_).count() > 0.1) {
-            checked_ = now;
+    bool expired() {
+        const auto now = SteadyClock::now();
+        if (check_ && std::chrono::duration<double>(now - last_check_).count() > 0.1) {
+            last_check_ = now;
             check_();
         }
-        return std::chrono::duration<double>(now - began_).count() >= seconds_;
+        return std::chrono::duration<double>(now - start_).count() >= seconds_;
     }
 
   private:
-    using Now = std::chrono::steady_clock;
-    Now::time_point began_, checked_;
+    using SteadyClock = std::chrono::steady_clock;
+    SteadyClock::time_point start_, last_check_;
     double seconds_;
     std::function<void()> check_;
 };

@@ -1,4 +1,4 @@
-"""Values are checked when they are made and cannot be changed afterwards."""
+"""Shared values: checked at construction, read-only, short `repr`."""
 
 from fractions import Fraction
 
@@ -7,7 +7,17 @@ import pytest
 from hypothesis import given, strategies as st
 
 from lcorpp.errors import DataError, ModelError
-from lcorpp.values import ConfusionMatrix, Dataset, Distribution, track_hash
+from lcorpp.values import (
+    ConfusionMatrix,
+    Dataset,
+    Distribution,
+    Episode,
+    Instance,
+    Interval,
+    Likelihood,
+    Step,
+    track_hash,
+)
 
 
 def test_distribution():
@@ -20,7 +30,7 @@ def test_distribution():
 
 
 @pytest.mark.parametrize("p", [[0.5, 0.4], [1.5, -0.5], [np.nan, 1], [1], []])
-def test_what_is_no_distribution(p):
+def test_invalid_distributions(p):
     with pytest.raises(ModelError, match=r"distribution|shape"):
         Distribution(("a", "b"), np.array(p))
 
@@ -41,7 +51,7 @@ def test_jeffreys_and_laplace():
 
 
 @pytest.mark.parametrize("counts", [[[1, 2]], [[1, -1], [1, 1]], [[1, np.inf], [1, 1]]])
-def test_what_is_no_confusion_matrix(counts):
+def test_invalid_confusion_matrices(counts):
     with pytest.raises(DataError, match="confusion matrix"):
         ConfusionMatrix(("a", "b"), np.array(counts, float))
 
@@ -76,13 +86,48 @@ def test_a_dataset_keeps_its_interval_and_channels():
         ({"channels": ("x", "y", "facing")}, r"3 channels \(x, y, facing\) need .* \(2, 3, time points\)"),
     ],
 )
-def test_what_no_dataset_can_be(changed, words):
+def test_invalid_datasets(changed, words):
     with pytest.raises(DataError, match=words):
         Dataset(np.zeros((2, 2, 4)), ("a", "b"), **changed)
 
 
-def test_equal_trajectories_and_no_others_share_a_fingerprint():
+def test_equal_trajectories_and_no_others_share_a_hash():
     track = np.arange(6.0).reshape(2, 3)
     assert track_hash(track) == track_hash(np.asfortranarray(track.astype(np.float32)).tolist())
     for other in (track.T, track.reshape(1, 6), track + 1e-12, track[:, :2]):
         assert track_hash(other) != track_hash(track)
+
+
+def test_interval():
+    interval = Interval(0.6341, 0.6009, 0.6662)
+    assert str(interval) == "0.634 [0.601, 0.666]"
+    assert f"{interval:.1f}" == "0.6 [0.6, 0.7]"
+    assert repr(interval) == "Interval(0.634 [0.601, 0.666], 0.95)"
+    assert Interval.exact(2.0) == Interval(2.0, 2.0, 2.0)
+
+
+def test_repr_and_html_are_short_and_escaped():
+    many = tuple(f"<v{i}>" for i in range(500))
+    step = Step("ask", "yes", np.array([0.25, 0.75]))
+    values = [
+        Distribution(("a", "b"), np.array([0.25, 0.75])),
+        Distribution(many, np.full(500, 1 / 500)),
+        Likelihood(("a", "b"), np.array([1, 2])),
+        ConfusionMatrix(("a", "b"), np.array([[3, 1], [0, 2]])),
+        Dataset(np.zeros((300, 2, 304)), ("a", "b") * 150),
+        Instance(np.zeros((2, 304)), {"time": "noon"}),
+        step,
+        Episode("a", {"c": "a"}, None, np.full(1000, 1e-3), (step,) * 200, "a"),
+    ]
+    for value in values:
+        assert len(repr(value)) < 300
+        assert "\n" not in repr(value)
+        assert "array" not in repr(value)
+        if hasattr(value, "_repr_html_"):
+            html = value._repr_html_()
+            assert html.startswith("<table>")
+            assert "<v0>" not in html
+            assert len(html) < 6000
+    assert repr(values[0]) == "Distribution(a: 0.25, b: 0.75)"
+    assert repr(values[3]) == "ConfusionMatrix(a: 3 of 4 correct, b: 2 of 2 correct)"
+    assert repr(step) == "Step('ask', 'yes', belief [0.25, 0.75])"

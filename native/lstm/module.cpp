@@ -172,7 +172,7 @@ NB_MODULE(_kernels, m) {
                      if (PyErr_CheckSignals() != 0) throw nb::python_error();
                  });
                  nb::gil_scoped_release unlock;
-                 trainer.epoch(order.data(), mask.data(), rates.data(), [&] { clock.over(); });
+                 trainer.epoch(order.data(), mask.data(), rates.data(), [&] { clock.expired(); });
              },
              "order"_a, "dropout_mask"_a, "rates"_a,
              nb::sig("def epoch(self, order: numpy.typing.NDArray[numpy.int64], dropout_mask: numpy.typing.NDArray[numpy.bool_],"

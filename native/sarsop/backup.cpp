@@ -1,4 +1,4 @@
-// BACKUP: both bounds are improved at one belief by one step of looking ahead.
+// BACKUP: improve both bounds at one belief by one step of look-ahead.
 // Source: Kurniawati, Hsu and Lee, RSS 2008, algorithm 3.
 
 #include <algorithm>
@@ -11,99 +11,99 @@ namespace lcorpp {
 void Tree::backup(Index number) {
     refresh(number);
     Node& node = nodes[static_cast<std::size_t>(number)];
-    Index action = best_lower_action(number);
-    for (int again = 0; again < 2; ++again) {
+    Index action = best_lower_action(node);
+    for (int attempt = 0; attempt < 2; ++attempt) {
         Branch& branch = node.branches[static_cast<std::size_t>(action)];
         const bool pruned = std::any_of(branch.children.begin(), branch.children.end(), [&](const Child& child) {
-            return sets[static_cast<std::size_t>(child.group)].row(child.best) < 0;
+            return sets[static_cast<std::size_t>(child.group)].find(child.best_vector) < 0;
         });
         if (!pruned) break;
-        for (Branch& other : node.branches) {  // look at all vectors again: a remembered one was pruned
+        for (Branch& other : node.branches) {  // a remembered vector was pruned: forget all lower bounds
             for (Child& child : other.children) child.lower = -kInfinity;
             other.lower = -kInfinity;
-            other.seen_vectors = 0;
+            other.vectors_version = 0;
         }
         refresh(number);
-        action = best_lower_action(number);
+        action = best_lower_action(node);
     }
-    witness(node);
-    if (node.branches[static_cast<std::size_t>(action)].lower > node.held + kGain * scale) {
-        std::vector<Stamp> from;
-        const std::vector<double> made = vector(node, action, from);
-        // What the vector is worth here, not what looking ahead said: their rounding differs.
-        const bool local = static_cast<std::size_t>(node.group) < model.members.size();
+    update_best_vector(node);
+    if (node.branches[static_cast<std::size_t>(action)].lower > node.lower_value + kMinGain * scale) {
+        std::vector<Stamp> depends_on;
+        const std::vector<double> vector = make_vector(node, action, depends_on);
+        // The value of the vector here, not the look-ahead value: their rounding errors differ.
+        const bool is_block = static_cast<std::size_t>(node.group) < model.members.size();
         double value = 0.0;
         for (std::size_t i = 0; i < node.belief.size(); ++i) {
             const auto s = static_cast<std::size_t>(node.belief.state[i]);
-            value += node.belief.weight[i] * made[local ? static_cast<std::size_t>(model.local[s]) : s];
+            value += node.belief.weight[i] * vector[is_block ? static_cast<std::size_t>(model.local[s]) : s];
         }
-        if (value > node.held) {
-            node.witness = next_vector_;
-            node.held = value;
-            origins.note(next_vector_, std::move(from));
-            sets[static_cast<std::size_t>(node.group)].add(made, action, next_vector_++);
+        if (value > node.lower_value) {
+            node.best_vector = next_vector_;
+            node.lower_value = value;
+            dependencies.record(next_vector_, std::move(depends_on));
+            sets[static_cast<std::size_t>(node.group)].add(vector, action, next_vector_++);
         }
     }
-    node.low = node.held;
-    upper_at(number);
-    if (node.high < node.surface - kGain * scale) {
-        const Stamp old = node.point;
-        node.point = sawtooth.add(node.belief, node.group, node.high);
-        if (old >= 0) sawtooth.retire(old);
+    node.lower = node.lower_value;
+    upper_bound(number);
+    if (node.upper < node.sawtooth_value - kMinGain * scale) {
+        const Stamp replaced = node.point_stamp;
+        node.point_stamp = sawtooth.add(node.belief, node.group, node.upper);
+        if (replaced >= 0) sawtooth.remove(replaced);
     }
 }
 
-// R(a) + gamma sum over o of T Z (the best vector at the child of a and o), over the states of the node's
-// group. Where an observation is impossible from this belief, the vector that is best after the action alone
-// is taken: any vector is right there, this one serves the neighbouring beliefs.
-std::vector<double> Tree::vector(Node& node, Index action, std::vector<Stamp>& from) {
+// R(a) + gamma sum over o of T Z (the best vector at the child of a and o), over the states of the node's group. For an
+// observation that is impossible at this belief any vector is valid; the best vector after the action alone is used,
+// because it serves the neighbouring beliefs.
+std::vector<double> Tree::make_vector(Node& node, Index action, std::vector<Stamp>& depends_on) {
     const Branch& branch = node.branches[static_cast<std::size_t>(action)];
-    const Rows& T = model.transition;
-    const Rows& Z = model.observation;
+    const SparseTables& T = model.transition;
+    const SparseTables& Z = model.observation;
     std::vector<Index> row(static_cast<std::size_t>(model.observations), -1);
     for (std::size_t c = 0; c < branch.children.size(); ++c) {
         const Child& child = branch.children[c];
-        from.push_back(child.best);
-        row[static_cast<std::size_t>(child.observation)] = sets[static_cast<std::size_t>(child.group)].row(child.best);
+        depends_on.push_back(child.best_vector);
+        row[static_cast<std::size_t>(child.observation)] = sets[static_cast<std::size_t>(child.group)].find(child.best_vector);
     }
-    std::vector<Index> usual(model.members.size(), -1);
-    const auto usual_row = [&](Index block) {
-        Index& found = usual[static_cast<std::size_t>(block)];
-        if (found >= 0) return found;
+    std::vector<Index> default_rows(model.members.size(), -1);
+    const auto default_row = [&](Index block) {
+        Index& result = default_rows[static_cast<std::size_t>(block)];
+        if (result >= 0) return result;
         Weights part;
-        const Weights& spread = successors_.spread(node.belief, action);
-        for (std::size_t i = 0; i < spread.size(); ++i) {
-            if (model.block[static_cast<std::size_t>(spread.state[i])] != block) continue;
-            part.state.push_back(spread.state[i]);
-            part.weight.push_back(spread.weight[i]);
+        const Weights& predicted = successors_.predict(node.belief, action);
+        for (std::size_t i = 0; i < predicted.size(); ++i) {
+            if (model.block[static_cast<std::size_t>(predicted.state[i])] != block) continue;
+            part.state.push_back(predicted.state[i]);
+            part.weight.push_back(predicted.weight[i]);
         }
-        found = part.size() ? best(block, part.state.data(), part.weight.data(), part.size(), 0).row
-                            : sets[static_cast<std::size_t>(block)].central();
-        from.push_back(sets[static_cast<std::size_t>(block)].stamp(static_cast<std::size_t>(found)));
-        return found;
+        const VectorSet& set = sets[static_cast<std::size_t>(block)];
+        result = part.size() ? find_best_vector(block, part.state.data(), part.weight.data(), part.size(), 0).row : set.central();
+        depends_on.push_back(set.stamp(static_cast<std::size_t>(result)));
+        return result;
     };
-    std::fill(future_.begin(), future_.end(), kInfinity);
-    const std::vector<Index>& states = states_of(node.group);
-    std::vector<double> made(states.size());
+    std::fill(next_values_.begin(), next_values_.end(), kInfinity);
+    const std::vector<Index>& states = group_states(node.group);
+    std::vector<double> vector(states.size());
     for (std::size_t i = 0; i < states.size(); ++i) {
         double sum = 0.0;
         for (std::size_t j = T.begin(action, states[i]); j < T.end(action, states[i]); ++j) {
             const auto next = static_cast<std::size_t>(T.column[j]);
-            double& future = future_[next];
-            if (future == kInfinity) {
+            double& next_value = next_values_[next];
+            if (next_value == kInfinity) {
                 const VectorSet& set = sets[static_cast<std::size_t>(model.block[next])];
-                future = 0.0;
+                next_value = 0.0;
                 for (std::size_t k = Z.begin(action, T.column[j]); k < Z.end(action, T.column[j]); ++k) {
                     Index chosen = row[static_cast<std::size_t>(Z.column[k])];
-                    if (chosen < 0) chosen = usual_row(model.block[next]);
-                    future += Z.value[k] * set.at(static_cast<std::size_t>(chosen), static_cast<std::size_t>(model.local[next]));
+                    if (chosen < 0) chosen = default_row(model.block[next]);
+                    next_value += Z.value[k] * set.at(static_cast<std::size_t>(chosen), static_cast<std::size_t>(model.local[next]));
                 }
             }
-            sum += T.value[j] * future;
+            sum += T.value[j] * next_value;
         }
-        made[i] = model.reward_of(action, states[i]) + model.discount * sum;
+        vector[i] = model.reward_of(action, states[i]) + model.discount * sum;
     }
-    return made;
+    return vector;
 }
 
 }  // namespace lcorpp

@@ -10,32 +10,32 @@ namespace lcorpp {
 
 namespace {
 
-void check(const Rows& rows) {
-    if (rows.tables < 1 || rows.rows < 1 || rows.columns < 1) throw std::invalid_argument("a model has states, actions and observations");
-    const std::size_t count = static_cast<std::size_t>(rows.tables) * static_cast<std::size_t>(rows.rows);
-    if (rows.begins.size() != count + 1 || rows.begins.front() != 0 || rows.column.size() != rows.value.size() ||
-        rows.begins.back() != static_cast<std::int64_t>(rows.column.size())) {
-        throw std::invalid_argument("the rows of a table do not add up");
+void check(const SparseTables& tables) {
+    if (tables.tables < 1 || tables.rows < 1 || tables.columns < 1) throw std::invalid_argument("a model needs states, actions and observations");
+    const std::size_t count = static_cast<std::size_t>(tables.tables) * static_cast<std::size_t>(tables.rows);
+    if (tables.begins.size() != count + 1 || tables.begins.front() != 0 || tables.column.size() != tables.value.size() ||
+        tables.begins.back() != static_cast<std::int64_t>(tables.column.size())) {
+        throw std::invalid_argument("the row offsets of a table do not match its entries");
     }
     for (std::size_t i = 0; i < count; ++i) {
-        if (rows.begins[i] > rows.begins[i + 1]) throw std::invalid_argument("a row of a table has a negative length");
+        if (tables.begins[i] > tables.begins[i + 1]) throw std::invalid_argument("the row offsets of a table decrease");
     }
-    for (const Index column : rows.column) {
-        if (column < 0 || column >= rows.columns) throw std::invalid_argument("a column of a table is out of range");
+    for (const Index column : tables.column) {
+        if (column < 0 || column >= tables.columns) throw std::invalid_argument("a column of a table is out of range");
     }
     for (std::size_t i = 0; i < count; ++i) {
         double sum = 0.0;
-        const auto begin = static_cast<std::size_t>(rows.begins[i]), end = static_cast<std::size_t>(rows.begins[i + 1]);
+        const auto begin = static_cast<std::size_t>(tables.begins[i]), end = static_cast<std::size_t>(tables.begins[i + 1]);
         for (std::size_t j = begin; j < end; ++j) {
-            if (j > begin && rows.column[j] <= rows.column[j - 1]) throw std::invalid_argument("the columns of a row must rise");
-            if (!(rows.value[j] >= 0)) throw std::invalid_argument("probabilities are finite numbers, not negative");
-            sum += rows.value[j];
+            if (j > begin && tables.column[j] <= tables.column[j - 1]) throw std::invalid_argument("the columns of a row are not strictly increasing");
+            if (!(tables.value[j] >= 0)) throw std::invalid_argument("a probability is negative or not finite");
+            sum += tables.value[j];
         }
         if (!(std::abs(sum - 1) <= kSumTolerance)) throw std::invalid_argument("a row of a table does not sum to 1");
     }
 }
 
-Index root(std::vector<Index>& parent, Index i) {
+Index find_root(std::vector<Index>& parent, Index i) {
     while (parent[static_cast<std::size_t>(i)] != i) {
         Index& up = parent[static_cast<std::size_t>(i)];
         up = parent[static_cast<std::size_t>(up)];
@@ -46,7 +46,7 @@ Index root(std::vector<Index>& parent, Index i) {
 
 }  // namespace
 
-Model::Model(Rows transition_, Rows observation_, std::vector<double> reward_, double discount_)
+Model::Model(SparseTables transition_, SparseTables observation_, std::vector<double> reward_, double discount_)
     : transition(std::move(transition_)),
       observation(std::move(observation_)),
       reward(std::move(reward_)),
@@ -58,12 +58,12 @@ Model::Model(Rows transition_, Rows observation_, std::vector<double> reward_, d
     check(observation);
     if (transition.columns != states || observation.rows != states || observation.tables != actions ||
         reward.size() != static_cast<std::size_t>(actions) * static_cast<std::size_t>(states)) {
-        throw std::invalid_argument("the tables of a model do not have the same states and actions");
+        throw std::invalid_argument("the tables of a model have different numbers of states or actions");
     }
     find_blocks();
 }
 
-// States that the same action can reach and the same observation can follow are in one block.
+// Two states are in one block if the same action reaches both and the same observation can follow.
 void Model::find_blocks() {
     const auto count = static_cast<std::size_t>(states);
     std::vector<Index> parent(count);
@@ -83,7 +83,7 @@ void Model::find_blocks() {
                 if (other < 0) {
                     other = s;
                 } else {
-                    parent[static_cast<std::size_t>(root(parent, s))] = root(parent, other);
+                    parent[static_cast<std::size_t>(find_root(parent, s))] = find_root(parent, other);
                 }
             }
         }
@@ -92,7 +92,7 @@ void Model::find_blocks() {
     local.assign(count, 0);
     std::vector<Index> number(count, -1);
     for (Index s = 0; s < states; ++s) {
-        Index& own = number[static_cast<std::size_t>(root(parent, s))];
+        Index& own = number[static_cast<std::size_t>(find_root(parent, s))];
         if (own < 0) {
             own = static_cast<Index>(members.size());
             members.emplace_back();
@@ -109,33 +109,33 @@ Successors::Successors(const Model& model)
       mass_(static_cast<std::size_t>(model.states), 0.0),
       entries_(static_cast<std::size_t>(model.observations), 0) {}
 
-const Weights& Successors::spread(const Weights& belief, Index action) {
-    const Rows& T = model_.transition;
-    spread_.clear();
+const Weights& Successors::predict(const Weights& belief, Index action) {
+    const SparseTables& T = model_.transition;
+    predicted_.clear();
     for (std::size_t i = 0; i < belief.size(); ++i) {
         const std::size_t end = T.end(action, belief.state[i]);
         for (std::size_t j = T.begin(action, belief.state[i]); j < end; ++j) {
             double& mass = mass_[static_cast<std::size_t>(T.column[j])];
             const double share = belief.weight[i] * T.value[j];
-            if (mass == 0.0 && share > 0.0) spread_.state.push_back(T.column[j]);
+            if (mass == 0.0 && share > 0.0) predicted_.state.push_back(T.column[j]);
             mass += share;
         }
     }
-    std::sort(spread_.state.begin(), spread_.state.end());
-    for (const Index s : spread_.state) {
+    std::sort(predicted_.state.begin(), predicted_.state.end());
+    for (const Index s : predicted_.state) {
         double& mass = mass_[static_cast<std::size_t>(s)];
-        spread_.weight.push_back(mass);
+        predicted_.weight.push_back(mass);
         mass = 0.0;
     }
-    return spread_;
+    return predicted_;
 }
 
 const Outcomes& Successors::outcomes(const Weights& belief, Index action) {
-    const Rows& Z = model_.observation;
-    spread(belief, action);
+    const SparseTables& Z = model_.observation;
+    predict(belief, action);
     Outcomes& out = outcomes_;
     out.observation.clear();
-    for (const Index s : spread_.state) {
+    for (const Index s : predicted_.state) {
         for (std::size_t j = Z.begin(action, s); j < Z.end(action, s); ++j) {
             if (entries_[static_cast<std::size_t>(Z.column[j])]++ == 0) out.observation.push_back(Z.column[j]);
         }
@@ -146,21 +146,21 @@ const Outcomes& Successors::outcomes(const Weights& belief, Index action) {
     for (std::size_t c = 0; c < children; ++c) {
         std::size_t& entries = entries_[static_cast<std::size_t>(out.observation[c])];
         out.begins[c + 1] = out.begins[c] + entries;
-        entries = out.begins[c];  // from here on: where the next entry of this child goes
+        entries = out.begins[c];  // from here on: index of the next entry of this child
     }
     out.state.resize(out.begins[children]);
     out.weight.resize(out.begins[children]);
     out.probability.assign(children, 0.0);
-    for (std::size_t i = 0; i < spread_.size(); ++i) {
-        const Index s = spread_.state[i];
+    for (std::size_t i = 0; i < predicted_.size(); ++i) {
+        const Index s = predicted_.state[i];
         for (std::size_t j = Z.begin(action, s); j < Z.end(action, s); ++j) {
             std::size_t& next = entries_[static_cast<std::size_t>(Z.column[j])];
             out.state[next] = s;
-            out.weight[next] = spread_.weight[i] * Z.value[j];
+            out.weight[next] = predicted_.weight[i] * Z.value[j];
             ++next;
         }
     }
-    // Children whose probability has no digits are left out; the others move up.
+    // Drop the children whose probability has no significant digits.
     std::size_t kept = 0, written = 0;
     for (std::size_t c = 0; c < children; ++c) {
         entries_[static_cast<std::size_t>(out.observation[c])] = 0;

@@ -1,4 +1,4 @@
-// A POMDP in compressed rows, and what follows from one action at one belief.
+// A POMDP as sparse tables, and the successors of a belief under an action.
 #pragma once
 
 #include <cstddef>
@@ -10,16 +10,16 @@ namespace lcorpp {
 using Index = std::int32_t;
 using Stamp = std::int64_t;
 
-// Below the smallest normal double a probability has no digits left: dividing by it means nothing.
+// The smallest normal double. A smaller probability has no significant digits: dividing by it is meaningless.
 constexpr double kImpossible = 2.2250738585072014e-308;
 
-// Farther from 1 a row or a belief is no distribution; rounding stays far below.
+// Largest deviation of the sum of a distribution from 1; rounding stays far below.
 constexpr double kSumTolerance = 1e-6;
 
-// One table of rows by columns for each action; zeros are left out.
-struct Rows {
+// One table of rows by columns for each action, without zeros.
+struct SparseTables {
     Index tables = 0, rows = 0, columns = 0;
-    std::vector<std::int64_t> begins;  // (tables * rows + 1) where the entries of each row begin
+    std::vector<std::int64_t> begins;  // (tables * rows + 1) index of the first entry of each row
     std::vector<Index> column;         // (entries)
     std::vector<double> value;         // (entries)
 
@@ -30,7 +30,7 @@ struct Rows {
     std::size_t end(Index table, Index row) const { return static_cast<std::size_t>(begins[at(table, row) + 1]); }
 };
 
-// States with non-negative weights, in the order of the states; a belief where they sum to 1.
+// States with non-negative weights, by rising state; a belief if the weights sum to 1.
 struct Weights {
     std::vector<Index> state;
     std::vector<double> weight;
@@ -42,23 +42,23 @@ struct Weights {
     }
 };
 
-// The problem. What an observation may leave open partitions the states into blocks: after every action and
-// observation the belief lies in one block. A model whose parts are observed fully (a MOMDP; Ong, Png, Hsu
-// and Lee, 2010) falls into many blocks, and all that is kept of a belief or a vector is its own block.
+// The problem. Blocks partition the states: after every action and observation the belief lies within one block. A
+// model with fully observed parts (a MOMDP; Ong, Png, Hsu and Lee, 2010) has many blocks, and beliefs and alpha vectors
+// are stored over their own block only. A group is a block, or (the last one) all states, for beliefs over several blocks.
 class Model {
   public:
-    // Throws std::invalid_argument where shapes or indices do not fit together.
-    Model(Rows transition, Rows observation, std::vector<double> reward, double discount);
+    // Throws std::invalid_argument if shapes or indices do not fit together.
+    Model(SparseTables transition, SparseTables observation, std::vector<double> reward, double discount);
 
-    const Rows transition;              // (A, S, S) P(s' | s, a)
-    const Rows observation;             // (A, S, O) P(o | a, s')
-    const std::vector<double> reward;   // (A, S)
+    const SparseTables transition;     // (A, S, S) P(s' | s, a)
+    const SparseTables observation;    // (A, S, O) P(o | a, s')
+    const std::vector<double> reward;  // (A, S)
     const double discount;
     const Index states, actions, observations;
 
-    std::vector<Index> block;                 // (S) the block of each state
-    std::vector<Index> local;                 // (S) its place within the block
-    std::vector<std::vector<Index>> members;  // the states of each block
+    std::vector<Index> block;                 // (S) block of each state
+    std::vector<Index> local;                 // (S) position of each state within its block
+    std::vector<std::vector<Index>> members;  // states of each block
 
     double reward_of(Index action, Index state) const {
         return reward[static_cast<std::size_t>(action) * static_cast<std::size_t>(states) + static_cast<std::size_t>(state)];
@@ -68,12 +68,12 @@ class Model {
     void find_blocks();
 };
 
-// Where one action leads from a belief, by what is observed then: children in the order of the observations,
-// each with the next belief times the probability of its observation.
+// The children of a belief and an action, by rising observation: each next belief times the probability of its
+// observation.
 struct Outcomes {
     std::vector<Index> observation;
     std::vector<double> probability;
-    std::vector<std::size_t> begins;  // where the entries of each child begin
+    std::vector<std::size_t> begins;  // index of the first entry of each child
     std::vector<Index> state;
     std::vector<double> weight;
 
@@ -83,19 +83,20 @@ struct Outcomes {
     const double* weights(std::size_t child) const { return weight.data() + begins[child]; }
 };
 
+// Belief updates with reusable memory; a returned reference is valid until the next call.
 class Successors {
   public:
     explicit Successors(const Model& model);
 
-    // Where an action leads from a belief; the reference holds until the next call.
+    // The children of a belief and an action.
     const Outcomes& outcomes(const Weights& belief, Index action);
 
-    // The states that it reaches, before anything is observed; likewise.
-    const Weights& spread(const Weights& belief, Index action);
+    // The distribution of the next state, before any observation.
+    const Weights& predict(const Weights& belief, Index action);
 
   private:
     const Model& model_;
-    Weights spread_;
+    Weights predicted_;
     Outcomes outcomes_;
     std::vector<double> mass_;          // (S) scratch, zero between calls
     std::vector<std::size_t> entries_;  // (O) scratch, zero between calls

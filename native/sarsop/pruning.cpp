@@ -1,4 +1,4 @@
-// PRUNE: vectors that serve no belief which an optimal policy may reach.
+// PRUNE: drop alpha vectors that are useless at all beliefs that an optimal policy may reach.
 // Source: Kurniawati, Hsu and Lee, RSS 2008, section III-D (pruning, delta-dominance).
 
 #include <algorithm>
@@ -10,111 +10,113 @@ namespace lcorpp {
 
 namespace {
 
-// Beliefs that are looked at for vectors that are nearly the best; all are looked at for the best.
-constexpr std::size_t kLooked = 2000;
+// Largest number of beliefs at which nearly best vectors are searched; best vectors are searched at all beliefs.
+constexpr std::size_t kMaxSampledBeliefs = 2000;
 
-// So many vectors more are never too many.
-constexpr double kFew = 100;
+// A set is never pruned before it has this many vectors more than after its last pruning.
+constexpr double kMinGrowth = 100;
 
 }  // namespace
 
-// The nodes that the roots reach by actions that may still be optimal: one whose upper bound is below another's
-// lower bound at the same belief is never taken again.
-std::vector<Index> Tree::reachable(const std::vector<Index>& roots) const {
-    std::vector<char> met(nodes.size(), 0);
-    std::vector<Index> found;
+// The nodes that the roots reach by actions that may be optimal: an action whose upper bound is below another's lower
+// bound at the same belief is never taken again.
+std::vector<Index> Tree::find_reachable(const std::vector<Index>& roots) const {
+    std::vector<char> visited(nodes.size(), 0);
+    std::vector<Index> queue;
     for (const Index root : roots) {
-        if (!met[static_cast<std::size_t>(root)]) found.push_back(root);
-        met[static_cast<std::size_t>(root)] = 1;
+        if (!visited[static_cast<std::size_t>(root)]) queue.push_back(root);
+        visited[static_cast<std::size_t>(root)] = 1;
     }
-    for (std::size_t i = 0; i < found.size(); ++i) {
-        const Index number = found[i];
-        const Node& node = nodes[static_cast<std::size_t>(number)];
-        const double low = node.branches[static_cast<std::size_t>(best_lower_action(number))].lower;
+    for (std::size_t i = 0; i < queue.size(); ++i) {
+        const Node& node = nodes[static_cast<std::size_t>(queue[i])];
+        const double lower = node.branches[static_cast<std::size_t>(best_lower_action(node))].lower;
         for (const Branch& branch : node.branches) {
-            if (branch.upper < low) continue;
+            if (branch.upper < lower) continue;
             for (const Child& child : branch.children) {
-                if (child.link < 0 || met[static_cast<std::size_t>(child.link)]) continue;
-                met[static_cast<std::size_t>(child.link)] = 1;
-                found.push_back(child.link);
+                if (child.node < 0 || visited[static_cast<std::size_t>(child.node)]) continue;
+                visited[static_cast<std::size_t>(child.node)] = 1;
+                queue.push_back(child.node);
             }
         }
     }
-    return found;
+    return queue;
 }
 
-void Tree::prune(const std::vector<Index>& roots, double delta, double cap, double growth) {
-    bool grown = false;
-    for (std::size_t g = 0; g < sets.size(); ++g) {
-        grown = grown || static_cast<double>(sets[g].count()) > growth * static_cast<double>(kept_[g]) + kFew;
-    }
+void Tree::prune(const std::vector<Index>& roots, double radius, double max_ratio, double growth) {
+    const auto has_grown = [&](std::size_t g) {
+        return static_cast<double>(sets[g].count()) > growth * static_cast<double>(sizes_after_pruning_[g]) + kMinGrowth;
+    };
+    bool any_grown = false;
+    for (std::size_t g = 0; g < sets.size(); ++g) any_grown = any_grown || has_grown(g);
     sawtooth.compact();
-    if (!grown) return;
-    std::vector<std::vector<Index>> at(sets.size());
-    for (const Index number : reachable(roots)) at[static_cast<std::size_t>(nodes[static_cast<std::size_t>(number)].group)].push_back(number);
-    for (std::size_t g = 0; g < sets.size(); ++g) {
-        if (static_cast<double>(sets[g].count()) <= growth * static_cast<double>(kept_[g]) + kFew) continue;
-        if (!at[g].empty()) prune_set(static_cast<Index>(g), at[g], delta, cap);
-        kept_[g] = sets[g].count();
+    if (!any_grown) return;
+    std::vector<std::vector<Index>> by_group(sets.size());
+    for (const Index number : find_reachable(roots)) {
+        by_group[static_cast<std::size_t>(nodes[static_cast<std::size_t>(number)].group)].push_back(number);
     }
-    origins.collect(sets);
+    for (std::size_t g = 0; g < sets.size(); ++g) {
+        if (!has_grown(g)) continue;
+        if (!by_group[g].empty()) prune_set(static_cast<Index>(g), by_group[g], radius, max_ratio);
+        sizes_after_pruning_[g] = sets[g].count();
+    }
+    dependencies.forget_unneeded(sets);
 }
 
-// A vector survives at belief b when the best vector there does not beat it in all of b's neighbourhood of
-// radius delta, that is when (best - vector).b < delta |best - vector|. Too tight a rule freezes the search, for
-// vectors that would be best between the beliefs are lost; too loose a one slows it. At most `cap` times the
-// vectors that are best somewhere are kept, the nearest ones.
-void Tree::prune_set(Index group, const std::vector<Index>& at, double delta, double cap) {
+// A vector survives at belief b if the best vector there does not dominate it within a radius around b, that is if
+// (best - vector).b < radius |best - vector|. Too small a radius loses vectors that are best between the beliefs and
+// stops the search; too large a radius slows it down. At most `max_ratio` times the vectors that are best somewhere
+// survive, those with the smallest radius.
+void Tree::prune_set(Index group, const std::vector<Index>& nodes_of_group, double radius, double max_ratio) {
     VectorSet& set = sets[static_cast<std::size_t>(group)];
     const std::size_t count = set.count();
-    std::vector<double> radius(count, kInfinity);  // the least delta with which a vector survives
-    std::vector<Index> winner;                     // their numbers, by row
-    std::vector<Index> number(count, -1);
-    for (const Index i : at) {
+    std::vector<double> min_radius(count, kInfinity);  // by row: the smallest radius with which a vector survives
+    std::vector<Index> winners;                        // rows that are best at a node
+    std::vector<Index> winner_number(count, -1);       // by row: its place in `winners`
+    for (const Index i : nodes_of_group) {
         Node& node = nodes[static_cast<std::size_t>(i)];
-        witness(node);
-        const Index row = set.row(node.witness);
-        if (number[static_cast<std::size_t>(row)] < 0) {
-            number[static_cast<std::size_t>(row)] = static_cast<Index>(winner.size());
-            winner.push_back(row);
+        update_best_vector(node);
+        const Index row = set.find(node.best_vector);
+        if (winner_number[static_cast<std::size_t>(row)] < 0) {
+            winner_number[static_cast<std::size_t>(row)] = static_cast<Index>(winners.size());
+            winners.push_back(row);
         }
     }
-    std::vector<std::vector<double>> distance(winner.size());
-    const bool local = static_cast<std::size_t>(group) < model.members.size();
-    const std::size_t step = std::max<std::size_t>(1, at.size() / kLooked);
-    std::vector<Index> places;
+    std::vector<std::vector<double>> distances(winners.size());
+    const bool is_block = static_cast<std::size_t>(group) < model.members.size();
+    const std::size_t step = std::max<std::size_t>(1, nodes_of_group.size() / kMaxSampledBeliefs);
+    std::vector<Index> positions;
     std::vector<double> values;
-    for (std::size_t i = 0; i < at.size(); i += step) {
-        const Node& node = nodes[static_cast<std::size_t>(at[i])];
-        places = node.belief.state;
-        if (local) {
-            for (Index& place : places) place = model.local[static_cast<std::size_t>(place)];
+    for (std::size_t i = 0; i < nodes_of_group.size(); i += step) {
+        const Node& node = nodes[static_cast<std::size_t>(nodes_of_group[i])];
+        positions = node.belief.state;
+        if (is_block) {
+            for (Index& position : positions) position = model.local[static_cast<std::size_t>(position)];
         }
-        set.values(places.data(), node.belief.weight.data(), places.size(), values);
-        const auto champion = static_cast<std::size_t>(set.row(node.witness));
-        auto& away = distance[static_cast<std::size_t>(number[champion])];
-        if (away.empty()) set.distances(champion, away);
+        set.values(positions.data(), node.belief.weight.data(), positions.size(), values);
+        const auto winner = static_cast<std::size_t>(set.find(node.best_vector));
+        auto& distance = distances[static_cast<std::size_t>(winner_number[winner])];
+        if (distance.empty()) set.distances(winner, distance);
         for (std::size_t row = 0; row < count; ++row) {
-            // The same vector twice has distance 0: the copy goes unless it is itself a winner.
-            const double loss = values[champion] - values[row];
-            if (away[row] > 0 && loss < radius[row] * away[row]) radius[row] = loss / away[row];
+            // A duplicate has distance 0: it is dropped unless it is itself a winner.
+            const double loss = values[winner] - values[row];
+            if (distance[row] > 0 && loss < min_radius[row] * distance[row]) min_radius[row] = loss / distance[row];
         }
     }
-    for (const Index row : winner) radius[static_cast<std::size_t>(row)] = -1.0;
-    // They go on with themselves.
+    for (const Index row : winners) min_radius[static_cast<std::size_t>(row)] = -1.0;
+    // Blind policies depend on themselves and always stay.
     for (std::size_t row = 0; row < count; ++row) {
-        if (set.stamp(row) < model.actions) radius[row] = -1.0;
+        if (set.stamp(row) < model.actions) min_radius[row] = -1.0;
     }
-    const double most = std::min(cap * static_cast<double>(winner.size()), static_cast<double>(count));
-    const auto allowed = static_cast<std::size_t>(most);
-    std::vector<double> sorted = radius;
-    if (allowed < count) {
-        std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(allowed), sorted.end());
-        delta = std::min(delta, sorted[allowed]);
+    const double limit = std::min(max_ratio * static_cast<double>(winners.size()), static_cast<double>(count));
+    const auto max_kept = static_cast<std::size_t>(limit);
+    std::vector<double> sorted = min_radius;
+    if (max_kept < count) {
+        std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(max_kept), sorted.end());
+        radius = std::min(radius, sorted[max_kept]);
     }
     std::vector<char> kept(count);
-    for (std::size_t row = 0; row < count; ++row) kept[row] = radius[row] < delta || radius[row] == -1.0;
-    origins.retire(set, group, kept, kGain * scale);
+    for (std::size_t row = 0; row < count; ++row) kept[row] = min_radius[row] < radius || min_radius[row] == -1.0;
+    dependencies.record_pruned(set, group, kept, kMinGain * scale);
     set.keep(kept);
 }
 

@@ -1,4 +1,4 @@
-// What a node knows, brought up to date with the vectors and points that were added since its last visit.
+// Updates of a node's bounds with the vectors and points that were added since its last visit.
 
 #include <algorithm>
 
@@ -8,145 +8,139 @@ namespace lcorpp {
 
 void Tree::refresh_lower(Node& node, Index action) {
     Branch& branch = node.branches[static_cast<std::size_t>(action)];
-    if (branch.open && branch.seen_vectors == next_vector_) return;
-    const Outcomes& found = outcomes(node, action);
+    if (branch.expanded && branch.vectors_version == next_vector_) return;
+    const Outcomes& outcomes = expand(node, action);
     double sum = 0.0;
     for (std::size_t c = 0; c < branch.children.size(); ++c) {
         Child& child = branch.children[c];
         const VectorSet& set = sets[static_cast<std::size_t>(child.group)];
-        const std::size_t first = set.first_since(branch.seen_vectors);
-        const Best newer = best(child.group, found.states(c), found.weights(c), found.size(c), first);
+        const std::size_t first = set.first_since(branch.vectors_version);
+        const Best newer = find_best_vector(child.group, outcomes.states(c), outcomes.weights(c), outcomes.size(c), first);
         if (newer.row >= 0 && newer.value > child.lower) {
             child.lower = newer.value;
-            child.best = set.stamp(static_cast<std::size_t>(newer.row));
+            child.best_vector = set.stamp(static_cast<std::size_t>(newer.row));
         }
         sum += child.lower;
     }
-    branch.lower = branch.immediate + model.discount * sum;
-    branch.seen_vectors = next_vector_;
+    branch.lower = branch.expected_reward + model.discount * sum;
+    branch.vectors_version = next_vector_;
 }
 
 void Tree::refresh_upper(Node& node, Index action) {
     Branch& branch = node.branches[static_cast<std::size_t>(action)];
-    if (branch.refreshed && branch.seen_points == sawtooth.next_stamp()) return;
-    const Outcomes& found = outcomes(node, action);
+    if (branch.refreshed && branch.points_version == sawtooth.next_stamp()) return;
+    const Outcomes& outcomes = expand(node, action);
     double sum = 0.0;
     for (std::size_t c = 0; c < branch.children.size(); ++c) {
         Child& child = branch.children[c];
         const double bound =
-            sawtooth.bound(found.states(c), found.weights(c), found.size(c), child.group, branch.seen_points);
+            sawtooth.bound(outcomes.states(c), outcomes.weights(c), outcomes.size(c), child.group, branch.points_version);
         child.upper = std::min(child.upper, bound);
-        if (child.link >= 0) {
-            const double above = nodes[static_cast<std::size_t>(child.link)].high + child.apart;
-            child.upper = std::min(child.upper, child.probability * above);
+        if (child.node >= 0) {
+            const double of_node = nodes[static_cast<std::size_t>(child.node)].upper + child.lipschitz_slack;
+            child.upper = std::min(child.upper, child.probability * of_node);
         }
         sum += child.upper;
     }
-    branch.upper = std::min(branch.upper, branch.immediate + model.discount * sum);
-    branch.seen_points = sawtooth.next_stamp();
+    branch.upper = std::min(branch.upper, branch.expected_reward + model.discount * sum);
+    branch.points_version = sawtooth.next_stamp();
     branch.refreshed = true;
 }
 
-void Tree::refresh_upper(Index number, Index action) {
-    refresh_upper(nodes[static_cast<std::size_t>(number)], action);
+Index Tree::best_lower_action(const Node& node) {
+    std::size_t best = 0;
+    for (std::size_t a = 1; a < node.branches.size(); ++a) {
+        if (node.branches[a].lower > node.branches[best].lower) best = a;
+    }
+    return static_cast<Index>(best);
 }
 
-Index Tree::best_lower_action(Index number) const {
-    const auto& branches = nodes[static_cast<std::size_t>(number)].branches;
-    Index best = 0;
-    for (Index a = 1; a < model.actions; ++a) {
-        if (branches[static_cast<std::size_t>(a)].lower > branches[static_cast<std::size_t>(best)].lower) best = a;
+Index Tree::best_upper_action(const Node& node) {
+    std::size_t best = 0;
+    for (std::size_t a = 1; a < node.branches.size(); ++a) {
+        if (node.branches[a].upper > node.branches[best].upper) best = a;
     }
-    return best;
+    return static_cast<Index>(best);
 }
 
-Index Tree::best_upper_action(Index number) const {
-    const auto& branches = nodes[static_cast<std::size_t>(number)].branches;
-    Index best = 0;
-    for (Index a = 1; a < model.actions; ++a) {
-        if (branches[static_cast<std::size_t>(a)].upper > branches[static_cast<std::size_t>(best)].upper) best = a;
+// Update upper bounds until the best action by the upper bound is up to date; the others' older bounds stay valid.
+// Returns for each action whether its upper bound was updated.
+std::vector<char> Tree::refresh_best_upper(Node& node) {
+    std::vector<char> updated(static_cast<std::size_t>(model.actions), 0);
+    Index action = best_upper_action(node);
+    while (!updated[static_cast<std::size_t>(action)]) {
+        refresh_upper(node, action);
+        updated[static_cast<std::size_t>(action)] = 1;
+        action = best_upper_action(node);
     }
-    return best;
+    node.upper = std::min(node.upper, node.branches[static_cast<std::size_t>(action)].upper);
+    return updated;
 }
 
 void Tree::refresh(Index number) {
     Node& node = nodes[static_cast<std::size_t>(number)];
-    // Only the action that looks best from above need be up to date: the others' old bounds are bounds still.
-    std::vector<char> fresh(static_cast<std::size_t>(model.actions), 0);
-    Index action = best_upper_action(number);
-    while (!fresh[static_cast<std::size_t>(action)]) {
-        refresh_upper(node, action);
-        fresh[static_cast<std::size_t>(action)] = 1;
-        action = best_upper_action(number);
-    }
-    node.high = std::min(node.high, node.branches[static_cast<std::size_t>(action)].upper);
-    // From below, an action that cannot be better than the best is passed over.
-    double low = node.branches[static_cast<std::size_t>(best_lower_action(number))].lower;
+    refresh_best_upper(node);
+    const Index action = best_upper_action(node);
+    // The lower bounds of actions that cannot be the best are not updated.
+    double lower = node.branches[static_cast<std::size_t>(best_lower_action(node))].lower;
     refresh_lower(node, action);
-    low = std::max(low, node.branches[static_cast<std::size_t>(action)].lower);
+    lower = std::max(lower, node.branches[static_cast<std::size_t>(action)].lower);
     for (Index a = 0; a < model.actions; ++a) {
         Branch& branch = node.branches[static_cast<std::size_t>(a)];
-        if (a == action || branch.upper <= low) continue;
+        if (a == action || branch.upper <= lower) continue;
         refresh_lower(node, a);
-        low = std::max(low, branch.lower);
+        lower = std::max(lower, branch.lower);
     }
-    witness(node);
-    node.low = std::max({node.low, low, node.held});
+    update_best_vector(node);
+    node.lower = std::max({node.lower, lower, node.lower_value});
 }
 
-Index Tree::look(Index number, bool below) {
+Index Tree::select_action(Index number, bool use_lower_bound) {
     Node& node = nodes[static_cast<std::size_t>(number)];
-    std::vector<char> fresh(static_cast<std::size_t>(model.actions), 0);
-    Index action = best_upper_action(number);
-    while (!fresh[static_cast<std::size_t>(action)]) {
-        refresh_upper(node, action);
-        fresh[static_cast<std::size_t>(action)] = 1;
-        action = best_upper_action(number);
-    }
-    node.high = std::min(node.high, node.branches[static_cast<std::size_t>(action)].upper);
-    witness(node);
-    if (below) {
-        action = best_lower_action(number);
-        if (node.branches[static_cast<std::size_t>(action)].lower < node.held) {
+    const std::vector<char> updated = refresh_best_upper(node);
+    Index action = best_upper_action(node);
+    update_best_vector(node);
+    if (use_lower_bound) {
+        action = best_lower_action(node);
+        if (node.branches[static_cast<std::size_t>(action)].lower < node.lower_value) {
             const VectorSet& set = sets[static_cast<std::size_t>(node.group)];
-            action = set.action(static_cast<std::size_t>(set.row(node.witness)));
+            action = set.action(static_cast<std::size_t>(set.find(node.best_vector)));
         }
-        if (!fresh[static_cast<std::size_t>(action)]) refresh_upper(node, action);
+        if (!updated[static_cast<std::size_t>(action)]) refresh_upper(node, action);
     }
     refresh_lower(node, action);
-    node.low = std::max({node.low, node.branches[static_cast<std::size_t>(action)].lower, node.held});
+    node.lower = std::max({node.lower, node.branches[static_cast<std::size_t>(action)].lower, node.lower_value});
     return action;
 }
 
-// The vector that is best at a node, and its value.
-void Tree::witness(Node& node) {
+void Tree::update_best_vector(Node& node) {
     const VectorSet& set = sets[static_cast<std::size_t>(node.group)];
-    if (node.witness >= 0 && set.row(node.witness) < 0) {  // it was pruned
-        node.seen_vectors = 0;
-        node.held = -kInfinity;
+    if (node.best_vector >= 0 && set.find(node.best_vector) < 0) {  // it was pruned
+        node.vectors_version = 0;
+        node.lower_value = -kInfinity;
     }
-    const Best found = best(node.group, node.belief.state.data(), node.belief.weight.data(), node.belief.size(),
-                            set.first_since(node.seen_vectors));
-    if (found.row >= 0 && found.value > node.held) {
-        node.held = found.value;
-        node.witness = set.stamp(static_cast<std::size_t>(found.row));
+    const Best newer = find_best_vector(node.group, node.belief.state.data(), node.belief.weight.data(),
+                                        node.belief.size(), set.first_since(node.vectors_version));
+    if (newer.row >= 0 && newer.value > node.lower_value) {
+        node.lower_value = newer.value;
+        node.best_vector = set.stamp(static_cast<std::size_t>(newer.row));
     }
-    node.seen_vectors = next_vector_;
+    node.vectors_version = next_vector_;
 }
 
-double Tree::lower_at(Index number) {
+double Tree::lower_bound(Index number) {
     Node& node = nodes[static_cast<std::size_t>(number)];
-    witness(node);
-    return node.held;
+    update_best_vector(node);
+    return node.lower_value;
 }
 
-double Tree::upper_at(Index number) {
+double Tree::upper_bound(Index number) {
     Node& node = nodes[static_cast<std::size_t>(number)];
     const double newer = sawtooth.bound(node.belief.state.data(), node.belief.weight.data(), node.belief.size(),
-                                        node.group, node.seen_surface);
-    node.surface = std::min(node.surface, newer);
-    node.seen_surface = sawtooth.next_stamp();
-    return std::min(node.surface, node.high);
+                                        node.group, node.sawtooth_version);
+    node.sawtooth_value = std::min(node.sawtooth_value, newer);
+    node.sawtooth_version = sawtooth.next_stamp();
+    return std::min(node.sawtooth_value, node.upper);
 }
 
 }  // namespace lcorpp

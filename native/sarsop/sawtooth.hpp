@@ -1,4 +1,4 @@
-// The upper bound: the fast informed bound, lowered by points with the sawtooth interpolation.
+// The upper bound: the fast informed bound and the sawtooth interpolation of points.
 // Source: Hauskrecht, JAIR 2000, section 4.4; Smith and Simmons, UAI 2005, section 4.2.
 #pragma once
 
@@ -8,37 +8,37 @@
 
 namespace lcorpp {
 
-// An upper bound on the value, positively homogeneous: it may be asked at beliefs times a probability.
+// An upper bound on the value, positively homogeneous: arguments are beliefs times a probability.
 //
-// At b it is the least of max over a of Q(a).b and of corners.b + phi(b) (v - corners.p) over the points
-// (p, v), phi = min over the support of p of b(s) / p(s); phi is 0 where p's support is not inside b's.
+// At b it is the minimum of max over a of Q(a).b and of corners.b + phi(b) (v - corners.p) over all points (p, v),
+// with phi(b) = min over the support of p of b(s) / p(s), which is 0 if b does not contain the support of p.
+// A point counts only at beliefs of its own group.
 class Sawtooth {
   public:
-    // informed: (S, A) Q values above the truth, state by state. groups: how many sets of points there are;
-    // a point is found only by those who ask for its group.
+    // informed: (S, A) Q values that are upper bounds, by state. groups: number of groups.
     Sawtooth(const Model& model, std::vector<double> informed, std::size_t groups);
 
-    Stamp next_stamp() const { return next_; }
+    Stamp next_stamp() const { return next_stamp_; }
     std::size_t count() const { return count_; }
 
-    // The value at n states with weights of the informed bound alone.
-    double informed(const Index* states, const double* weights, std::size_t n) const;
-    // That of one action.
-    double informed(const Weights& belief, Index action) const;
+    // The fast informed bound alone, at n states with weights.
+    double informed_value(const Index* states, const double* weights, std::size_t n) const;
+    // The informed Q value of one action.
+    double informed_value(const Weights& belief, Index action) const;
 
-    // The bound there, using the points of a group whose stamp is at least `since`.
+    // The bound at n states with weights, using the points of a group whose stamp is at least `since`.
     double bound(const Index* states, const double* weights, std::size_t n, Index group, Stamp since);
 
-    // Lower the bound at a belief; the stamp of the new point, -1 where a corner took it.
+    // Lower the bound at a belief. Returns the stamp of the new point, -1 if the belief is a corner.
     Stamp add(const Weights& belief, Index group, double value);
 
-    // Call f(states, 1 / p(states), n, value, group) for every point.
+    // Call f(states, 1 / p(states), value, group) for every point.
     template <typename F>
-    void each(F f) const {
+    void for_each_point(F f) const {
         std::vector<Index> states;
         std::vector<double> inverses;
         for (const Point& point : points_) {
-            if (point.retired) continue;
+            if (point.removed) continue;
             states.clear();
             inverses.clear();
             for (std::size_t i = point.begin; i < point.end; ++i) {
@@ -50,19 +50,19 @@ class Sawtooth {
     }
     const std::vector<double>& corners() const { return corners_; }
 
-    // A point that another at the same belief has replaced.
-    void retire(Stamp stamp);
+    // Remove a point that a newer one at the same belief has replaced.
+    void remove(Stamp stamp);
 
-    // Forget the points that were retired, if they are many.
+    // Release the memory of removed points if there are many.
     void compact();
 
   private:
     struct Point {
         Stamp stamp;
-        double value, excess;
-        std::size_t begin, end;  // where its entries are
+        double value, excess;    // excess: value - corners.p, at most 0
+        std::size_t begin, end;  // range of its entries
         Index group;
-        bool retired;
+        bool removed;
     };
     struct Entry {
         Index state;
@@ -70,23 +70,22 @@ class Sawtooth {
     };
 
     double excess(const Point& point) const;
-    void index(std::size_t number);
+    void index_point(std::size_t number);
+    std::size_t position(Index group, Index state) const;
 
     const Model& model_;
     const std::size_t actions_;
     std::vector<double> informed_;
     std::vector<double> corners_;
-    std::vector<Point> points_;   // by rising stamp
+    std::vector<Point> points_;  // by rising stamp
     std::vector<Entry> entries_;
-    // For each group and state the points filed under it: each point under one state of its support, so that
-    // only those need be looked at whose state has weight.
-    std::vector<std::vector<std::vector<Index>>> filed_;
-    std::vector<std::vector<Index>> having_;  // for each group and state how many points have it
-    std::vector<double> dense_;               // (S) scratch, zero between calls
-    Stamp next_ = 0;
-    std::size_t count_ = 0, retired_ = 0;
-
-    std::size_t place(Index group, Index state) const;
+    // Points by group and position of the rarest state of their support: only points whose rarest state has weight
+    // can count at a belief.
+    std::vector<std::vector<std::vector<Index>>> points_by_state_;
+    std::vector<std::vector<Index>> point_counts_;  // by group and position: number of points with that state
+    std::vector<double> dense_;                     // (S) scratch, zero between calls
+    Stamp next_stamp_ = 0;
+    std::size_t count_ = 0, removed_ = 0;
 };
 
 }  // namespace lcorpp

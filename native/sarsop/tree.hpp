@@ -9,130 +9,129 @@
 #include <unordered_map>
 #include <vector>
 
+#include "alpha_vectors.hpp"
+#include "dependencies.hpp"
 #include "model.hpp"
-#include "origins.hpp"
 #include "sawtooth.hpp"
-#include "vectors.hpp"
 
 namespace lcorpp {
 
-// Entries of outcomes, 12 bytes each, that are kept with their nodes; beyond, they are worked out anew.
-constexpr std::size_t kRoom = std::size_t{1} << 25;
+// Largest number of cached entries of outcomes, 12 bytes each; further ones are recomputed at each visit.
+constexpr std::size_t kMaxCachedOutcomes = std::size_t{1} << 25;
 
-// Share of the largest value that a new bound must gain; less is rounding.
-constexpr double kGain = 1e-11;
+// Smallest improvement of a bound, relative to the largest value; smaller ones are rounding errors.
+constexpr double kMinGain = 1e-11;
+
+// Bins of the value predictor, for the initial upper bound and for the entropy.
+constexpr int kPredictorBins = 32;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// What may be observed after an action. Bounds are those of the next belief times the probability.
+// An observation after an action. Bounds are those of the next belief times the probability.
 struct Child {
     Index observation;
-    Index group;      // the block of the next belief
-    Index link = -1;  // the node of the next belief, once it was visited
+    Index group;      // block of the next belief
+    Index node = -1;  // node of the next belief, -1 before the first visit
     double probability;
     double lower = -kInfinity, upper = kInfinity;
-    double apart = 0.0;  // how far the values of the next belief and of its node may differ
-    Stamp best = -1;     // the vector that gives `lower`
+    double lipschitz_slack = 0.0;  // largest difference between the values of the next belief and of its node
+    Stamp best_vector = -1;        // the vector that gives `lower`
 };
 
-// One action at a belief. It is worked out when it is looked at first: until then the informed bound stands
-// for its upper bound.
+// One action at a belief. Before it is expanded, the informed bound is its upper bound.
 struct Branch {
-    bool open = false, refreshed = false;  // its children are known; their upper bounds were asked for
-    double immediate = 0.0;
+    bool expanded = false, refreshed = false;  // whether the children are known, and their upper bounds computed
+    double expected_reward = 0.0;
     double lower = -kInfinity, upper = kInfinity;
-    Stamp seen_vectors = 0, seen_points = 0;
+    Stamp vectors_version = 0, points_version = 0;  // the bounds include all vectors and points with earlier stamps
     std::vector<Child> children;
-    std::unique_ptr<Outcomes> outcomes;  // kept while there is room: most visits need them
+    std::unique_ptr<Outcomes> outcomes;  // cached up to kMaxCachedOutcomes: most visits need them
 };
 
 struct Node {
     Weights belief;
-    Index group;  // its block; one more than the last for a belief over several blocks
-    double low = -kInfinity, high = kInfinity;
-    std::vector<Branch> branches;  // one for each action
-    Stamp witness = -1;            // the vector that is best here
-    double held = -kInfinity;      // its value
-    Stamp seen_vectors = 0;
-    Stamp point = -1;              // of this belief in the upper bound
-    double surface = kInfinity;    // the upper bound here when last asked
-    Stamp seen_surface = 0;
-    double informed = 0.0;         // the initial upper bound here
-    Index entropy = 0;             // in bins
+    Index group;
+    double lower = -kInfinity, upper = kInfinity;  // the best bounds so far
+    std::vector<Branch> branches;                  // by action
+    Stamp best_vector = -1;                        // the best vector here
+    double lower_value = -kInfinity;               // value of the best vector
+    Stamp vectors_version = 0;
+    Stamp point_stamp = -1;            // stamp of this belief's point in the upper bound
+    double sawtooth_value = kInfinity;  // the upper bound by the points, at its last update
+    Stamp sawtooth_version = 0;
+    double informed_value = 0.0;  // the initial upper bound
+    Index entropy_bin = 0;
 };
 
 class Tree {
   public:
-    // informed: (A, S) Q values above the truth. blind: (A, S) the value of each action done for ever.
+    // informed: (A, S) Q values that are upper bounds. blind: (A, S) values of repeating one action forever.
     Tree(const Model& model, const std::vector<double>& informed, const std::vector<double>& blind);
     Tree(const Tree&) = delete;
     Tree& operator=(const Tree&) = delete;
 
     const Model& model;
 
-    // The node of a belief, made where there is none.
-    Index node(Weights belief);
-    // The node of a child.
-    Index child(Index node, Index action, std::size_t number);
+    // The node of a belief, created if necessary.
+    Index add_node(Weights belief);
+    // The node of a child, created if necessary.
+    Index add_child(Index node, Index action, std::size_t child);
 
-    // Bring the bounds of a node up to date with the vectors and points since its last visit.
+    // Update the bounds of a node with the vectors and points since its last visit.
     void refresh(Index node);
-    // The action to follow from a node, best in the upper or the lower bound, with both its bounds up to date.
-    Index look(Index node, bool below);
-    // That of one action's upper bound, where it is not the best one.
-    void refresh_upper(Index node, Index action);
+    // The best action of a node by its upper or lower bound, after an update of that action's bounds.
+    Index select_action(Index node, bool use_lower_bound);
 
-    // Add the vector that is best at a node, and lower the upper bound there (RSS 2008, algorithm 3).
+    // Add the best alpha vector at a node and lower the upper bound there (RSS 2008, algorithm 3).
     void backup(Index node);
 
-    // Take over what is known of the same model: a vector over the states of a group, a point at a belief.
+    // Import bounds of the same model: a vector over the states of a group, a point at a belief.
     void add_vector(Index group, const std::vector<double>& vector, Index action);
     void add_point(const Weights& belief, double value);
 
-    // The values at a node that the vectors and points give by themselves.
-    double lower_at(Index node);
-    double upper_at(Index node);
+    // The bounds at a node, up to date with all vectors and points.
+    double lower_bound(Index node);
+    double upper_bound(Index node);
 
-    // Keep the vectors that are best, or nearly, at a belief that the roots reach by actions that may still be
-    // optimal; see pruning.cpp. Sets are looked at when they have grown since the last time.
-    void prune(const std::vector<Index>& roots, double delta, double cap, double growth);
+    // Keep the vectors that are best, or nearly best, at a belief that the roots reach by actions that may be optimal;
+    // see pruning.cpp. A set is pruned only if it has grown enough since its last pruning.
+    void prune(const std::vector<Index>& roots, double radius, double max_ratio, double growth);
 
-    Index best_lower_action(Index node) const;
-    Index best_upper_action(Index node) const;
-
-    std::deque<Node> nodes;  // they stay where they are while others come
-    std::vector<VectorSet> sets;  // for each block; the last for beliefs over several
-    Origins origins;              // of the vectors
-    Sawtooth sawtooth;
-    double scale = 1.0;           // the largest value in the model: what rounding is measured by
-
-    std::size_t vectors() const;
-    // The states of a group.
-    const std::vector<Index>& states_of(Index group) const {
+    std::size_t vector_count() const;
+    const std::vector<Index>& group_states(Index group) const {
         return static_cast<std::size_t>(group) < model.members.size() ? model.members[static_cast<std::size_t>(group)]
-                                                                      : everything_;
+                                                                      : all_states_;
     }
 
+    std::deque<Node> nodes;       // a deque, so that references stay valid when nodes are added
+    std::vector<VectorSet> sets;  // by group
+    VectorDependencies dependencies;
+    Sawtooth sawtooth;
+    double scale = 1.0;  // the largest value in the model, the unit of rounding errors
+
   private:
-    const Outcomes& outcomes(Node& node, Index action);
+    const Outcomes& expand(Node& node, Index action);
+    std::vector<char> refresh_best_upper(Node& node);
     void refresh_lower(Node& node, Index action);
     void refresh_upper(Node& node, Index action);
-    void witness(Node& node);
-    // The new vector, and the stamps of those it goes on with.
-    std::vector<double> vector(Node& node, Index action, std::vector<Stamp>& from);
-    Best best(Index group, const Index* states, const double* weights, std::size_t n, std::size_t first);
-    Index group_of(const Weights& belief) const;
-    std::vector<Index> reachable(const std::vector<Index>& roots) const;
-    void prune_set(Index group, const std::vector<Index>& at, double delta, double cap);
+    void update_best_vector(Node& node);
+    static Index best_lower_action(const Node& node);
+    static Index best_upper_action(const Node& node);
+    // A new vector; the stamps of the vectors it depends on are appended to `depends_on`.
+    std::vector<double> make_vector(Node& node, Index action, std::vector<Stamp>& depends_on);
+    Best find_best_vector(Index group, const Index* states, const double* weights, std::size_t n, std::size_t first);
+    Index find_group(const Weights& belief) const;
+    std::vector<Index> find_reachable(const std::vector<Index>& roots) const;
+    void prune_set(Index group, const std::vector<Index>& nodes_of_group, double radius, double max_ratio);
 
     Successors successors_;
     Stamp next_vector_ = 0;
-    std::size_t room_ = kRoom;  // entries of outcomes that may still be kept
-    std::unordered_multimap<std::uint64_t, Index> known_;
-    std::vector<Index> everything_;
-    std::vector<std::size_t> kept_;  // by group, how many vectors the last pruning left
-    std::vector<Index> places_;      // scratch
-    std::vector<double> future_;     // (S) scratch
+    std::size_t cache_left_ = kMaxCachedOutcomes;
+    std::unordered_multimap<std::uint64_t, Index> node_index_;
+    std::vector<Index> all_states_;
+    std::vector<std::size_t> sizes_after_pruning_;  // by group: number of vectors after the last pruning
+    std::vector<Index> positions_;                  // scratch
+    std::vector<double> next_values_;               // (S) scratch
 };
 
 }  // namespace lcorpp

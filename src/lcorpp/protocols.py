@@ -83,11 +83,11 @@ class DomainInterface(Protocol):
     def marginal(self, belief: Belief) -> Distribution:
         """Return the target's distribution under a planner's belief (S,)."""
 
-    def report(self, action: str) -> str | None:
+    def reported_value(self, action: str) -> str | None:
         """Return the target value that `action` reports, None if `action` is no report."""
 
     def report_action(self, value: str) -> str:
         """Return the action that reports `value`."""
 
-    def finished(self, belief: Belief) -> bool:
+    def is_terminal(self, belief: Belief) -> bool:
         """Return whether the terminal state has probability 1."""

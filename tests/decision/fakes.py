@@ -29,13 +29,13 @@ class Words:
     def marginal(self, belief: Belief) -> Distribution:
         return Distribution(VALUES, belief)
 
-    def report(self, action: str) -> str | None:
+    def reported_value(self, action: str) -> str | None:
         return action.removeprefix("say ") if action.startswith("say ") else None
 
     def report_action(self, value: str) -> str:
         return f"say {value}"
 
-    def finished(self, belief: Belief) -> bool:
+    def is_terminal(self, belief: Belief) -> bool:
         return False
 
 

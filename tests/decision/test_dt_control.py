@@ -41,7 +41,7 @@ def test_a_policy_that_never_reports_is_an_error():
 
 def test_a_terminal_state_ends_the_decision_without_a_report():
     class Leaving(Words):
-        def finished(self, belief: Belief) -> bool:
+        def is_terminal(self, belief: Belief) -> bool:
             return bool(belief[0] > 0.85)
 
     episode = dt_control(Robot(Eyes(), Mind(), Plan(), Leaving()), seen(0), Answers("nod"))

@@ -47,11 +47,11 @@ def test_presets_of_the_paper_s_domain():
     assert (paper.preset, authors.preset) == ("paper", "authors")
     np.testing.assert_allclose(paper.pomdp.start, [0.5, 0.5, 0, 0, 0])
     np.testing.assert_allclose(authors.pomdp.start, [0.2] * 5)
-    channel = authors.simulation.channel
+    channel = authors.simulation.confusion_channel
     assert channel is not None
     assert channel["interested"]["one"] == 0.594
     assert channel["not_interested"]["one"] == 0.119
-    assert paper.simulation.channel == {
+    assert paper.simulation.confusion_channel == {
         "interested": {"one": 0.76, "zero": 0.24},
         "not_interested": {"one": 0.29, "zero": 0.71},
     }
@@ -61,13 +61,13 @@ def test_presets_of_the_paper_s_domain():
     assert authors.pomdp.observation[forward, turned, 0] == pytest.approx(0.9)
     np.testing.assert_allclose(paper.pomdp.reward[:3, -1], 0)
     np.testing.assert_allclose(authors.pomdp.reward[:3, -1], [-4, -2, -4.5])
-    np.testing.assert_allclose(paper.simulation.reactions[:3, :4, 0], [[0.7, 0.3, 0.7, 0.3]] * 3)
-    np.testing.assert_allclose(authors.simulation.reactions[:3, :4, 0], [[0.75, 0.25, 0.75, 0.25]] * 3)
+    np.testing.assert_allclose(paper.simulation.feedback_model[:3, :4, 0], [[0.7, 0.3, 0.7, 0.3]] * 3)
+    np.testing.assert_allclose(authors.simulation.feedback_model[:3, :4, 0], [[0.75, 0.25, 0.75, 0.25]] * 3)
 
 
 def test_a_made_up_domain():
     rooms = load_domain(ROOMS)
-    assert (rooms.values, rooms.terminal, rooms.preset) == (("lab", "office", "store"), 3, "calm")
+    assert (rooms.values, rooms.planning.terminal, rooms.preset) == (("lab", "office", "store"), 3, "calm")
     assert rooms.evidence({"badge": "staff"}, "store") == {"badge": "staff", "heading": "right"}
     assert rooms.target_of_label({"heading": "right"}) == "store"
     assert rooms.target_of_label({"badge": "staff"}) is None
@@ -79,16 +79,18 @@ def test_a_made_up_domain():
         rooms.evidence({}, Likelihood(("a", "b"), [1, 1]))
     sure = Reasoner(rooms.soft_program).posterior("goal", {"badge": "staff", "heading": "right"})
     assert sure["store"] == 1  # there the attribute stands for the truth
-    assert (rooms.report("to_office"), rooms.report("point")) == ("office", None)
+    assert (rooms.reported_value("to_office"), rooms.reported_value("point")) == ("office", None)
     assert rooms.report_action("store") == "to_store"
-    np.testing.assert_array_equal(rooms.entry, np.eye(3, 4))
-    np.testing.assert_allclose(rooms.simulation.reactions[0, 0], [0.8, 0.1, 0.1, 0])
+    np.testing.assert_array_equal(rooms.planning.initial_states, np.eye(3, 4))
+    np.testing.assert_allclose(rooms.simulation.feedback_model[0, 0], [0.8, 0.1, 0.1, 0])
     np.testing.assert_allclose(
-        load_domain(ROOMS, preset="hectic").simulation.reactions[0, 0], [0.6, 0.2, 0.2, 0]
+        load_domain(ROOMS, preset="hectic").simulation.feedback_model[0, 0], [0.6, 0.2, 0.2, 0]
     )
     # goal=lab has .7 for staff; the other headings share what 'left' leaves
-    assert rooms.simulation.channel is not None
-    assert rooms.simulation.channel["lab"] == pytest.approx({"left": 0.8, "ahead": 0.1, "right": 0.1})
+    assert rooms.simulation.confusion_channel is not None
+    assert rooms.simulation.confusion_channel["lab"] == pytest.approx(
+        {"left": 0.8, "ahead": 0.1, "right": 0.1}
+    )
 
 
 def test_a_new_confusion_matrix_gives_new_rules_and_leaves_the_old():
@@ -126,7 +128,7 @@ WRONG = [
         r"domain\.toml:7: \[reasoning\] target: .*badges\.plog has no",
     ),
     (TOML, '"weekday"]', '"week"]', r"domain\.toml:6: \[reasoning\] observed: .*no attribute 'week'"),
-    (TOML, '"badge", "weekday"', '"badge", "badge"', r"a name stands twice"),
+    (TOML, '"badge", "weekday"', '"badge", "badge"', r"a name is repeated"),
     (TOML, '"badge", "weekday"', '"badge", "goal"', r"'goal' is the target, so it cannot be observed"),
     (
         TOML,
@@ -171,7 +173,7 @@ WRONG = [
         TOML,
         'store = "shrug"',
         'store = "silence"',
-        r"people may answer 'silence' to 'point', which .*guide\.pomdp calls",
+        r"people may answer 'silence' to 'point', but .*guide\.pomdp gives it probability 0",
     ),
     (TOML, 'lab = "yes", ', "", r"\[simulation\] feedback: 'lab' is missing"),
     (TOML, "noise = 0.2", "noise = 1.2", r"domain\.toml:27: .*expected a number from 0 to 1, not 1\.2"),
@@ -305,7 +307,10 @@ def test_the_spacing_of_simulated_tracks_is_the_domain_s(tmp_path):
     shutil.copytree(ROOMS, tmp_path / "rooms")
     file = tmp_path / "rooms" / "domain.toml"
     file.write_text(file.read_text().replace("tracks = 60", "tracks = 60\ninterval = 0.4"))
-    assert (load_domain(ROOMS).interval, load_domain(tmp_path / "rooms").interval) == (0.033, 0.4)
+    assert (load_domain(ROOMS).learning.interval, load_domain(tmp_path / "rooms").learning.interval) == (
+        0.033,
+        0.4,
+    )
     assert simulate_training_data(load_domain(tmp_path / "rooms"), 0).dataset.interval == 0.4
     file.write_text(file.read_text().replace("0.4", "0"))
     with pytest.raises(DomainError, match="interval"):

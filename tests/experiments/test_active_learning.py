@@ -16,7 +16,7 @@ ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 def test_a_run_that_goes_on_meets_those_whom_it_would_have_met():
     """Whatever was asked of those before, and within a group that is simulated at once."""
     domain = load_domain(ROOMS)
-    ask = next(name for name in domain.pomdp.actions if domain.report(name) is None)
+    ask = next(name for name in domain.pomdp.actions if domain.reported_value(name) is None)
 
     def meet(crowd: PeopleStream, count: int, asked: int):
         met = []

@@ -43,7 +43,7 @@ def test_a_negative_probability_is_named():
         ({"discount": float("nan")}, "discount nan"),
         ({"start": np.array([0.5, 0.4])}, "the start belief is not a distribution"),
         ({"start": np.array([1.0])}, r"start has shape \(1,\), not \(2,\)"),
-        ({"reward": np.full((3, 2), np.inf)}, "reward holds a number that is not finite"),
+        ({"reward": np.full((3, 2), np.inf)}, "reward contains a number that is not finite"),
         ({"states": ("a", "a")}, "states have the name 'a' twice"),
         ({"actions": ()}, "a POMDP needs actions"),
     ],
@@ -57,7 +57,7 @@ def test_broken_laws(change, message):
 def test_a_number_that_is_not_finite(field):
     table = getattr(tiger, field).dense.copy()
     table[0, 0, 0] = np.nan
-    with pytest.raises(ModelError, match=f"{field} holds a number that is not finite"):
+    with pytest.raises(ModelError, match=f"{field} contains a number that is not finite"):
         replace(tiger, **{field: table})
     with pytest.raises(ModelError, match=rf"{field} has shape \(3, 1, 2\), not \(3, 2, 2\)"):
         replace(tiger, **{field: table[:, :1]})
@@ -96,5 +96,5 @@ def test_a_hundred_thousand_states():
     assert np.flatnonzero(after).tolist() == [1]
     solution = solve(pomdp, precision=1e-3, time_limit=30)
     assert solution.lower == pytest.approx(10, abs=1e-3)
-    with pytest.raises(ModelError, match=r"written out takes 74\.5 GiB; at most 2 GiB are made"):
+    with pytest.raises(ModelError, match=r"takes 74\.5 GiB; the limit is 2 GiB"):
         _ = pomdp.transition.dense

@@ -1,31 +1,30 @@
-"""The person at the keyboard."""
+"""ConsoleWorld: actions are shown, answers read, ambiguous ones asked again."""
 
 import pytest
 
 from lcorpp.errors import DecisionError
-from lcorpp.worlds import ConsoleWorld
-from lcorpp.worlds.console import choose
+from lcorpp.worlds import ConsoleWorld, choose
 
 
 def scripted(*lines: str):
-    typed, told = list(lines), list[str]()
-    return lambda question: typed.pop(0), told
+    typed, shown = list(lines), list[str]()
+    return lambda question: typed.pop(0), shown
 
 
-def test_actions_are_told_and_answers_read():
-    ask, told = scripted("perhaps", "n", "ne")
-    world = ConsoleWorld(("pos", "neg", "none"), ask=ask, tell=told.append)
+def test_actions_are_shown_and_answers_read():
+    ask, shown = scripted("perhaps", "n", "ne")
+    world = ConsoleWorld(("pos", "neg", "none"), ask=ask, show=shown.append)
     assert world.act("greet") == "neg"
     world.report("report_interested")
-    assert told[0] == "The robot does: greet"
-    assert told[1] == "'perhaps' is not clear; expected one of pos, neg, none"
-    assert told[2].startswith("'n' is not clear")
-    assert told[3:] == ["The robot decides: report_interested"]
+    assert shown[0] == "The robot does: greet"
+    assert shown[1] == "'perhaps' is ambiguous or unknown; expected one of pos, neg, none"
+    assert shown[2].startswith("'n' is ambiguous or unknown")
+    assert shown[3:] == ["The robot decides: report_interested"]
 
 
 def test_a_full_name_wins_over_a_longer_one():
-    ask, told = scripted(" no ")
-    assert choose(("none", "no"), "?", ask=ask, tell=told.append) == "no"
+    ask, shown = scripted(" no ")
+    assert choose(("none", "no"), "?", ask=ask, show=shown.append) == "no"
 
 
 def test_the_end_of_the_input_is_an_error():

@@ -27,7 +27,7 @@ def check(
     ] = None,
 ) -> None:
     """Check a file or a folder and say what it holds; the first thing that is wrong ends in exit code 2."""
-    from lcorpp.domains.loading import SHIPPED, shipped_domains
+    from lcorpp.domains.loading import SHIPPED_FOLDER, shipped_domains
     from lcorpp.learning.store import is_store
 
     suffix = path.suffix.lower()
@@ -36,7 +36,7 @@ def check(
     elif path.is_dir() or path.name == "domain.toml":
         _domain(path if path.is_dir() else path.parent)
     elif not path.exists() and str(path) in shipped_domains():
-        _domain(SHIPPED / path)
+        _domain(SHIPPED_FOLDER / path)
     elif is_store(path):
         _store(path)
     elif suffix == ".plog":
@@ -74,11 +74,6 @@ def _store(path: Path) -> None:
         f"{path}: {store.summary()}; {points}{', '.join(store.schema.channels)} every"
         f" {store.schema.interval:g} s{'' if store.damage else ': right'}"
     )
-    if store.tail:
-        show.console.print(
-            f"  note: the last {store.tail} bytes are no whole record: it is being written, or was when its"
-            " writer came to its end; the next one moves them aside"
-        )
     if store.damage:
         places = "\n".join(f"  {damage}" for damage in store.damage)
         count = f"{len(store.damage)} place{'s' * (len(store.damage) > 1)}"

@@ -57,7 +57,7 @@ def explain(
     from lcorpp.simulation.channel import NoisyChannel
     from lcorpp.simulation.population import Population
     from lcorpp.simulation.world import SimulationModel
-    from lcorpp.worlds.console import ConsoleWorld
+    from lcorpp.worlds import ConsoleWorld
 
     if interactive and sys.stdin is None:
         raise DecisionError("--interactive needs an input to read your answers from; it is closed")
@@ -75,7 +75,7 @@ def explain(
     truth: str | None = None
     if interactive:
         facts, given = _asked(loaded, facts, given)
-        world = ConsoleWorld(loaded.pomdp.observations, tell=show.console.print)
+        world = ConsoleWorld(loaded.pomdp.observations, show=show.console.print)
     else:
         person = Population(loaded).sample(1, rng, facts)[0]
         facts = {name: person[name] for name in loaded.observed}
@@ -84,12 +84,16 @@ def explain(
             channel = NoisyChannel.of(loaded)
             given = channel.classify_many(channel.trajectories([person], rng))[0]
         world = SimulationModel(loaded).make_world(person, rng)
-        hidden = ", ".join(f"{k}={v}" for k, v in person.items() if k not in (*facts, loaded.attribute))
+        hidden = ", ".join(
+            f"{k}={v}" for k, v in person.items() if k not in (*facts, loaded.learning.attribute)
+        )
         show.console.print(f"somebody is there; hidden from the robot: {hidden}", style="dim")
     evidence = loaded.evidence(facts, given)
     if soft is None:
         show.heading(1, "learning", "the classifier's label")
-        show.console.print(f"     {given} ({loaded.attribute} = {evidence[loaded.attribute]})")
+        show.console.print(
+            f"     {given} ({loaded.learning.attribute} = {evidence[loaded.learning.attribute]})"
+        )
     else:
         show.heading(1, "learning", "how likely what the classifier saw is, in proportion")
         for value, weight in soft:
@@ -135,10 +139,10 @@ def _facts(domain: Domain, pairs: list[str]) -> dict[str, str]:
 
 def _claimed(domain: Domain, label: str, option: str = "--label") -> str:
     """The class that a label of the program, or the class itself, stands for."""
-    for value, word in domain.label_of.items():
+    for value, word in domain.learning.label_of.items():
         if label in (word, value):
             return value
-    raise DomainError(f"{option} {label!r}: {expected_one_of(tuple(domain.label_of.values()))}")
+    raise DomainError(f"{option} {label!r}: {expected_one_of(tuple(domain.learning.label_of.values()))}")
 
 
 def _likelihood(domain: Domain, pairs: list[str]) -> Likelihood:
@@ -164,19 +168,21 @@ def _likelihood(domain: Domain, pairs: list[str]) -> Likelihood:
 
 def _asked(domain: Domain, facts: Mapping[str, str], label: Label | None) -> tuple[dict[str, str], Label]:
     """The facts and the label, asked of the user where they are not given."""
-    from lcorpp.worlds.console import choose
+    from lcorpp.worlds import choose
 
     asked = dict(facts)
     for name in domain.observed:
         if name not in asked:
             asked[name] = choose(
-                domain.program.attributes[name].values, f"What is the {name}?", tell=show.console.print
+                domain.program.attributes[name].values, f"What is the {name}?", show=show.console.print
             )
     if label is None:
-        words = tuple(domain.label_of.values())
+        words = tuple(domain.learning.label_of.values())
         label = _claimed(
             domain,
-            choose(words, f"What does the classifier say ({domain.attribute})?", tell=show.console.print),
+            choose(
+                words, f"What does the classifier say ({domain.learning.attribute})?", show=show.console.print
+            ),
         )
     return asked, label
 

@@ -110,7 +110,7 @@ def trained_eyes(
     from lcorpp.learning import build_report, learner, train_and_validate
     from lcorpp.learning.evaluation.thresholds import apply_threshold
 
-    positive = domain.positive or max(domain.values)
+    positive = domain.learning.positive or max(domain.values)
     goal = None if wanted.threshold is None else _goal(domain, positive, wanted.threshold)
     learner(wanted.learner, epochs=wanted.epochs, device=wanted.device)  # mistakes are told before the work
     training = (

@@ -78,7 +78,7 @@ def learn(
     )
     for note in training.dataset.notes:
         show.console.print(f"note: {note}", style="yellow", markup=False)
-    name = learner or (loaded.classifier if loaded.classifier != "channel" else "lstm")
+    name = learner or (loaded.learning.classifier if loaded.learning.classifier != "channel" else "lstm")
     estimator = make_estimator(training, name, epochs=epochs, seed=seed, device=device)
     soft = evidence is show.Evidence.soft
 

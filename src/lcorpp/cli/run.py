@@ -151,7 +151,7 @@ def run(
             results, done = run_trials(experiment, trials, jobs=show.cores(jobs), progress=advance)
         if done < trials:
             configuration["trials"] = done
-    show.console.print(_table(results, loaded.positive, configuration["trials"]))
+    show.console.print(_table(results, loaded.learning.positive, configuration["trials"]))
     for note in eyes.notes:
         show.console.print(f"note: {note}", style="yellow", markup=False)
     if out is not None:
@@ -162,7 +162,7 @@ def run(
 
 def _chosen(domain: Domain, classifier: str | None, learner: str | None, data: Path | None) -> str:
     """Who classifies: "channel", "file", or the name of a learner."""
-    from lcorpp.domains.sections.reasoning import CLASSIFIERS
+    from lcorpp.domains.sections.learning import CLASSIFIERS
 
     if classifier is not None:
         if learner is not None:
@@ -172,7 +172,9 @@ def _chosen(domain: Domain, classifier: str | None, learner: str | None, data: P
         return classifier if classifier in CLASSIFIERS else "file"
     if learner is not None:
         return learner
-    return "lstm" if data is not None and domain.classifier == "channel" else domain.classifier
+    return (
+        "lstm" if data is not None and domain.learning.classifier == "channel" else domain.learning.classifier
+    )
 
 
 def _refuse(why: str, **options: object) -> None:

@@ -68,7 +68,7 @@ def _facts(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
     """Sizes, how full the tables are, what an observation leaves open, rewards, discount and start."""
     import numpy as np
 
-    from lcorpp.planning.sarsop.kernels import engine, model_of
+    from lcorpp.planning.sarsop.kernels import build_model, load_kernels
 
     typer.echo(f"{model}")
     if problem is not None:
@@ -80,7 +80,7 @@ def _facts(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
     for kind, table in (("T(s' | s, a)", pomdp.transition), ("O(o | a, s')", pomdp.observation)):
         full = len(table.values) / float(np.prod(table.shape, dtype=np.float64))
         _say(kind, f"{len(table.values)} entries above zero, {full:.2%} of the table")
-    sizes = np.bincount(model_of(engine(), pomdp).blocks())
+    sizes = np.bincount(build_model(load_kernels(), pomdp).blocks())
     if len(sizes) > 1:
         most = f"of at most {sizes.max()} states" if sizes.max() > 1 else "of one state: all is observed"
         _say("seen at once", f"after each step the belief lies within one of {len(sizes)} blocks {most}")
@@ -97,19 +97,22 @@ def _start(pomdp: Pomdp) -> str:
         return f"certainly {pomdp.states[support[0]]}"
     if np.ptp(pomdp.start[support]) < 1e-5:  # files round
         return f"uniform over {'all' if len(support) == len(pomdp.states) else len(support)} states"
-    from lcorpp.planning.belief import describe
+    from lcorpp.planning.belief import format_belief
 
-    return describe(pomdp, pomdp.start)
+    return format_belief(pomdp, pomdp.start)
 
 
 def _policy_facts(policy: Path, pomdp: Pomdp, drawn: Policy) -> None:
     used = sorted(set(drawn.actions.tolist()))
     typer.echo(f"{policy}")
-    _say("vectors", f"{len(drawn)}" + ("" if drawn.is_flat else f" in {len(drawn.vector_sets)} pieces"))
+    _say(
+        "vectors",
+        f"{len(drawn)}" + ("" if drawn.covers_all_states else f" in {len(drawn.vector_sets)} sets"),
+    )
     names = [pomdp.actions[action] for action in used]
     more = f", ... ({len(names)} in all)" if len(names) > NAMED else ""
     _say("actions", ", ".join(names[:NAMED]) + more)
-    value, action = drawn.best(pomdp.start)
+    value, action = drawn.value_and_action(pomdp.start)
     _say("at the start", f"{pomdp.actions[action]}, which earns at least {value:.6g}")
 
 
@@ -153,11 +156,11 @@ def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:
 
     graph = policy_graph(pomdp, policy)
     if out.suffix.lower() == ".dot":
-        write_atomically(out, graph.dot())
+        write_atomically(out, graph.to_dot())
     else:
         from lcorpp.planning.plots import draw_graph
         from lcorpp.plot_style import save_figure
 
         save_figure(draw_graph(graph, title=title), out)
-    more = "" if graph.whole.all() else ", and more beyond them"
+    more = "" if graph.complete.all() else ", and more beyond them"
     typer.echo(f"wrote the policy's graph to {out}: {len(graph)} nodes{more}")

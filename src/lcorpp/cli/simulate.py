@@ -42,13 +42,13 @@ def simulate(
     found = simulated(pomdp, tried, trials=trials, steps=longest, seed=seed, traces=trace)
     for number, episode in enumerate(found.traces, start=1):
         _tell(pomdp, number, episode)
-    low, high = found.interval
+    low, high = found.interval.low, found.interval.high
     typer.echo(f"{model.name}: {trials} episodes of at most {longest} steps, seed {seed}")
     interval = f"   95% interval {low:.6g} to {high:.6g}" if trials > 1 else "   (one episode: no interval)"
     typer.echo(f"  discounted reward   {found.mean:.6g}{interval}")
     typer.echo(f"  promised at least   {tried.value(pomdp.start):.6g}")
     if found.unfinished:
-        least, most = found.rest
+        least, most = found.truncation
         ahead = f"what they might add moves the mean by {least:.4g} to {most:.4g}"
         typer.echo(f"  {found.unfinished} episodes were cut off; {ahead}")
     speed = found.steps / max(found.seconds, 1e-9)

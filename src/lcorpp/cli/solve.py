@@ -43,9 +43,9 @@ def solve(
     Ctrl-C writes the best policy so far. The exit code is 1 when --check refutes what the solver says.
     """
     from lcorpp import planning
-    from lcorpp.planning.solvers import solver
+    from lcorpp.planning.solvers import load_solver
 
-    search = solver(name)
+    search = load_solver(name)
     pomdp = planning.read_pomdp(problem)
     write = models.policy_writer(out)
     if plot is not None:

@@ -78,11 +78,11 @@ def act_until_report(
         The steps and the reported value; None if the terminal state was reached without a report.
     """
     belief, steps = prior, list[Step]()
-    while not robot.domain.finished(belief):
+    while not robot.domain.is_terminal(belief):
         if len(steps) == max_steps:
             raise DecisionError(f"no report after {max_steps} actions; the last one was {steps[-1].action!r}")
         action = robot.planner.action(belief)
-        value = robot.domain.report(action)
+        value = robot.domain.reported_value(action)
         observation = None
         if value is not None:
             world.report(action)

@@ -1,4 +1,4 @@
-"""A domain is a folder: what is observed, learnt, known, shared, planned and simulated, in its own words."""
+"""Domains: folders with a `domain.toml`, a P-log program, a POMDP and, optionally, simulated people."""
 
 import lazy_loader as _lazy
 

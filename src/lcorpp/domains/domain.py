@@ -1,8 +1,8 @@
-"""A domain: the one value that knows the words of all parts and translates between them."""
+"""A domain: translates between the names of classifier, reasoner and planner."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations_with_replacement
@@ -11,96 +11,78 @@ from pathlib import Path
 
 import numpy as np
 
+from lcorpp.domains.sections.learning import LearningSection
+from lcorpp.domains.sections.planning import PlanningSection
+from lcorpp.domains.sections.reasoning import ReasoningSection
+from lcorpp.domains.sections.simulation import SimulationSection
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program, with_classifier
 from lcorpp.values import JEFFREYS, Array, Belief, ConfusionMatrix, Distribution, Label, Likelihood
 
-LATTICE, MOST_STARTS = 10, 36
-"""Steps from one corner of the simplex of priors to the next, and priors in all, at most (corners always)."""
+MAX_GRID_STEPS, MAX_PRIORS = 10, 36
+"""Limits of the grid of priors in `Domain.start_beliefs`: steps along an edge, and priors in all."""
 
 
-@dataclass(frozen=True, eq=False)
-class Simulation:
-    """How people are simulated where there are none.
-
-    truth: the P-log program that people are drawn from.
-    reactions: (A, S, O) P(o | a, s'), how people in fact answer.
-    channel: target value -> label -> probability, the classifier as a noisy channel; None where only
-        simulated motion or recorded data feed it.
-    trajectories: from people (attribute -> value) and a generator to (people, channels, time points);
-        None where the domain has no people.py.
-    recordings: from the same, and the keyword `seconds` (shortest, longest), to a list of arrays (samples,
-        columns), one for each person, as a tracker records them; None where people.py has none.
-    columns: the names of those columns; () where there are no recordings.
-    reaction: from a person, an action and a generator to an observation, in place of `reactions`; None
-        where the domain has none.
-    """
-
-    truth: Program
-    reactions: Array
-    channel: Mapping[str, Mapping[str, float]] | None
-    trajectories: Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array] | None
-    reaction: Callable[[Mapping[str, str], str, np.random.Generator], str] | None
-    recordings: Callable[..., list[Array]] | None = None
-    columns: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Domain:
-    """Everything in a domain folder, checked as a whole by `load_domain`.
+    """Contents of a domain folder, checked as a whole by `load_domain`.
 
-    name, description, folder, preset: what it is called and where it lies.
-    program: the P-log knowledge. observed: attributes that are seen as facts.
-    target: the attribute that reasoner and planner share; `values` are its values.
-    attribute: the attribute that the classifier feeds; label_of: target value -> the label that claims it.
-    positive: the target value that F1, precision and recall are about; None averages over all values.
-    classifier: "lstm" or "channel", what feeds the attribute unless the user says otherwise.
-    tracks, epochs: how many simulated tracks to train on, and how often.
-    interval: seconds between two points of simulated tracks.
-    data_labels: how recorded data writes the classes.
-    pomdp: the planner's model. reports: report action -> target value.
-    entry: (V, S) entry[v] the planner's states that carry target value v before any action.
-    share: (S, V) 1 where a state has target value v; zeros for the terminal state.
-    terminal: index of the terminal state, None without one.
-    simulation: how people are simulated.
+    name, description: for reports. folder: its path.
+    preset: name of the chosen preset, None without one.
+    reasoning, learning, planning, simulation: the sections of its `domain.toml`.
     """
 
     name: str
     description: str
     folder: Path
     preset: str | None
-    program: Program
-    observed: tuple[str, ...]
-    target: str
-    attribute: str
-    label_of: Mapping[str, str]
-    positive: str | None
-    classifier: str
-    tracks: int
-    epochs: int
-    interval: float
-    data_labels: Mapping[str, str]
-    pomdp: Pomdp
-    reports: Mapping[str, str]
-    entry: Array
-    share: Array
-    terminal: int | None
-    simulation: Simulation
+    reasoning: ReasoningSection
+    learning: LearningSection
+    planning: PlanningSection
+    simulation: SimulationSection
+
+    def __repr__(self) -> str:
+        preset = f", preset {self.preset!r}" if self.preset else ""
+        pomdp = self.pomdp
+        return (
+            f"Domain({self.name!r}{preset}: observes {', '.join(self.observed) or 'nothing'}; target"
+            f" {self.target} ({', '.join(self.values)}); POMDP with {len(pomdp.states)} states,"
+            f" {len(pomdp.actions)} actions, {len(pomdp.observations)} observations)"
+        )
+
+    @property
+    def program(self) -> Program:
+        """The P-log program of what the robot knows: theta."""
+        return self.reasoning.program
+
+    @property
+    def observed(self) -> tuple[str, ...]:
+        """The attributes that the robot observes as facts."""
+        return self.reasoning.observed
+
+    @property
+    def target(self) -> str:
+        """The attribute shared by reasoner and planner."""
+        return self.reasoning.target
 
     @property
     def values(self) -> tuple[str, ...]:
-        """The values of the target, in the order the knowledge declares them."""
-        return self.program.attributes[self.target].values
+        """The values of the target, in the order of their declaration."""
+        return self.reasoning.values
+
+    @property
+    def pomdp(self) -> Pomdp:
+        """The planner's model: M."""
+        return self.planning.pomdp
 
     def evidence(self, context: Mapping[str, str], label: Label | None) -> Mapping[str, Label]:
-        """What the reasoner is told: the observed facts and the label that claims class `label`.
+        """The reasoner's evidence: the observed facts and the classifier's label.
 
-        A likelihood of the classes becomes one of the labels that claim them; `soft_program` is the program
-        in which that is right.
+        A likelihood of the classes becomes a likelihood of their labels, as `soft_program` expects.
 
         Raises:
-            DomainError: a fact or a class that this domain does not know.
+            DomainError: an unknown fact or class.
         """
         for name, value in context.items():
             if name not in self.observed:
@@ -112,80 +94,88 @@ class Domain:
                 raise DomainError(f"{name} cannot be {value!r}; {expected_one_of(known)}")
         if label is None:
             return dict(context)
+        attribute, label_of = self.learning.attribute, self.learning.label_of
         if isinstance(label, Likelihood):
-            if set(label.values) != set(self.label_of):
-                classes = ", ".join(self.label_of)
+            if set(label.values) != set(label_of):
+                classes = ", ".join(label_of)
                 raise DomainError(f"a likelihood of {', '.join(label.values)}; expected one of {classes}")
-            return {**context, self.attribute: label.rename(self.label_of)}
-        if label not in self.label_of:
-            raise DomainError(f"unknown class {label!r}; {expected_one_of(tuple(self.label_of))}")
-        return {**context, self.attribute: self.label_of[label]}
+            return {**context, attribute: label.rename(label_of)}
+        if label not in label_of:
+            raise DomainError(f"unknown class {label!r}; {expected_one_of(tuple(label_of))}")
+        return {**context, attribute: label_of[label]}
 
     def target_of_label(self, evidence: Mapping[str, Label]) -> Label | None:
-        """The target value that the label in the evidence stands for, None without a label.
+        """The target value of the label in the evidence, None without a label.
 
-        A likelihood comes back as one of the target's values, in their order.
+        A likelihood of labels becomes a likelihood of the target values, in their order.
         """
-        label = evidence.get(self.attribute)
+        label, label_of = evidence.get(self.learning.attribute), self.learning.label_of
         if isinstance(label, Likelihood):
             weight_of = dict(label)
-            return Likelihood(self.values, np.array([weight_of[self.label_of[v]] for v in self.values]))
-        return next((value for value, word in self.label_of.items() if word == label), None)
+            return Likelihood(self.values, np.array([weight_of[label_of[v]] for v in self.values]))
+        return next((value for value, name in label_of.items() if name == label), None)
 
     def prior(self, marginal: Distribution) -> Belief:
-        """(S,) the marginal spread over the planner's states, its own variables where they start."""
-        return marginal.probabilities @ self.entry
+        """(S,) the planner's belief with the reasoner's marginal; other variables at their initial values."""
+        return marginal.probabilities @ self.planning.initial_states
 
     def start_beliefs(self) -> Array:
-        """(N, S) beliefs to solve the model for: its own start, and priors all over the target's simplex.
+        """(N, S) beliefs to solve the model for: its own initial belief, and a grid of priors.
 
-        Each person brings another prior, and a policy is only good where it was solved for; on a lattice of
-        priors it is good wherever a reasoner, whatever its rules, may put the robot.
+        The prior differs from person to person, and a policy is only good near the beliefs it was computed
+        for. The grid covers the simplex of priors, hence every marginal that a reasoner may return.
         """
-        parts = len(self.values)
-        steps = max(m for m in range(1, LATTICE + 1) if m == 1 or comb(m + parts - 1, m) <= MOST_STARTS)
-        lattice = [
-            np.bincount(chosen, minlength=parts) / steps
-            for chosen in combinations_with_replacement(range(parts), steps)
+        n = len(self.values)
+        steps = max(m for m in range(1, MAX_GRID_STEPS + 1) if m == 1 or comb(m + n - 1, m) <= MAX_PRIORS)
+        grid = [
+            np.bincount(chosen, minlength=n) / steps
+            for chosen in combinations_with_replacement(range(n), steps)
         ]
-        return np.vstack([self.pomdp.start, np.array(lattice) @ self.entry])
+        return np.vstack([self.pomdp.start, np.array(grid) @ self.planning.initial_states])
 
     def marginal(self, belief: Belief) -> Distribution:
-        """What a belief (S,) says of the target; mass on the terminal state is left out."""
-        mass = belief @ self.share
+        """The target's distribution under a belief (S,), given that the state is not terminal."""
+        mass = belief @ self.planning.state_values
         total = mass.sum()
         return Distribution(self.values, mass / total if total > 0 else np.full(len(mass), 1 / len(mass)))
 
-    def report(self, action: str) -> str | None:
-        """The target value that an action reports, None when it is no report."""
-        return self.reports.get(action)
+    def reported_value(self, action: str) -> str | None:
+        """The target value that an action reports, None if it is no report."""
+        return self.planning.reports.get(action)
 
     def report_action(self, value: str) -> str:
         """The first action that reports `value`."""
-        for action, reported in self.reports.items():
+        for action, reported in self.planning.reports.items():
             if reported == value:
                 return action
-        raise DomainError(f"no action reports {value!r}; {expected_one_of(tuple(self.reports.values()))}")
+        reports = tuple(self.planning.reports.values())
+        raise DomainError(f"no action reports {value!r}; {expected_one_of(reports)}")
 
-    def finished(self, belief: Belief) -> bool:
-        """Whether a belief (S,) is certain of the terminal state."""
-        return self.terminal is not None and bool(belief[self.terminal] > 1 - 1e-9)
+    def is_terminal(self, belief: Belief) -> bool:
+        """Whether the terminal state has probability 1 under a belief (S,)."""
+        terminal = self.planning.terminal
+        return terminal is not None and bool(belief[terminal] > 1 - 1e-9)
 
     def program_for(self, confusion: ConfusionMatrix, smoothing: Fraction = JEFFREYS) -> Program:
-        """The knowledge with a classifier's confusion matrix as its rules; the knowledge itself stays.
+        """The P-log program with the classifier's rules replaced by a confusion matrix.
 
         Args:
-            smoothing: of the matrix, see `ConfusionMatrix.rates`.
+            smoothing: pseudo-count, see `ConfusionMatrix.rates`.
         """
         return with_classifier(
-            self.program, self.attribute, self.target, confusion, self.label_of, smoothing=smoothing
+            self.program,
+            self.learning.attribute,
+            self.target,
+            confusion,
+            self.learning.label_of,
+            smoothing=smoothing,
         )
 
     @property
     def soft_program(self) -> Program:
-        """The knowledge for soft evidence: the classifier's attribute stands for the truth itself.
+        """The P-log program for soft evidence: the label equals the target value.
 
-        How far to trust a classifier is then said with each person, by the likelihood in the evidence.
+        The likelihood in each person's evidence then expresses the classifier's uncertainty.
         """
         never_wrong = ConfusionMatrix(self.values, np.eye(len(self.values)))
         return self.program_for(never_wrong, smoothing=Fraction(0))

@@ -1,33 +1,36 @@
-"""Reading a domain folder and checking its files against each other."""
+"""Load a domain folder and check its files against each other."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from lcorpp.domains.domain import Domain
+from lcorpp.domains.sections.learning import read_learning
 from lcorpp.domains.sections.planning import read_planning
-from lcorpp.domains.sections.reasoning import read_knowledge, read_learning
+from lcorpp.domains.sections.reasoning import read_reasoning
 from lcorpp.domains.sections.simulation import read_simulation
-from lcorpp.domains.toml import read_settings
+from lcorpp.domains.toml import read_domain_toml
 from lcorpp.errors import DomainError, expected_one_of
 
-SHIPPED = Path(__file__).parent
+SHIPPED_FOLDER = Path(__file__).parent
 
 
 def shipped_domains() -> tuple[str, ...]:
     """The names of the domains that come with lcorpp."""
-    return tuple(sorted(file.parent.name for file in SHIPPED.glob("*/domain.toml")))
+    return tuple(sorted(file.parent.name for file in SHIPPED_FOLDER.glob("*/domain.toml")))
 
 
 def load_domain(place: str | Path, *, preset: str | None = None) -> Domain:
-    """Read a domain folder and check it as a whole.
+    """Load a domain folder and check it as a whole.
 
     Args:
         place: a folder with a `domain.toml`, or the name of a shipped domain.
-        preset: one of its presets; None takes the first, where it has any.
+        preset: name of a preset; None for the first, if the domain has any.
 
     Raises:
-        DomainError: a file is missing, or a name in one file is not known in another; both places are named.
+        DomainError: a file is missing, or one file uses a name that another does not declare; the message
+            names both places.
         ParseError, ProgramError, ModelError, FileError: a file of the folder is itself wrong.
     """
     folder = Path(place)
@@ -37,35 +40,15 @@ def load_domain(place: str | Path, *, preset: str | None = None) -> Domain:
                 f"{place}: no folder with a domain.toml, and no shipped domain;"
                 f" {expected_one_of(shipped_domains())}"
             )
-        folder = SHIPPED / str(place)
-    settings, chosen = read_settings(folder / "domain.toml", preset)
-    name = settings.text("name", folder.resolve().name)
-    description = settings.text("description", name)
-    knowledge = read_knowledge(settings.section("reasoning", required=True), folder)
-    learning = read_learning(settings.section("learning", required=True), knowledge)
-    planning = read_planning(settings.section("planning", required=True), folder, knowledge)
-    simulation = read_simulation(settings.section("simulation"), folder, knowledge, learning, planning)
-    settings.close()
-    return Domain(
-        name=name,
-        description=description,
-        folder=folder,
-        preset=chosen,
-        program=knowledge.program,
-        observed=knowledge.observed,
-        target=knowledge.target,
-        attribute=learning.attribute,
-        label_of=learning.label_of,
-        positive=learning.positive,
-        classifier=learning.classifier if simulation.trajectories else "channel",
-        tracks=learning.tracks,
-        epochs=learning.epochs,
-        interval=learning.interval,
-        data_labels=learning.data_labels,
-        pomdp=planning.pomdp,
-        reports=planning.reports,
-        entry=planning.entry,
-        share=planning.share,
-        terminal=planning.terminal,
-        simulation=simulation,
-    )
+        folder = SHIPPED_FOLDER / str(place)
+    table, chosen = read_domain_toml(folder / "domain.toml", preset)
+    name = table.text("name", folder.resolve().name)
+    description = table.text("description", name)
+    reasoning = read_reasoning(table.section("reasoning", required=True), folder)
+    learning = read_learning(table.section("learning", required=True), reasoning)
+    planning = read_planning(table.section("planning", required=True), folder, reasoning)
+    simulation = read_simulation(table.section("simulation"), folder, reasoning, learning, planning)
+    table.reject_unknown_keys()
+    if simulation.trajectories is None:  # nothing to train on
+        learning = replace(learning, classifier="channel")
+    return Domain(name, description, folder, chosen, reasoning, learning, planning, simulation)

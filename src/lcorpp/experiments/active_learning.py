@@ -146,7 +146,9 @@ class Log:
             counts[values.index(outcome.actual), reported] += 1
         cost = np.array([outcome.cost for outcome in outcomes])
         return_ = np.array([outcome.return_ for outcome in outcomes])
-        return score_decisions("LCORPP", counts, cost, return_, values=values, positive=self._domain.positive)
+        return score_decisions(
+            "LCORPP", counts, cost, return_, values=values, positive=self._domain.learning.positive
+        )
 
     def write(self, batch: Batch) -> None:
         """Bring the files up to date, `batch` being the last one; nothing without a folder."""

@@ -64,7 +64,7 @@ def _score_strategy(
             return_ += p * (leaf.reward - leaf.cost)
     sd = float(np.sqrt(max(squared_cost - cost**2, 0.0)))
     return score_probabilities(
-        strategy.name, joint, cost, return_, sd, values=domain.values, positive=domain.positive
+        strategy.name, joint, cost, return_, sd, values=domain.values, positive=domain.learning.positive
     )
 
 
@@ -119,19 +119,19 @@ class _EpisodeTree:
         leaves: list[_Leaf] = []
         frontier: dict[tuple[bytes, int, float], float] = {}
         beliefs = {prior.tobytes(): prior}
-        for first in np.flatnonzero(domain.entry[v]):
-            frontier[prior.tobytes(), int(first), 0.0] = float(domain.entry[v, first])
+        for first in np.flatnonzero(domain.planning.initial_states[v]):
+            frontier[prior.tobytes(), int(first), 0.0] = float(domain.planning.initial_states[v, first])
         while frontier:
             successors: dict[tuple[bytes, int, float], float] = defaultdict(float)
             for (key, s, cost), mass in frontier.items():
                 belief = beliefs[key]
-                if domain.finished(belief):
+                if domain.is_terminal(belief):
                     leaves.append(_Leaf(mass, len(domain.values), cost, 0.0))
                     continue
                 action = self._select_action(key, belief)
                 a = pomdp.actions.index(action)
                 reward = float(pomdp.reward[a, s])
-                value = domain.report(action)
+                value = domain.reported_value(action)
                 if value is not None:
                     leaves.append(_Leaf(mass, domain.values.index(value), cost, reward))
                     continue
@@ -150,7 +150,7 @@ class _EpisodeTree:
     def _step(self, action: int, state: int) -> list[tuple[int, str, float]]:
         """Return the possible (next state, observation, probability) of an action in a state."""
         if (action, state) not in self._transitions:
-            pomdp, feedback = self._domain.pomdp, self._domain.simulation.reactions
+            pomdp, feedback = self._domain.pomdp, self._domain.simulation.feedback_model
             states, probabilities = pomdp.transition.row(action, state)
             self._transitions[action, state] = [
                 (s, pomdp.observations[o], p * float(feedback[action, s, o]))

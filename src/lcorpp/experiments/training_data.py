@@ -50,7 +50,11 @@ def simulate_training_data(domain: Domain, seed: int, *, tracks: int | None = No
     """
     source = SimulatedTrajectories.of(domain)
     rng = np.random.default_rng([seed, 0])
-    return TrainingData(simulate_dataset(domain, source, tracks or domain.tracks, rng), source, domain.epochs)
+    return TrainingData(
+        simulate_dataset(domain, source, tracks or domain.learning.tracks, rng),
+        source,
+        domain.learning.epochs,
+    )
 
 
 def read_training_data(
@@ -67,7 +71,7 @@ def read_training_data(
         DataError: a class is none of the domain's values, x or y is missing, or there are too few tracks.
         FileError, ParseError: the data are missing or malformed.
     """
-    labels = domain.data_labels or {value: value for value in domain.values}
+    labels = domain.learning.data_labels or {value: value for value in domain.values}
     dataset = _select_columns(read_data(path, labels=labels), features)
     try:
         train, test = split(dataset, seed=seed)

@@ -138,7 +138,7 @@ def score_trials(experiment: Experiment, results: TrialResults) -> list[Scores]:
                 results.cost[k],
                 results.return_[k],
                 values=domain.values,
-                positive=domain.positive,
+                positive=domain.learning.positive,
             )
         )
     return scores

@@ -28,5 +28,17 @@ from .policy import AlphaVectors as AlphaVectors, Policy as Policy, UpperBound a
 from .pomdp import Pomdp as Pomdp
 from .sarsop import solve as solve
 from .solution import Progress as Progress, Solution as Solution
-from .solvers import solver as solver
+from .solvers import SOLVER_NAMES as SOLVER_NAMES, load_solver as load_solver
+from .solvers.finite_horizon import (
+    FiniteHorizonSolution as FiniteHorizonSolution,
+    solve_finite_horizon as solve_finite_horizon,
+    solve_finite_horizon_exact as solve_finite_horizon_exact,
+)
+from .solvers.heuristic_search import OnlinePlanner as OnlinePlanner, SearchResult as SearchResult
+from .solvers.pomcp import (
+    ParticlePlanner as ParticlePlanner,
+    PomcpPlanner as PomcpPlanner,
+    Simulator as Simulator,
+    TableSimulator as TableSimulator,
+)
 from .sparse import SparseTables as SparseTables

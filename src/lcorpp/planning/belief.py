@@ -1,4 +1,4 @@
-"""Bayes' rule over the hidden state."""
+"""Belief update: Bayes' rule over the hidden state."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.values import Array, Belief, freeze
 
 MIN_PROBABILITY = float(np.finfo(np.float64).tiny)
-"""Below the smallest normal double a probability has no digits left: dividing by it means nothing."""
+"""The smallest normal double. Smaller probabilities have lost their digits and count as impossible."""
 
 
 def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belief:
-    """The belief after an action and an observation.
+    """Return the belief after an action and an observation.
 
     b'(s') is proportional to P(o | a, s') * sum over s of P(s' | s, a) b(s).
 
@@ -26,39 +26,40 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
         (S,) distribution.
 
     Raises:
-        ObservationError: the observation has probability zero; belief, action and observation are named.
+        ObservationError: the observation has probability zero; the message names belief, action and
+            observation.
 
     Source: Bayes' rule; Kaelbling, Littman and Cassandra, 1998, section 3.3.
     """
-    weights: Belief = _seen(pomdp, pomdp.transition.forward(action, belief), action, observation)
+    weights: Belief = _condition(pomdp, pomdp.transition.forward(action, belief), action, observation)
     total = weights.sum()
     if not total >= MIN_PROBABILITY:
         raise ObservationError(
             f"observation {pomdp.observations[observation]!r} is impossible after action"
-            f" {pomdp.actions[action]!r} in belief {describe(pomdp, belief)}"
+            f" {pomdp.actions[action]!r} in belief {format_belief(pomdp, belief)}"
         )
     weights /= total
     return weights
 
 
-def _seen(pomdp: Pomdp, spread: Belief, action: int, observation: int) -> Belief:
-    """(S,) the states reached, `spread` (S,), weighed with how likely each is to show the observation."""
-    states, chances = pomdp.observation.column(action, observation)
-    weights = np.zeros(len(spread))
-    weights[states] = spread[states] * chances
+def _condition(pomdp: Pomdp, predicted: Belief, action: int, observation: int) -> Belief:
+    """Return (S,) the predicted belief (S,) times the likelihood of an observation, not normalised."""
+    states, likelihood = pomdp.observation.column(action, observation)
+    weights = np.zeros(len(predicted))
+    weights[states] = predicted[states] * likelihood
     return weights
 
 
 def observation_probabilities(pomdp: Pomdp, belief: Belief, action: int) -> Array:
-    """(O,) P(o | b, a) for a belief (S,) and the index of an action."""
+    """Return (O,) P(o | b, a) for a belief (S,) and the index of an action."""
     return pomdp.observation.forward(action, pomdp.transition.forward(action, belief))
 
 
 def check_belief(pomdp: Pomdp, belief: npt.ArrayLike) -> Belief:
-    """A frozen (S,) copy of `belief`.
+    """Return a frozen (S,) copy of `belief`.
 
     Raises:
-        ModelError: it is not a distribution over the states.
+        ModelError: `belief` is not a distribution over the states.
     """
     try:
         copy = freeze(belief)
@@ -68,14 +69,14 @@ def check_belief(pomdp: Pomdp, belief: npt.ArrayLike) -> Belief:
         raise ModelError(f"a belief over {len(pomdp.states)} states cannot have shape {copy.shape}")
     if not np.isfinite(copy).all() or copy.min() < 0 or abs(copy.sum() - 1) > SUM_TOLERANCE:
         raise ModelError(
-            f"belief {describe(pomdp, copy)} is not a distribution; it sums to {copy.sum():.10g}"
+            f"belief {format_belief(pomdp, copy)} is not a distribution; it sums to {copy.sum():.10g}"
         )
     return copy
 
 
-def describe(pomdp: Pomdp, belief: Belief, limit: int = 6) -> str:
-    """The largest entries of a belief (S,) with their names, for messages."""
+def format_belief(pomdp: Pomdp, belief: Belief, limit: int = 6) -> str:
+    """Return the `limit` largest entries of a belief (S,) with their names, for messages."""
     order = np.argsort(-np.asarray(belief), kind="stable")
-    shown = [int(s) for s in order if belief[s] != 0]
-    text = ", ".join(f"{pomdp.states[s]} {belief[s]:.6g}" for s in shown[:limit])
-    return "{" + text + (", ..." if len(shown) > limit else "") + "}"
+    support = [int(s) for s in order if belief[s] != 0]
+    text = ", ".join(f"{pomdp.states[s]} {belief[s]:.6g}" for s in support[:limit])
+    return "{" + text + (", ..." if len(support) > limit else "") + "}"

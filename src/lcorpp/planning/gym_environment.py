@@ -1,4 +1,4 @@
-"""Any model as an environment of Gymnasium, for whatever learns or plans against one."""
+"""A POMDP as a Gymnasium environment."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.belief import check_belief, update
-from lcorpp.planning.evaluation.absorbing import zero_reward_states
+from lcorpp.planning.evaluation.mdp import zero_reward_states
 from lcorpp.planning.evaluation.sampling import InverseCdfSampler
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.pomdp import Pomdp
@@ -25,28 +25,31 @@ except ImportError:
 
 
 ID = "lcorpp/Pomdp-v0"
-"""The name to make one by: `gymnasium.make(ID, pomdp=...)`."""
+"""The name in Gymnasium's registry: `gymnasium.make(ID, pomdp=...)`."""
+
+NO_STEP = "no step yet"
+"""What `render` returns after a reset."""
 
 
 class PomdpEnvironment(gymnasium.Env):  # type: ignore[misc]
-    """A POMDP with S states, A actions and O observations, acted in from the outside.
+    """A Gymnasium environment of a POMDP with S states, A actions and O observations.
 
-    Actions are numbers below A, and observations numbers below O; `reset` observes nothing, which is told
-    by the number O. The reward of a step is the model's expected one, of the action in the hidden state it
-    was taken in; it is not discounted. An episode terminates in a state from which no reward but 0 can be
-    reached, and is never truncated here: `gymnasium.wrappers.TimeLimit` does that.
+    Actions are integers below A, observations integers below O; `reset` returns the integer O, for no
+    observation. The reward of a step is the model's expected reward of the action in the hidden state, not
+    discounted. An episode terminates in a state from which only zero rewards are reachable. It is never
+    truncated; `gymnasium.wrappers.TimeLimit` does that.
 
-    The info of each step holds
-        belief: (S,) of one who saw what was observed, by Bayes' rule from the start belief.
-        state: the index of the hidden state. An agent must not look; a score or a test may.
+    The info of each step contains
+        belief: (S,) the belief after all observations so far, by Bayes' rule from the start belief.
+        state: the index of the hidden state, for scores and tests; an agent must not use it.
 
     Args:
-        pomdp: the world.
-        start: (S,) where episodes begin; the model's own when None.
-        render_mode: "ansi" makes `render` tell the last step in a line of text.
+        pomdp: the model.
+        start: (S,) belief at the start of an episode; the model's own when None.
+        render_mode: "ansi" makes `render` return the last step as a line of text.
 
     Raises:
-        ModelError: `start` is not a distribution over the states, or there is no such render mode.
+        ModelError: `start` is not a distribution over the states, or the render mode is unknown.
     """
 
     metadata = {"render_modes": ["ansi"], "render_fps": 4}  # noqa: RUF012
@@ -60,7 +63,7 @@ class PomdpEnvironment(gymnasium.Env):  # type: ignore[misc]
         self.start = check_belief(pomdp, pomdp.start if start is None else start)
         self.action_space = Discrete(len(pomdp.actions))
         self.observation_space = Discrete(len(pomdp.observations) + 1)
-        self._over = zero_reward_states(pomdp)
+        self._absorbing = zero_reward_states(pomdp)
         begin = SparseBeliefs.of(self.start[None])
         self._start, self._transition, self._observation = (
             InverseCdfSampler(rows.begins, columns, values)
@@ -70,55 +73,55 @@ class PomdpEnvironment(gymnasium.Env):  # type: ignore[misc]
                 (pomdp.observation, pomdp.observation.columns, pomdp.observation.values),
             )
         )
-        self._state, self._belief, self._told = -1, self.start, "nothing has happened"
+        self._state, self._belief, self._last_step = -1, self.start, NO_STEP
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.int64, dict[str, Any]]:
-        """Begin an episode: the number O, for nothing observed, and the info. `options` has no keys.
+        """Begin an episode; return the integer O (no observation) and the info. `options` must be empty.
 
         Raises:
-            ModelError: there are options.
+            ModelError: `options` is not empty.
         """
         super().reset(seed=seed)
         if options:
-            raise ModelError(f"an environment of a POMDP has no options, and so not {sorted(options)}")
-        self._state = self._drawn(self._start, 0)
+            raise ModelError(f"unknown options {sorted(options)}: the environment of a POMDP has none")
+        self._state = self._draw(self._start, 0)
         self._belief = self.start
-        self._told = "nothing has happened"
+        self._last_step = NO_STEP
         return np.int64(len(self.pomdp.observations)), self._info()
 
     def step(self, action: np.int64) -> tuple[np.int64, float, bool, bool, dict[str, Any]]:
-        """Act: the observation, the reward, whether all is over, False, and the info.
+        """Take an action; return observation, reward, whether the episode terminated, False, and the info.
 
         Raises:
-            ModelError: there is no such action, or `reset` was never called.
-            ObservationError: the belief has lost the hidden state to rounding; it is named.
+            ModelError: the action is unknown, or `reset` was never called.
+            ObservationError: rounding has removed the hidden state from the belief; the message names it.
         """
         pomdp = self.pomdp
         if self._state < 0:
-            raise ModelError("an environment is reset before its first step")
+            raise ModelError("call reset before the first step")
         if not self.action_space.contains(action):
             raise ModelError(
                 f"an action is a whole number from 0 to {len(pomdp.actions) - 1}, not {action!r}"
             )
         a, S = int(action), len(pomdp.states)
         reward = float(pomdp.reward[a, self._state])
-        self._state = self._drawn(self._transition, a * S + self._state)
-        observation = self._drawn(self._observation, a * S + self._state)
+        self._state = self._draw(self._transition, a * S + self._state)
+        observation = self._draw(self._observation, a * S + self._state)
         self._belief = update(pomdp, self._belief, a, observation)
-        self._told = (
+        self._last_step = (
             f"{pomdp.actions[a]}: reward {reward:g}, observed {pomdp.observations[observation]},"
             f" now in {pomdp.states[self._state]}"
         )
-        return np.int64(observation), reward, bool(self._over[self._state]), False, self._info()
+        return np.int64(observation), reward, bool(self._absorbing[self._state]), False, self._info()
 
     def render(self) -> str | None:
-        """The last step in words, where the render mode is "ansi"."""
-        return self._told if self.render_mode == "ansi" else None
+        """Return the last step as text if the render mode is "ansi"."""
+        return self._last_step if self.render_mode == "ansi" else None
 
-    def _drawn(self, draws: InverseCdfSampler, row: int) -> int:
-        return int(draws.draw(np.array([row]), np.array([self.np_random.random()]))[0])
+    def _draw(self, sampler: InverseCdfSampler, row: int) -> int:
+        return int(sampler.draw(np.array([row]), np.array([self.np_random.random()]))[0])
 
     def _info(self) -> dict[str, Any]:
         belief: Belief = self._belief.copy()

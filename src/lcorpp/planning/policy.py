@@ -1,4 +1,4 @@
-"""A policy as alpha vectors: the value of following it, linear in the belief, and what to do first."""
+"""Policies of alpha vectors: piecewise linear value functions and their actions."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, PolicyError
+from lcorpp.notebook import join_some
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import MAX_BYTES
 from lcorpp.values import Array, Belief, freeze
@@ -20,14 +21,14 @@ Indices = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class AlphaVectors:
-    """Alpha vectors over some of the states: plans for beliefs that lie in them.
+    """A set of alpha vectors over some of the states, for beliefs with their support among these states.
 
-    states: (n,) indices, rising.
-    vectors: (K, n) value of each vector's plan, by the state it starts in.
-    actions: (K,) index of the action each plan begins with.
+    states: (n,) indices, increasing.
+    vectors: (K, n) value of each vector's plan, by initial state.
+    actions: (K,) index of each plan's first action.
 
     Raises:
-        PolicyError: shapes do not fit together, or a number is not finite.
+        PolicyError: the shapes do not match, or a number is not finite.
     """
 
     states: Indices
@@ -42,13 +43,16 @@ class AlphaVectors:
             object.__setattr__(self, field, array)
         vectors, states, actions = self.vectors, self.states, self.actions
         if states.ndim != 1 or vectors.ndim != 2 or not len(vectors) or vectors.shape[1] != len(states):
-            raise PolicyError(f"vectors of shape {vectors.shape} are no policy for {len(states)} states")
+            raise PolicyError(f"vectors of shape {vectors.shape} are not a policy for {len(states)} states")
         if not len(states) or (np.diff(states) <= 0).any():
-            raise PolicyError("the states of a piece must rise, and there must be some")
+            raise PolicyError("the states of a vector set must be increasing and not empty")
         if not np.isfinite(vectors).all():
-            raise PolicyError("an alpha vector holds a number that is not finite")
+            raise PolicyError("an alpha vector contains a number that is not finite")
         if actions.shape != (len(vectors),):
             raise PolicyError(f"{len(vectors)} vectors need as many actions, not {actions.shape}")
+
+    def __repr__(self) -> str:
+        return f"<AlphaVectors: {len(self.actions)} over {len(self.states)} states>"
 
 
 class UpperBound(Protocol):
@@ -60,20 +64,19 @@ class UpperBound(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Policy:
-    """Alpha vectors over S states; at a belief, the action of the vector that is best there is taken.
+    """Alpha vectors over S states. At a belief, the policy takes the action of the best vector.
 
-    Most policies have one piece, over all states. Where parts of the state are always observed, each of
-    their values has a piece of its own, and there may be one more for beliefs over several.
+    Most policies have one set of vectors, over all states. With mixed observability there is one set for each
+    value of the observed parts, and possibly another one for beliefs over several values.
 
     state_names, action_names: the names of the model.
-    fingerprint: `Pomdp.fingerprint` of the model it was made for; "" when unknown.
-    model: name of the model's file, for people to read.
-    floor: a reward that any plan earns at least from any state; it stands for the states that a piece does
-        not speak of.
-    upper_bound: what no policy can earn more than, where the solver left it; see `gap`.
+    fingerprint: `Pomdp.fingerprint` of the policy's model; "" if unknown.
+    model: name of the model's file, for messages.
+    floor: lower bound on the value of any policy in any state; the value of states outside a vector set.
+    upper_bound: bound on the optimal value, if the solver computed one; see `gap`.
 
     Raises:
-        PolicyError: shapes or indices do not fit together.
+        PolicyError: shapes do not match, or an index is out of range.
     """
 
     vector_sets: tuple[AlphaVectors, ...]
@@ -88,114 +91,125 @@ class Policy:
         object.__setattr__(self, "vector_sets", tuple(self.vector_sets))
         if not self.vector_sets:
             raise PolicyError("a policy needs alpha vectors; there are none")
-        for piece in self.vector_sets:
-            if piece.states[0] < 0 or piece.states[-1] >= len(self.state_names):
+        for part in self.vector_sets:
+            if part.states[0] < 0 or part.states[-1] >= len(self.state_names):
                 raise PolicyError(f"a state index is outside 0 to {len(self.state_names) - 1}")
-            if piece.actions.min() < 0 or piece.actions.max() >= len(self.action_names):
+            if part.actions.min() < 0 or part.actions.max() >= len(self.action_names):
                 raise PolicyError(f"an action index is outside 0 to {len(self.action_names) - 1}")
-        if not self.is_flat and not np.isfinite(self.floor):
-            raise PolicyError("a policy in pieces needs a floor that is finite")
+        if not self.covers_all_states and not np.isfinite(self.floor):
+            raise PolicyError("a policy of several vector sets needs a finite floor")
 
     @classmethod
     def of(cls, pomdp: Pomdp, vectors: npt.ArrayLike, actions: npt.ArrayLike) -> Policy:
-        """A policy for `pomdp` from vectors (K, S) and action indices (K,)."""
+        """Return the policy for `pomdp` with vectors (K, S) and action indices (K,)."""
         table = np.asarray(vectors, dtype=np.float64)
         if table.ndim != 2 or table.shape[1] != len(pomdp.states):
-            raise PolicyError(f"vectors of shape {table.shape} are no policy for {len(pomdp.states)} states")
+            raise PolicyError(
+                f"vectors of shape {table.shape} are not a policy for {len(pomdp.states)} states"
+            )
         return cls.of_sets(pomdp, [AlphaVectors(np.arange(len(pomdp.states)), table, np.asarray(actions))])
 
     @classmethod
     def of_sets(
-        cls, pomdp: Pomdp, pieces: Iterable[AlphaVectors], upper_bound: UpperBound | None = None
+        cls, pomdp: Pomdp, vector_sets: Iterable[AlphaVectors], upper_bound: UpperBound | None = None
     ) -> Policy:
-        """A policy for `pomdp` from pieces."""
+        """Return the policy for `pomdp` with the given vector sets."""
         floor = float(pomdp.reward.min()) / (1 - pomdp.discount)
         names = pomdp.states, pomdp.actions
-        return cls(tuple(pieces), *names, pomdp.fingerprint, pomdp.file, floor, upper_bound)
+        return cls(tuple(vector_sets), *names, pomdp.fingerprint, pomdp.file, floor, upper_bound)
 
     @property
-    def is_flat(self) -> bool:
-        """Whether it has one piece, over all states."""
+    def covers_all_states(self) -> bool:
+        """Whether the policy has a single vector set, over all states."""
         return len(self.vector_sets) == 1 and len(self.vector_sets[0].states) == len(self.state_names)
 
     def __len__(self) -> int:
         """The number of vectors."""
-        return sum(len(piece.actions) for piece in self.vector_sets)
+        return sum(len(part.actions) for part in self.vector_sets)
+
+    def __repr__(self) -> str:
+        sets = "" if self.covers_all_states else f" in {len(self.vector_sets)} sets"
+        names = [self.action_names[action] for action in np.unique(self.actions)]
+        model = f"{self.model}: " if self.model else ""
+        return (
+            f"<Policy {model}{len(self)} vectors{sets} over {len(self.state_names)} states,"
+            f" actions {join_some(names)}>"
+        )
 
     @cached_property
     def vectors(self) -> Array:
-        """(K, S) all vectors, with the floor for the states that a piece does not speak of.
+        """(K, S) all vectors; the floor is the value of states outside a vector set.
 
         Raises:
-            ModelError: they would be too large.
+            ModelError: the array is larger than `MAX_BYTES`.
         """
-        if self.is_flat:
+        if self.covers_all_states:
             return self.vector_sets[0].vectors
         size = 8 * len(self) * len(self.state_names)
         if size > MAX_BYTES:
-            raise ModelError(f"all vectors of the policy written out take {size / 2**30:.1f} GiB")
+            raise ModelError(f"the dense vectors of the policy take {size / 2**30:.1f} GiB")
         table = np.full((len(self), len(self.state_names)), self.floor)
         begin = 0
-        for piece in self.vector_sets:
-            table[begin : begin + len(piece.actions), piece.states] = piece.vectors
-            begin += len(piece.actions)
+        for part in self.vector_sets:
+            table[begin : begin + len(part.actions), part.states] = part.vectors
+            begin += len(part.actions)
         table.setflags(write=False)
         return table
 
     @cached_property
     def actions(self) -> Indices:
-        """(K,) index of the action each vector's plan begins with."""
-        return np.concatenate([piece.actions for piece in self.vector_sets])
+        """(K,) index of the first action of each vector's plan."""
+        return np.concatenate([part.actions for part in self.vector_sets])
 
     def action(self, belief: Belief) -> int:
-        """Index of the action to take at a belief (S,): argmax over vectors, the first among equals."""
-        return self.best(belief)[1]
+        """Index of the action at a belief (S,), that of the best vector; the first of equals."""
+        return self.value_and_action(belief)[1]
 
     def value(self, belief: Belief) -> float:
-        """The discounted reward the policy earns at least from a belief (S,)."""
-        return self.best(belief)[0]
+        """Lower bound on the policy's discounted reward from a belief (S,)."""
+        return self.value_and_action(belief)[0]
 
     def gap(self, belief: Belief) -> float:
-        """How much more than this policy any other can earn from a belief (S,) at most, in reward units.
+        """Upper minus lower bound on the optimal value at a belief (S,), in reward units.
 
         Raises:
-            PolicyError: nothing is known from above, as for a policy that was read from a file.
+            PolicyError: the policy has no upper bound; a policy read from a file has none.
         """
         if self.upper_bound is None:
-            raise PolicyError("this policy has no upper bound to measure it by; solve the model")
+            raise PolicyError("this policy has no upper bound; solve the model to get one")
         return max(0.0, self.upper_bound.value(belief) - self.value(belief))
 
-    def best(self, belief: Belief) -> tuple[float, int]:
-        """The value at a belief (S,) and the index of the action."""
+    def value_and_action(self, belief: Belief) -> tuple[float, int]:
+        """The maximum over the vectors at a belief (S,), and the index of its action."""
         best, action = -np.inf, -1
-        for piece in self._speaking(belief):
-            inside = belief if len(piece.states) == len(belief) else belief[piece.states]
-            values = piece.vectors @ inside
+        for part in self._sets_for(belief):
+            inside = belief if len(part.states) == len(belief) else belief[part.states]
+            values = part.vectors @ inside
             k = int(values.argmax())
             value = float(values[k])
             if inside is not belief:
                 value += self.floor * max(0.0, float(belief.sum() - inside.sum()))
             if value > best:
-                best, action = value, int(piece.actions[k])
+                best, action = value, int(part.actions[k])
         return best, action
 
-    def _speaking(self, belief: Belief) -> Iterable[AlphaVectors]:
-        """The pieces that hold all states of a belief; every piece where none does."""
+    def _sets_for(self, belief: Belief) -> Iterable[AlphaVectors]:
+        """The vector sets that cover the support of a belief; all sets if none does."""
         if len(self.vector_sets) == 1:
             return self.vector_sets
         count = np.count_nonzero(belief)
-        found = [
-            piece
-            for piece in self._having.get(int(belief.argmax()), ())
-            if len(piece.states) == len(belief) or np.count_nonzero(belief[piece.states]) == count
+        covering = [
+            part
+            for part in self._sets_by_state.get(int(belief.argmax()), ())
+            if len(part.states) == len(belief) or np.count_nonzero(belief[part.states]) == count
         ]
-        return found or self.vector_sets
+        return covering or self.vector_sets
 
     @cached_property
-    def _having(self) -> Mapping[int, list[AlphaVectors]]:
-        """The pieces that hold a state."""
-        found: dict[int, list[AlphaVectors]] = {}
-        for piece in self.vector_sets:
-            for state in piece.states.tolist():
-                found.setdefault(state, []).append(piece)
-        return found
+    def _sets_by_state(self) -> Mapping[int, list[AlphaVectors]]:
+        """The vector sets that cover each state."""
+        sets: dict[int, list[AlphaVectors]] = {}
+        for part in self.vector_sets:
+            for state in part.states.tolist():
+                sets.setdefault(state, []).append(part)
+        return sets

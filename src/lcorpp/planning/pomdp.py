@@ -1,8 +1,9 @@
-"""The problem: a finite POMDP, checked once when it is made."""
+"""The POMDP: a frozen value, validated at construction."""
 
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,27 +16,27 @@ from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array, Belief, freeze
 
 SUM_TOLERANCE = 1e-9
-"""How far a row may be from summing to 1: rounding of some thousand added doubles stays far below."""
+"""Tolerance of a row's sum: far above the rounding error of a sum of thousands of doubles."""
 
-MOST_VALUE = 1e150
-"""The largest value a policy may have: beyond it squares and differences of values overflow."""
+MAX_VALUE = 1e150
+"""The maximal value of a policy: squares and differences of larger values overflow."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pomdp:
     """A finite POMDP with S states, A actions and O observations.
 
-    states, actions, observations: the names, each unique within its kind.
+    states, actions, observations: unique names.
     transition:  (A, S, S) P(s' | s, a)
-    observation: (A, S, O) P(o | a, s'), s' being the state reached
-                 both given as arrays, as A scipy.sparse matrices or as `SparseTables`, and stored as these
-    reward:      (A, S) expected immediate reward of doing a in s
+    observation: (A, S, O) P(o | a, s') for the next state s'
+                 both are given as arrays, A scipy.sparse matrices or `SparseTables`, and stored as these
+    reward:      (A, S) expected immediate reward of action a in state s
     discount:    0 < discount < 1
-    start:       (S,) the belief when nothing is known
-    file:        where it was read from, for people to read; "" when it was not
+    start:       (S,) the initial belief
+    file:        name of the source file, for messages; "" if there is none
 
     Raises:
-        ModelError: a shape, sum, sign, name or the discount breaks the law above; it is named.
+        ModelError: a shape, sum, sign, name or the discount is invalid; the message names it.
     """
 
     states: tuple[str, ...]
@@ -59,26 +60,32 @@ class Pomdp:
                 raise ModelError(f"{field} has shape {rows.shape}, not {shape}")
             object.__setattr__(self, field, rows)
         for field, sizes in (("reward", (A, S)), ("start", (S,))):
-            array = _kept(getattr(self, field))
+            array = _freeze(getattr(self, field))
             if array.shape != sizes:
                 raise ModelError(f"{field} has shape {array.shape}, not {sizes}")
             object.__setattr__(self, field, array)
         for field in ("transition", "observation", "reward", "start"):
-            held = getattr(self, field)
-            if not np.isfinite(held.values if isinstance(held, SparseTables) else held).all():
-                raise ModelError(f"{field} holds a number that is not finite")
+            table = getattr(self, field)
+            if not np.isfinite(table.values if isinstance(table, SparseTables) else table).all():
+                raise ModelError(f"{field} contains a number that is not finite")
         object.__setattr__(self, "discount", float(self.discount))
         if not 0 < self.discount < 1:
             raise ModelError(discount_message(self.discount))
-        most = float(np.abs(self.reward).max())
-        if most > MOST_VALUE * (1 - self.discount):
+        largest = float(np.abs(self.reward).max())
+        if largest > MAX_VALUE * (1 - self.discount):
             raise ModelError(
-                f"a reward of {most:.3g} at discount {self.discount:g} adds up to more than {MOST_VALUE:g}"
+                f"a reward of {largest:.3g} at discount {self.discount:g} adds up to more than {MAX_VALUE:g}"
             )
         self._check_rows("transition", self.transition)
         self._check_rows("observation", self.observation)
         if self.start.min() < 0 or abs(self.start.sum() - 1) > SUM_TOLERANCE:
             raise ModelError(f"the start belief is not a distribution; it sums to {self.start.sum():.10g}")
+
+    def __repr__(self) -> str:
+        name = f"{self.file}: " if self.file else ""
+        S, A, obs = len(self.states), len(self.actions), len(self.observations)
+        sizes = f"{S} states, {A} actions, {obs} observations"
+        return f"<Pomdp {name}{sizes}, discount {self.discount:g}>"
 
     def _check_rows(self, field: str, table: SparseTables) -> None:
         S = len(self.states)
@@ -108,35 +115,35 @@ class Pomdp:
         return known[name]
 
     def state_index(self, name: str) -> int:
-        """The number of a state. Raises ModelError with the known names."""
+        """The index of a state. Raises ModelError with the known names."""
         return self._index("state", name)
 
     def action_index(self, name: str) -> int:
-        """The number of an action. Raises ModelError with the known names."""
+        """The index of an action. Raises ModelError with the known names."""
         return self._index("action", name)
 
     def observation_index(self, name: str) -> int:
-        """The number of an observation. Raises ModelError with the known names."""
+        """The index of an observation. Raises ModelError with the known names."""
         return self._index("observation", name)
 
     @cached_property
     def fingerprint(self) -> str:
-        """sha256 of what a policy depends on: names, tables and discount.
+        """sha256 of names, tables and discount.
 
-        The start belief is left out: alpha vectors stay a lower bound when only the start changes.
+        The start belief is excluded: alpha vectors are lower bounds for every start.
         """
         digest = hashlib.sha256()
         digest.update(repr((self.states, self.actions, self.observations, self.discount)).encode())
         for table in (self.transition, self.observation):
             for array, kind in ((table.begins, "<i8"), (table.columns, "<i4"), (table.values, "<f8")):
                 digest.update(array.astype(kind).tobytes())
-        # adding 0 makes -0.0 and 0.0, which are equal, the same bytes
+        # adding 0 gives -0.0 and 0.0 the same bytes
         digest.update(np.ascontiguousarray(self.reward + 0.0).astype("<f8").tobytes())
         return digest.hexdigest()
 
 
 def discount_message(discount: float) -> str:
-    """What is wrong with a discount outside (0, 1)."""
+    """Return the error message for a discount outside (0, 1)."""
     if discount == 1:
         return (
             "discount 1 is refused: without a proper goal or a finite horizon the value may be"
@@ -148,14 +155,13 @@ def discount_message(discount: float) -> str:
 def _check_names(kind: str, names: tuple[str, ...]) -> None:
     if not names:
         raise ModelError(f"a POMDP needs {kind}; there are none")
-    if len(set(names)) != len(names):
-        seen: set[str] = set()
-        twice = next(name for name in names if name in seen or seen.add(name))  # type: ignore[func-returns-value]
-        raise ModelError(f"{kind} have the name {twice!r} twice")
+    name, count = Counter(names).most_common(1)[0]
+    if count > 1:
+        raise ModelError(f"{kind} have the name {name!r} twice")
 
 
-def _kept(array: npt.ArrayLike) -> Array:
-    """The array itself where nobody can write to it, otherwise a frozen copy: tables can be large."""
+def _freeze(array: npt.ArrayLike) -> Array:
+    """Return the array itself if it is read-only, otherwise a frozen copy."""
     if (
         isinstance(array, np.ndarray)
         and array.dtype == np.float64

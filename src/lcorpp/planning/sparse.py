@@ -1,4 +1,4 @@
-"""Tables of probabilities with one row for each action and state, zeros left out."""
+"""Sparse tables (A, R, N), one matrix in compressed rows for each action."""
 
 from __future__ import annotations
 
@@ -16,34 +16,24 @@ from lcorpp.values import Array
 Int32Array = npt.NDArray[np.int32]
 Int64Array = npt.NDArray[np.int64]
 
-_Kind = TypeVar("_Kind", bound=np.generic)
+_Scalar = TypeVar("_Scalar", bound=np.generic)
 
 MAX_BYTES = 2**31
-"""The largest table that is made, dense or not."""
-
-
-def _frozen(array: npt.NDArray[_Kind]) -> npt.NDArray[_Kind]:
-    array.setflags(write=False)
-    return array
-
-
-def _odd(array: npt.NDArray[Any], given: npt.NDArray[Any]) -> object:
-    """The first number given that came to be another."""
-    return given[array != given].flat[0] if array.shape == given.shape else given.shape
+"""The maximal size of a dense table."""
 
 
 @dataclass(frozen=True, eq=False)
 class SparseTables:
-    """An (A, R, N) table in compressed rows: row (a, r) has the entries begins[a R + r] to the next one's.
+    """A table (A, R, N) in compressed sparse rows; row (a, r) is stored as row a R + r.
 
     shape: (A, R, N).
-    begins: (A R + 1,) where the entries of each row begin.
-    columns: (entries,) rising within a row. values: (entries,) zeros among them are dropped.
+    begins: (A R + 1,) the entries of row i are begins[i] to begins[i + 1] (`indptr` in scipy).
+    columns: (entries,) increasing within a row. values: (entries,) zeros are dropped.
 
-    `table[a]`, `table[a, r]` and `np.asarray(table)` give what a dense array would.
+    `table[a]`, `table[a, r]` and `np.asarray(table)` return dense arrays.
 
     Raises:
-        ModelError: the arrays do not fit together.
+        ModelError: the arrays do not have matching shapes and values.
     """
 
     shape: tuple[int, int, int]
@@ -54,42 +44,44 @@ class SparseTables:
     def __post_init__(self) -> None:
         A, R, N = self.shape
         for field, kind in (("begins", np.int64), ("columns", np.int32), ("values", np.float64)):
-            given = np.asarray(getattr(self, field))
-            with np.errstate(invalid="ignore"):  # what does not fit is told below
-                array = np.ascontiguousarray(given, dtype=kind)
-            if field != "values" and not np.array_equal(array, given):
-                most = 2**31 - 1 if field == "columns" else 2**63 - 1
-                raise ModelError(f"{field} are whole numbers up to {most}, not {_odd(array, given)}")
+            original = np.asarray(getattr(self, field))
+            with np.errstate(invalid="ignore"):  # a change of the value is an error, below
+                array = np.ascontiguousarray(original, dtype=kind)
+            if field != "values" and not np.array_equal(array, original):
+                limit = 2**31 - 1 if field == "columns" else 2**63 - 1
+                raise ModelError(
+                    f"{field} are whole numbers up to {limit}, not {_changed_number(array, original)}"
+                )
             if array is getattr(self, field) and array.flags.writeable:
                 array = array.copy()
             array.setflags(write=False)
             object.__setattr__(self, field, array)
         begins, columns = self.begins, self.columns
-        fits = (
+        valid = (
             begins.shape == (A * R + 1,)
             and begins[0] == 0
             and begins[-1] == len(columns) == len(self.values)
             and (np.diff(begins) >= 0).all()
             and (not len(columns) or (columns.min() >= 0 and columns.max() < N))
         )
-        if not fits:
-            raise ModelError(f"rows of shape {begins.shape} and {columns.shape} are no table {self.shape}")
+        if not valid:
+            raise ModelError(f"rows of shape {begins.shape} and {columns.shape} are not a table {self.shape}")
         inner = np.ones(len(columns), dtype=bool)
         inner[begins[:-1][np.diff(begins) > 0]] = False
         if (np.diff(columns, prepend=0)[inner] <= 0).any():
-            raise ModelError("the columns of a row must rise")
+            raise ModelError("the columns of a row must increase")
         if not self.values.all():
             kept = self.values != 0
-            object.__setattr__(self, "begins", _frozen(np.concatenate([[0], np.cumsum(kept)])[begins]))
-            object.__setattr__(self, "columns", _frozen(columns[kept]))
-            object.__setattr__(self, "values", _frozen(self.values[kept]))
+            object.__setattr__(self, "begins", _freeze(np.concatenate([[0], np.cumsum(kept)])[begins]))
+            object.__setattr__(self, "columns", _freeze(columns[kept]))
+            object.__setattr__(self, "values", _freeze(self.values[kept]))
 
     @classmethod
     def of(cls, table: object) -> SparseTables:
-        """From rows, a dense array (A, R, N), or A matrices (R, N), dense or of scipy.sparse.
+        """Convert a dense array (A, R, N) or A matrices (R, N), dense or of scipy.sparse.
 
         Raises:
-            ModelError: the shape is not that of a table.
+            ModelError: the shape is not (A, R, N).
         """
         if isinstance(table, SparseTables):
             return table
@@ -113,7 +105,9 @@ class SparseTables:
             part.sum_duplicates()
             part.eliminate_zeros()
             if part.shape != parts[0].shape:
-                raise ModelError(f"matrices of a table have one shape, not {parts[0].shape} and {part.shape}")
+                raise ModelError(
+                    f"the matrices of a table must have equal shapes, not {parts[0].shape} and {part.shape}"
+                )
         ends = np.cumsum([0, *(part.nnz for part in parts)])
         begins = [part.indptr[:-1].astype(np.int64) + end for part, end in zip(parts, ends[:-1], strict=True)]
         return cls(
@@ -127,7 +121,7 @@ class SparseTables:
     def of_entries(
         cls, shape: tuple[int, int, int], row: npt.ArrayLike, column: npt.ArrayLike, value: npt.ArrayLike
     ) -> SparseTables:
-        """From entries (n,) in any order, row being a R + r; of those at one place the last one counts."""
+        """Return the table of entries (n,); `row` is a R + r, and the last of duplicate entries counts."""
         rows = np.asarray(row, dtype=np.int64)
         columns = np.asarray(column, dtype=np.int64)
         values = np.asarray(value, dtype=np.float64)
@@ -138,6 +132,9 @@ class SparseTables:
         order = order[values[order] != 0]
         begins = np.searchsorted(rows[order], np.arange(shape[0] * shape[1] + 1))
         return cls(shape, begins, columns[order].astype(np.int32), values[order])
+
+    def __repr__(self) -> str:
+        return f"<SparseTables {' x '.join(map(str, self.shape))}, {len(self.values)} entries>"
 
     def __getitem__(self, key: Any) -> Any:
         return self.dense[key]
@@ -150,16 +147,16 @@ class SparseTables:
 
     @cached_property
     def dense(self) -> Array:
-        """(A, R, N) the table with its zeros, made when first asked for.
+        """(A, R, N) the dense table, computed on first use.
 
         Raises:
-            ModelError: it would be too large.
+            ModelError: it is larger than `MAX_BYTES`.
         """
         size = 8 * int(np.prod(self.shape, dtype=np.int64))
         if size > MAX_BYTES:
             raise ModelError(
-                f"the table {self.shape} written out takes {size / 2**30:.1f} GiB;"
-                f" at most {MAX_BYTES / 2**30:.0f} GiB are made"
+                f"the dense table {self.shape} takes {size / 2**30:.1f} GiB;"
+                f" the limit is {MAX_BYTES / 2**30:.0f} GiB"
             )
         table = np.zeros((self.shape[0] * self.shape[1], self.shape[2]))
         table[self.rows, self.columns] = self.values
@@ -173,7 +170,7 @@ class SparseTables:
         return np.repeat(np.arange(len(self.begins) - 1), np.diff(self.begins))
 
     def action_slice(self, action: int) -> slice:
-        """Where the entries of an action are."""
+        """The slice of the entries of an action."""
         R = self.shape[1]
         return slice(int(self.begins[action * R]), int(self.begins[(action + 1) * R]))
 
@@ -184,25 +181,25 @@ class SparseTables:
         return self.columns[part], self.values[part]
 
     def column(self, action: int, column: int) -> tuple[npt.NDArray[np.intp], Array]:
-        """The rows, rising, and the values of one column of an action."""
+        """The rows, increasing, and the values of one column of an action."""
         begins, rows, values = self._by_column
         at = action * self.shape[2] + column
         part = slice(begins[at], begins[at + 1])
         return rows[part], values[part]
 
     def forward(self, action: int, weights: Array) -> Array:
-        """(N,) the sum over r of weights (R,) times row (action, r)."""
+        """Return (N,) the weights (R,) times the matrix of an action."""
         rows, columns, values = self._parts[action]
         return np.asarray(np.bincount(columns, values * weights[rows], self.shape[2]), dtype=np.float64)
 
-    def backward(self, action: int, worth: Array) -> Array:
-        """(R,) the product of each row of an action with worth (N,)."""
+    def backward(self, action: int, column: Array) -> Array:
+        """Return (R,) the matrix of an action times a column vector (N,)."""
         rows, columns, values = self._parts[action]
-        return np.asarray(np.bincount(rows, values * worth[columns], self.shape[1]), dtype=np.float64)
+        return np.asarray(np.bincount(rows, values * column[columns], self.shape[1]), dtype=np.float64)
 
     @cached_property
     def _parts(self) -> list[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Array]]:
-        """For each action the row within it, the column and the value of each entry."""
+        """For each action the rows, columns and values of its entries."""
         A, R, _ = self.shape
         rows, columns = self.rows % R, self.columns.astype(np.intp)
         return [(rows[part], columns[part], self.values[part]) for part in map(self.action_slice, range(A))]
@@ -216,12 +213,22 @@ class SparseTables:
         return begins.tolist(), (self.rows % R)[order], self.values[order]
 
     def row_sums(self) -> Array:
-        """(A, R) what each row adds up to."""
+        """Return (A, R) the sum of each row."""
         sums = np.bincount(self.rows, self.values, minlength=len(self.begins) - 1)
         return np.asarray(sums, dtype=np.float64).reshape(self.shape[:2])
 
     def scale_rows(self, factors: Array) -> SparseTables:
-        """Every row times its factor (A, R)."""
+        """Return the table with each row multiplied by its factor (A, R)."""
         return SparseTables(
             self.shape, self.begins, self.columns, self.values * factors.reshape(-1)[self.rows]
         )
+
+
+def _freeze(array: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:
+    array.setflags(write=False)
+    return array
+
+
+def _changed_number(array: npt.NDArray[Any], original: npt.NDArray[Any]) -> object:
+    """The first number that a conversion changed, or the shape if the shapes differ."""
+    return original[array != original].flat[0] if array.shape == original.shape else original.shape

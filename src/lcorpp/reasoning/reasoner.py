@@ -14,9 +14,9 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
-from lcorpp.reasoning.circuit.refusals import impossible, no_value, shown
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.errors import format_conditions, no_value_error, no_world_error
 from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM
 from lcorpp.reasoning.language.arithmetic import canonical_text
@@ -24,7 +24,7 @@ from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query, Term
 from lcorpp.reasoning.resolve import resolve_evidence, resolve_interventions, resolve_term
-from lcorpp.reasoning.transitions.likelihood_weighting import SAMPLES, SampleEstimates, estimate
+from lcorpp.reasoning.transitions.likelihood_weighting import DEFAULT_SAMPLES, SampleEstimates, estimate
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Reasoner:
         samples: how many worlds are drawn where likelihood weighting must serve.
     """
 
-    def __init__(self, program: Program, *, samples: int = SAMPLES) -> None:
+    def __init__(self, program: Program, *, samples: int = DEFAULT_SAMPLES) -> None:
         self.program, self.samples = program, samples
         self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}
@@ -162,8 +162,8 @@ class Reasoner:
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
             return self._enumeration().exact(canonical_text(term), facts, set_to)
-        sums = self._worlds(set_to, (canonical_text(term), *facts)).exact(canonical_text(term), facts)
-        return _marginal(self.program, term, sums, shown(facts, set_to))
+        sums = self._worlds(set_to, (canonical_text(term), *facts)).exact_weights(canonical_text(term), facts)
+        return _marginal(self.program, term, sums, format_conditions(facts, set_to))
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NOTHING) -> dict[str, str]:
         """Draw one world with its probability given some evidence.
@@ -180,7 +180,7 @@ class Reasoner:
         facts = resolve_evidence(self.program, given)
         found = self._worlds({}, tuple(facts)).sample(rng, facts)
         if found is None:
-            raise UndefinedError(f"{self.program.file}: no possible world{shown(given, {})}")
+            raise UndefinedError(f"{self.program.file}: no possible world{format_conditions(given, {})}")
         return found
 
     def count(self) -> int:
@@ -194,8 +194,8 @@ class Reasoner:
         if self.program.has_cr_rules:
             return len(self._enumeration().worlds)
         paths = self._worlds({}, ())
-        if not sum(paths.weights("", {}).values()):
-            raise impossible(self.program, "")
+        if not sum(paths.float_weights("", {}).values()):
+            raise no_world_error(self.program, "")
         return paths.count()
 
     @gc_paused()
@@ -223,7 +223,7 @@ class Reasoner:
         conditions = _conditions(checked)
         try:
             paths = WorldQueries(build_trellis(prepared))
-            found_sums = paths.exact(name, {}) if exact else paths.weights(name, {})
+            found_sums = paths.exact_weights(name, {}) if exact else paths.float_weights(name, {})
         except TooLargeError as error:
             if exact:
                 raise
@@ -234,7 +234,7 @@ class Reasoner:
             return _marginal(self.program, checked.subject, sums, conditions)  # type: ignore[type-var]
         total = sum(sums.values())
         if not total:
-            raise impossible(self.program, conditions)
+            raise no_world_error(self.program, conditions)
         return sums.get("true", 0 * total) / total
 
     # the other engines
@@ -245,7 +245,7 @@ class Reasoner:
             _keep(
                 self._paths,
                 key,
-                WorldQueries(build_trellis(build_transition_system(self.program, do, wanted=wanted))),
+                WorldQueries(build_trellis(build_transition_system(self.program, do, queried=wanted))),
             )
         return self._paths[key]
 
@@ -272,7 +272,7 @@ class Reasoner:
         self._say(reason)
         found = estimate(prepared, term, facts, self.samples)
         if found.values[""][0]:
-            raise no_value(self.program, term, found.values[""][0])
+            raise no_value_error(self.program, term, found.values[""][0])
         rows = [pair for value, pair in found.values.items() if value]
         values = tuple(value for value in found.values if value)
         p = np.array([pair[0] for pair in rows])
@@ -323,9 +323,9 @@ def _marginal(
 ) -> dict[str, _Number]:
     total = sum(sums.values())
     if not total:
-        raise impossible(program, conditions)
+        raise no_world_error(program, conditions)
     if sums.get(""):
-        raise no_value(program, canonical_text(term), sums[""] / total)
+        raise no_value_error(program, canonical_text(term), sums[""] / total)
     zero = 0 * total
     return {v: sums.get(v, zero) / total for v in program.attributes[term.name].values}
 
@@ -340,7 +340,7 @@ def _estimates(program: Program, query: Query, found: SampleEstimates) -> dict[s
         return made.get("true", Estimate(0.0, 0.0))
     lost = made.pop("")
     if lost:
-        raise no_value(program, canonical_text(query.subject), lost)
+        raise no_value_error(program, canonical_text(query.subject), lost)
     return dict(made)
 
 

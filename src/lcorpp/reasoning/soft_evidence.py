@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, expected_one_of
-from lcorpp.reasoning.circuit.refusals import shown
 from lcorpp.reasoning.distributions import EstimatedDistribution
+from lcorpp.reasoning.errors import format_conditions
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_term
@@ -67,7 +67,7 @@ class SoftEvidence:
         if not total > 0:
             told = ", ".join(f"{name}: {likelihood}" for name, likelihood in soft.items())
             raise UndefinedError(
-                f"{self.program.file}: no possible world{shown(facts, {})} and weight from {told}"
+                f"{self.program.file}: no possible world{format_conditions(facts, {})} and weight from {told}"
             )
         return Distribution(values, marginal / marginal.sum())
 

@@ -43,13 +43,13 @@ class NoisyChannel:
         Raises:
             DomainError: the domain has none.
         """
-        channel = domain.simulation.channel
+        channel = domain.simulation.confusion_channel
         if channel is None:
             raise DomainError(
                 f"{domain.folder}: no channel: neither [simulation.channel] nor rules for"
-                f" {domain.attribute!r} in the truth program"
+                f" {domain.learning.attribute!r} in the truth program"
             )
-        labels = [domain.label_of[value] for value in domain.values]
+        labels = [domain.learning.label_of[value] for value in domain.values]
         return cls(
             domain.target,
             domain.values,

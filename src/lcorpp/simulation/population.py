@@ -20,7 +20,7 @@ class Population:
     """
 
     def __init__(self, domain: Domain) -> None:
-        self._program = domain.simulation.truth
+        self._program = domain.simulation.true_program
         self._reasoner = Reasoner(self._program)
 
     def sample(self, count: int, rng: np.random.Generator, given: Mapping[str, str] = {}) -> list[Person]:

@@ -60,17 +60,17 @@ def simulate_recording(
 
 def _sample_people(domain: Domain, tracks: int, positives: int, rng: np.random.Generator) -> list[Person]:
     """Draw `positives` people of the positive class and the rest of the other classes, in random order."""
-    if domain.positive is None:
+    if domain.learning.positive is None:
         raise DomainError(
             f"{domain.folder}/domain.toml: [learning] positive is missing; a recording needs the rare class"
         )
     if not 0 <= positives <= tracks:
         raise DomainError(f"{positives} of {tracks} tracks cannot be positive")
-    shares = dict(Reasoner(domain.simulation.truth).posterior(domain.target, {}))
-    others = [value for value in domain.values if value != domain.positive]
+    shares = dict(Reasoner(domain.simulation.true_program).posterior(domain.target, {}))
+    others = [value for value in domain.values if value != domain.learning.positive]
     weights = np.array([shares[value] for value in others])
     counts = rng.multinomial(tracks - positives, weights / weights.sum())
-    count_of = {domain.positive: positives, **dict(zip(others, counts.tolist(), strict=True))}
+    count_of = {domain.learning.positive: positives, **dict(zip(others, counts.tolist(), strict=True))}
     population = Population(domain)
     people = [
         person

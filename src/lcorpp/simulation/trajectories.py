@@ -85,5 +85,5 @@ def simulate_dataset(
         source.trajectories(people, rng),
         tuple(person[domain.target] for person in people),
         source=f"{len(people)} simulated tracks ({domain.folder.name}/people.py)",
-        interval=domain.interval,
+        interval=domain.learning.interval,
     )

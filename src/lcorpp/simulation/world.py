@@ -23,9 +23,9 @@ class SimulationModel:
     def __init__(self, domain: Domain) -> None:
         pomdp = domain.pomdp
         self.domain = domain
-        self.initial_states = _cumulate(domain.entry)
+        self.initial_states = _cumulate(domain.planning.initial_states)
         self.transition = [_cumulate(rows) for rows in pomdp.transition.dense]
-        self.feedback = [_cumulate(rows) for rows in domain.simulation.reactions]
+        self.feedback = [_cumulate(rows) for rows in domain.simulation.feedback_model]
         self.reward = pomdp.reward.tolist()
         self.action_index = {name: a for a, name in enumerate(pomdp.actions)}
 
@@ -60,7 +60,7 @@ class SimulatedWorld:
         self.cost -= reward
         self.return_ += reward
         self._state = self._draw(model.transition[a][self._state])
-        if domain.simulation.reaction is None or self._state == domain.terminal:
+        if domain.simulation.reaction is None or self._state == domain.planning.terminal:
             return domain.pomdp.observations[self._draw(model.feedback[a][self._state])]
         answer = domain.simulation.reaction(self._person, action, self._rng)
         if answer not in domain.pomdp.observations:

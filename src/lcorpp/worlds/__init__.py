@@ -1,4 +1,4 @@
-"""Worlds to act in that are not simulated."""
+"""Worlds in which the robot acts: each executes actions and returns observations."""
 
 import lazy_loader as _lazy
 

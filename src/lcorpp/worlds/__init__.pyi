@@ -1,1 +1,1 @@
-from .console import ConsoleWorld as ConsoleWorld
+from .console import ConsoleWorld as ConsoleWorld, choose as choose

@@ -1,4 +1,4 @@
-"""A world of one person at the keyboard, who answers what the robot does."""
+"""A world for one person at the keyboard, who types the observation of each action."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from lcorpp.errors import DecisionError, expected_one_of
 
 
 class ConsoleWorld:
-    """The robot's actions are told, the person's answers are read.
+    """Show the robot's actions and read the person's answers.
 
     Args:
-        observations: the answers that can be given.
-        ask: shows a question and returns the line typed; `input` fits.
-        tell: shows a line; `print` fits.
+        observations: the possible answers.
+        ask: shows a question and returns the typed line, as `input` does.
+        show: shows a line, as `print` does.
     """
 
     def __init__(
@@ -21,18 +21,18 @@ class ConsoleWorld:
         observations: Sequence[str],
         *,
         ask: Callable[[str], str] = input,
-        tell: Callable[[str], None] = print,
+        show: Callable[[str], None] = print,
     ) -> None:
-        self._observations, self._ask, self._tell = tuple(observations), ask, tell
+        self._observations, self._ask, self._show = tuple(observations), ask, show
 
     def act(self, action: str) -> str:
-        """Tell the action and read the answer; any unambiguous beginning of an observation will do."""
-        self._tell(f"The robot does: {action}")
-        return choose(self._observations, "What does it observe?", ask=self._ask, tell=self._tell)
+        """Show the action and read the observation; any unambiguous prefix is accepted."""
+        self._show(f"The robot does: {action}")
+        return choose(self._observations, "What does it observe?", ask=self._ask, show=self._show)
 
     def report(self, action: str) -> None:
-        """Tell the report."""
-        self._tell(f"The robot decides: {action}")
+        """Show the report."""
+        self._show(f"The robot decides: {action}")
 
 
 def choose(
@@ -40,12 +40,12 @@ def choose(
     question: str,
     *,
     ask: Callable[[str], str] = input,
-    tell: Callable[[str], None] = print,
+    show: Callable[[str], None] = print,
 ) -> str:
-    """Ask until one of the options is meant.
+    """Ask until the answer is one of the options or an unambiguous prefix of one.
 
     Raises:
-        DecisionError: the input has ended.
+        DecisionError: the input ended.
     """
     while True:
         try:
@@ -54,7 +54,7 @@ def choose(
             raise DecisionError(f"the input ended at the question {question!r}") from None
         if typed in options:
             return typed
-        meant = [option for option in options if typed and option.startswith(typed)]
-        if len(meant) == 1:
-            return meant[0]
-        tell(f"{typed!r} is not clear; {expected_one_of(options)}")
+        matches = [option for option in options if typed and option.startswith(typed)]
+        if len(matches) == 1:
+            return matches[0]
+        show(f"{typed!r} is ambiguous or unknown; {expected_one_of(options)}")

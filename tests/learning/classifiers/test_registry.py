@@ -11,7 +11,7 @@ from sklearn.linear_model import LogisticRegression, Perceptron, RidgeClassifier
 from sklearn.neighbors import NearestCentroid
 from sklearn.pipeline import make_pipeline
 
-from lcorpp.domains.sections.reasoning import CLASSIFIERS
+from lcorpp.domains.sections.learning import CLASSIFIERS
 from lcorpp.errors import DataError
 from lcorpp.learning import (
     LEARNERS,

@@ -17,7 +17,7 @@ def test_equal_beliefs_are_one_node():
     graph = BeliefGraph(tiger, Policy.of(tiger, [[0.0, 0.0]], [0]))  # listens for ever
     root = graph.add(SparseBeliefs.of(tiger.start[None]))
     left = graph.follow(root, np.array([0]))
-    assert graph.beliefs.belief(int(left[0]), 2) == pytest.approx([0.85, 0.15])
+    assert graph.beliefs.dense(int(left[0]), 2) == pytest.approx([0.85, 0.15])
     assert graph.follow(left, np.array([1])).tolist() == root.tolist()
     assert len(graph) == 2
 
@@ -51,9 +51,12 @@ def test_where_all_is_over():
     move = BeliefGraph(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [0]))
     beliefs = SparseBeliefs.of(np.array([np.eye(5)[4], lcorpp.start]))
     nodes = report.add(beliefs)
-    assert report.over[nodes].tolist() == [True, False]  # a report is free at `term`, and leads nowhere else
+    assert report.absorbing[nodes].tolist() == [
+        True,
+        False,
+    ]  # a report is free at `term`, and leads nowhere else
     nodes = move.add(beliefs)
-    assert move.over[nodes].tolist() == [False, False]  # a move is charged for
+    assert move.absorbing[nodes].tolist() == [False, False]  # a move is charged for
 
 
 def test_an_impossible_observation_names_everything():

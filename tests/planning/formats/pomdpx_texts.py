@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lcorpp.planning import Factored, parse_pomdpx
 
-# The problem of tests/planning/factored_models.py, as PomdpX's documentation would have it.
+# The problem of tests/planning/factored/models.py, as PomdpX's documentation would have it.
 HEAD = """\
 <?xml version="1.0" encoding="ISO-8859-1"?>
 <pomdpx version="1.0" id="rover" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"

@@ -147,7 +147,7 @@ def test_a_policy_in_pieces_is_filled_with_its_floor(tmp_path):
     assert (back.vectors == in_pieces.vectors).all()
     assert back.actions.tolist() == [1, 0, 4]
     for belief in ([0.25, 0, 0.75, 0, 0], [0, 0.5, 0, 0.25, 0.25]):
-        assert back.best(np.array(belief)) == in_pieces.best(np.array(belief))
+        assert back.value_and_action(np.array(belief)) == in_pieces.value_and_action(np.array(belief))
 
 
 def test_a_policy_in_pieces_that_would_grow_too_large_is_written_piece_by_piece(tmp_path, monkeypatch):
@@ -194,7 +194,7 @@ def test_a_policy_of_a_factored_model_becomes_one_in_pieces(tmp_path):
     assert [piece.states.tolist() for piece in found.vector_sets] == [[0, 1], [2, 3]]
     assert [piece.vectors.tolist() for piece in found.vector_sets] == [[[1, 2]], [[4, 3], [5, 0]]]
     assert [piece.actions.tolist() for piece in found.vector_sets] == [[0], [1, 0]]
-    assert found.best(np.array([0, 0, 0.25, 0.75])) == (0.25 * 4 + 0.75 * 3, 1)
+    assert found.value_and_action(np.array([0, 0, 0.25, 0.75])) == (0.25 * 4 + 0.75 * 3, 1)
     assert found.floor == pytest.approx(-10)
 
 
@@ -216,7 +216,7 @@ def test_a_flat_policy_is_flat_whatever_the_blocks(tmp_path):
         (MOMDP.replace("3 4", "3 4 5"), [[0, 1], [2, 3]], "a vector of 3 numbers"),
         (MOMDP.replace("1 5", "2 5"), [[0, 1], [2, 3]], "state 2 is not among the 2 states"),
         (MOMDP, [[0, 1], [7, 2]], "a state index is outside 0 to 3"),
-        (MOMDP, [[0, 1], [2, 2]], "the states of a piece must rise"),
+        (MOMDP, [[0, 1], [2, 2]], "the states of a vector set must be increasing"),
     ],
 )
 def test_factored_policies_that_do_not_fit(tmp_path, text, blocks, message):

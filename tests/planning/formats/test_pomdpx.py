@@ -5,7 +5,7 @@ import pytest
 
 from lcorpp.errors import FileError, ParseError
 from lcorpp.planning import flatten, read_pomdp, read_pomdpx
-from tests.planning.factored_models import rover
+from tests.planning.factored.models import rover
 from tests.planning.formats.pomdpx_texts import DIAGRAMS, HEAD, TEXT, parsed
 
 
@@ -26,14 +26,14 @@ def test_xml_is_read_under_any_name(tmp_path):
 def test_functions_may_come_before_variables():
     variables = HEAD[HEAD.index("<Variable>") :]
     turned = TEXT.replace(variables, "").replace("</pomdpx>", variables + "</pomdpx>")
-    assert parsed(turned).same(parsed(TEXT))
+    assert parsed(turned).equals(parsed(TEXT))
 
 
 def test_line_ends_and_encodings_do_not_matter():
     plain = parsed(TEXT)
-    assert parsed(TEXT.replace("\n", "\r\n")).same(plain)
-    assert parsed(TEXT.encode("latin-1")).same(plain)
-    assert parsed(TEXT.replace("ISO-8859-1", "UTF-16").encode("utf-16")).same(plain)
+    assert parsed(TEXT.replace("\n", "\r\n")).equals(plain)
+    assert parsed(TEXT.encode("latin-1")).equals(plain)
+    assert parsed(TEXT.replace("ISO-8859-1", "UTF-16").encode("utf-16")).equals(plain)
     umlaut = TEXT.replace("middle", "Mitte_für_Rover")
     # as bytes in the encoding that the first line tells; as text in none
     assert parsed(umlaut.encode("latin-1")).states[0].values[1] == "Mitte_für_Rover"
@@ -111,7 +111,7 @@ def test_a_start_belief_is_optional_where_all_is_seen():
 
 
 def test_an_endless_horizon_is_none():
-    assert parsed(TEXT.replace("<Variable>", "<Horizon>infinite</Horizon><Variable>")).same(parsed(TEXT))
+    assert parsed(TEXT.replace("<Variable>", "<Horizon>infinite</Horizon><Variable>")).equals(parsed(TEXT))
 
 
 def test_a_missing_file():

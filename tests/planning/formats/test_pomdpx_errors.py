@@ -205,7 +205,7 @@ BAD_DIAGRAMS = [
             function("CondProb", "rover_1", "rock_1", '<SubDAG type="uniform" var="rover_1"/>')
             + function("CondProb", "rock_1", "rover_1", '<SubDAG type="uniform" var="rock_1"/>'),
         ),
-        "in transition, rover' depends on rock' depends on rover': a circle",
+        "in transition, rover' depends on rock' depends on rover': a cycle",
     ),
 ]
 

@@ -78,5 +78,5 @@ def test_published_files_come_back_the_same(name, tmp_path):
     problem = read_factored(shared_model(name))
     write_pomdpx(problem, tmp_path / name)
     back = read_factored(tmp_path / name)
-    assert back.same(problem)
+    assert back.equals(problem)
     assert flatten(back).fingerprint == flatten(problem).fingerprint

@@ -5,7 +5,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from lcorpp.errors import FileError, ModelError
 from lcorpp.planning import Factored, cpt as table, flatten, format_pomdpx, parse_pomdpx, write_pomdpx
-from tests.planning.factored_models import factored_models, rover
+from tests.planning.factored.models import factored_models, rover
 from tests.planning.formats.pomdpx_texts import parsed
 from tests.planning.models import pomdps
 
@@ -36,7 +36,7 @@ def written(problem: Factored) -> bytes:
 @given(factored_models())
 def test_writing_and_reading_gives_the_same_problem(problem):
     back = parse_pomdpx(written(problem))
-    assert back.same(problem)
+    assert back.equals(problem)
     mine, theirs = flatten(problem), flatten(back)
     assert mine.fingerprint == theirs.fingerprint
     assert (mine.start == theirs.start).all()
@@ -67,7 +67,7 @@ def test_long_rows_are_written_number_by_number():
     text = format_pomdpx(problem)
     assert "<Entry><Instance>* * 0</Instance><ProbTable>1.0</ProbTable></Entry>" in text
     assert "<Entry><Instance>* 3 0</Instance><ProbTable>0.0</ProbTable></Entry>" in text
-    assert parsed(text).same(problem)
+    assert parsed(text).equals(problem)
 
 
 NAMES = st.text(st.characters(exclude_categories=("C", "Z")), min_size=1, max_size=4).filter(
@@ -89,7 +89,7 @@ def test_any_word_may_be_a_name(words):
         reward={"reward": table([b], {(values[3],): 1})},
         discount=0.9,
     )
-    assert parsed(written(problem)).same(problem)
+    assert parsed(written(problem)).equals(problem)
 
 
 @pytest.mark.parametrize("names", [("x", "x_0"), ("x", "x_1"), ("x_0", "x_0_0"), ("x", "y"), ("x0", "x")])
@@ -103,7 +103,7 @@ def test_names_that_look_like_before_and_after(names, tmp_path):
         reward={"none": 0},
         discount=0.9,
     )
-    assert parsed(written(problem)).same(problem)
+    assert parsed(written(problem)).equals(problem)
     both = Factored.of(
         states={one: "a b", other: "c d"},
         actions="go",
@@ -112,7 +112,7 @@ def test_names_that_look_like_before_and_after(names, tmp_path):
         reward={"none": 0},
         discount=0.9,
     )
-    assert parsed(written(both)).same(both)
+    assert parsed(written(both)).equals(both)
 
 
 def test_what_cannot_be_written(tmp_path):

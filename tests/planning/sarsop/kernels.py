@@ -9,8 +9,9 @@ import pytest
 from hypothesis import strategies as st
 
 from lcorpp.planning import Pomdp
-from lcorpp.planning.sarsop import numpy_kernels as twin
-from lcorpp.planning.sarsop.kernels import Engine, model_of
+from lcorpp.planning.sarsop import numpy_kernels
+from lcorpp.planning.sarsop.kernel_protocols import Kernels
+from lcorpp.planning.sarsop.kernels import build_model
 
 try:
     from lcorpp.planning import _native
@@ -22,13 +23,13 @@ except ImportError as error:
 
 needs_native = pytest.mark.skipif(NATIVE is None, reason=WITHOUT)
 
-BOTH = [pytest.param(NATIVE, id="native", marks=needs_native), pytest.param(twin, id="twin")]
+BOTH = [pytest.param(NATIVE, id="native", marks=needs_native), pytest.param(numpy_kernels, id="numpy")]
 
 SECONDS = 60.0
 """Time that no test should need: what is compared must not have been cut short."""
 
 
-def mixed(
+def random_model(
     seed: int,
     *,
     seen: int = 1,
@@ -70,8 +71,8 @@ def mixed(
     )
 
 
-def mixed_models(**given: Any) -> st.SearchStrategy[Pomdp]:
-    """Models of all the kinds that `mixed` makes."""
+def random_models(**given: Any) -> st.SearchStrategy[Pomdp]:
+    """Models of all the kinds that `random_model` makes."""
     drawn = {
         "seen": st.integers(1, 3),
         "hidden": st.integers(1, 4),
@@ -82,36 +83,36 @@ def mixed_models(**given: Any) -> st.SearchStrategy[Pomdp]:
         "discount": st.sampled_from((0.5, 0.9, 0.97)),
     }
     drawn.update({name: st.just(value) for name, value in given.items()})
-    return st.builds(mixed, st.integers(0, 2**32 - 1), **drawn)
+    return st.builds(random_model, st.integers(0, 2**32 - 1), **drawn)
 
 
-def bounds(kernels: Engine, model: Any, tolerance: float = 1e-7) -> tuple[Any, Any, Any]:
+def bounds(kernels: Kernels, model: Any, tolerance: float = 1e-7) -> tuple[Any, Any, Any]:
     """Blind policies, MDP and fast informed bound, to within a tolerance."""
     blind = kernels.blind_policies(model, tolerance, SECONDS)
     above = kernels.mdp_bound(model, tolerance, SECONDS)
     return blind, above, kernels.fast_informed_bound(model, above, tolerance, SECONDS)
 
 
-def planted(kernels: Engine, pomdp: Pomdp) -> tuple[Any, Any, Any]:
-    """A tree without nodes, a prediction, and the informed bound."""
-    model = model_of(kernels, pomdp)
+def make_tree(kernels: Kernels, pomdp: Pomdp) -> tuple[Any, Any, Any]:
+    """A tree without nodes, a predictor, and the informed bound."""
+    model = build_model(kernels, pomdp)
     blind, _, informed = bounds(kernels, model)
-    return kernels.Tree(model, informed, blind), kernels.Prediction(informed.max(axis=0)), informed
+    return kernels.Tree(model, informed, blind), kernels.ValuePredictor(informed.max(axis=0)), informed
 
 
 PRUNE = (1e-3, 3.0, 1.3)
 """Radius, cap and growth, as the solver has them."""
 
 
-def search(tree: Any, prediction: Any, root: int, trials: int, run: Any = None) -> list[tuple[Any, ...]]:
+def search(tree: Any, predictor: Any, root: int, trials: int, run: Any = None) -> list[tuple[Any, ...]]:
     """Trials towards half of the gap; after each how long it was and what there is then."""
     found = []
     for i in range(trials):
-        gap = tree.upper_at(root) - tree.lower_at(root)
+        gap = tree.upper_bound(root) - tree.lower_bound(root)
         if gap <= 1e-3:
             break
-        arguments = prediction, root, max(0.5 * gap, 5e-4), 50, SECONDS, i % 2 == 1
-        steps = run(tree, *arguments) if run else tree.trial(*arguments)
+        arguments = predictor, root, max(0.5 * gap, 5e-4), 50, SECONDS, i % 2 == 1
+        steps = run(tree, *arguments) if run else tree.sample(*arguments)
         tree.prune([root], *PRUNE)
         found.append((steps, tree.node_count, tree.vector_count, tree.point_count))
     return found

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lcorpp.planning import parse_pomdp
-from lcorpp.planning.sarsop.kernels import model_of
+from lcorpp.planning.sarsop.kernels import build_model
 from tests.planning.models import TIGER
 from tests.planning.sarsop.kernels import BOTH, NATIVE, bounds, needs_native
 
@@ -18,12 +18,12 @@ GOOD: dict[str, Any] = {
     "actions": 2,
     "states": 2,
     "observations": 2,
-    "t_begins": np.array([0, 1, 2, 4, 6], i8),
-    "t_column": np.array([0, 1, 0, 1, 0, 1], i4),
-    "t_value": np.array([1, 1, 0.5, 0.5, 0.5, 0.5]),
-    "o_begins": np.array([0, 2, 4, 6, 8], i8),
-    "o_column": np.array([0, 1] * 4, i4),
-    "o_value": np.array([0.85, 0.15, 0.15, 0.85, 0.5, 0.5, 0.5, 0.5]),
+    "transition_begins": np.array([0, 1, 2, 4, 6], i8),
+    "transition_columns": np.array([0, 1, 0, 1, 0, 1], i4),
+    "transition_values": np.array([1, 1, 0.5, 0.5, 0.5, 0.5]),
+    "observation_begins": np.array([0, 2, 4, 6, 8], i8),
+    "observation_columns": np.array([0, 1] * 4, i4),
+    "observation_values": np.array([0.85, 0.15, 0.15, 0.85, 0.5, 0.5, 0.5, 0.5]),
     "reward": np.array([[-1.0, -1], [-10, 5]]),
     "discount": 0.9,
 }
@@ -32,22 +32,25 @@ BAD_MODELS: list[dict[str, Any]] = [
     *({"actions": count} for count in (0, -1, 1, 3, 2**31 - 1)),
     *({"states": count} for count in (0, -1, 3, 2**31 - 1)),
     *({"observations": count} for count in (0, -1, 1)),
-    *({"t_begins": np.array(begins, i8)} for begins in ([0, 1, 2, 4], [0, 4, 2, 4, 6], [1, 1, 2, 4, 6])),
     *(
-        {"t_begins": np.array(begins, i8)}
+        {"transition_begins": np.array(begins, i8)}
+        for begins in ([0, 1, 2, 4], [0, 4, 2, 4, 6], [1, 1, 2, 4, 6])
+    ),
+    *(
+        {"transition_begins": np.array(begins, i8)}
         for begins in ([0, 1, 2**40, 4, 6], [0, -1, 2, 4, 6], [0, 0, 2, 4, 6])
     ),
-    {"t_begins": np.zeros(0, i8)},
-    {"t_begins": np.array([[0, 1, 2, 4, 6]], i8)},
-    *({"t_column": np.array([0, 1, 0, c, 0, 1], i4)} for c in (2, -1, 0)),
-    {"t_column": np.array([0, 1, 1, 0, 0, 1], i4)},
-    {"t_column": np.array([0, 1, 0, 1, 0], i4)},
-    *({"t_value": np.array([1, 1, p, 0.5, 0.5, 0.5])} for p in (nan, inf, -0.5, 0.4, 1.5)),
-    {"t_value": np.array([1, 1, 1.5, -0.5, 0.5, 0.5])},
-    *({"o_column": np.array([0, c, 0, 1, 0, 1, 0, 1], i4)} for c in (2, -1, 0)),
-    {"o_value": np.array([nan, 0.15, 0.15, 0.85, 0.5, 0.5, 0.5, 0.5])},
-    {"o_value": np.array([0.15, 0.15, 0.15, 0.85, 0.5, 0.5, 0.5, 0.5])},
-    {"o_begins": np.array([0, 2, 4, 6], i8)},
+    {"transition_begins": np.zeros(0, i8)},
+    {"transition_begins": np.array([[0, 1, 2, 4, 6]], i8)},
+    *({"transition_columns": np.array([0, 1, 0, c, 0, 1], i4)} for c in (2, -1, 0)),
+    {"transition_columns": np.array([0, 1, 1, 0, 0, 1], i4)},
+    {"transition_columns": np.array([0, 1, 0, 1, 0], i4)},
+    *({"transition_values": np.array([1, 1, p, 0.5, 0.5, 0.5])} for p in (nan, inf, -0.5, 0.4, 1.5)),
+    {"transition_values": np.array([1, 1, 1.5, -0.5, 0.5, 0.5])},
+    *({"observation_columns": np.array([0, c, 0, 1, 0, 1, 0, 1], i4)} for c in (2, -1, 0)),
+    {"observation_values": np.array([nan, 0.15, 0.15, 0.85, 0.5, 0.5, 0.5, 0.5])},
+    {"observation_values": np.array([0.15, 0.15, 0.15, 0.85, 0.5, 0.5, 0.5, 0.5])},
+    {"observation_begins": np.array([0, 2, 4, 6], i8)},
     *({"reward": np.array([[r, -1], [-10, 5]])} for r in (nan, inf, -inf)),
     *({"reward": np.zeros(shape)} for shape in ((2, 3), (4, 1), (1, 4))),
     *({"discount": discount} for discount in (0.0, 1.0, -0.5, nan, inf)),
@@ -56,8 +59,14 @@ BAD_MODELS: list[dict[str, Any]] = [
         "actions": -1,
         "states": 1,
         "observations": 1,
-        **{name: np.zeros(0, GOOD[name].dtype) for name in ("t_begins", "t_column", "t_value")},
-        **{name: np.zeros(0, GOOD[name].dtype) for name in ("o_begins", "o_column", "o_value")},
+        **{
+            name: np.zeros(0, GOOD[name].dtype)
+            for name in ("transition_begins", "transition_columns", "transition_values")
+        },
+        **{
+            name: np.zeros(0, GOOD[name].dtype)
+            for name in ("observation_begins", "observation_columns", "observation_values")
+        },
         "reward": np.zeros((0, 0)),
     },
 ]
@@ -73,15 +82,15 @@ def test_tables_that_are_no_model(kernels, change):
 
 def tree_of(kernels: Any) -> Any:
     """A tree of the tiger with one node, looked at, whose children are known for one action."""
-    model = model_of(kernels, parse_pomdp(TIGER))
+    model = build_model(kernels, parse_pomdp(TIGER))
     blind, _, informed = bounds(kernels, model, 1e-3)
     tree = kernels.Tree(model, informed, blind)
-    assert tree.look(tree.node(np.array([0.5, 0.5])), False) == 0
+    assert tree.select_action(tree.add_node(np.array([0.5, 0.5])), False) == 0
     return tree
 
 
-def one_prediction(kernels: Any) -> Any:
-    return kernels.Prediction(np.array([0.0, 1.0]))
+def make_predictor(kernels: Any) -> Any:
+    return kernels.ValuePredictor(np.array([0.0, 1.0]))
 
 
 def vectors(*rows: list[float]) -> Any:
@@ -97,21 +106,24 @@ OUT_OF_RANGE: list[tuple[str, tuple[Any, ...]]] = [
         for name in (
             "refresh",
             "backup",
-            "lower_at",
-            "upper_at",
-            "low",
-            "high",
+            "lower_bound",
+            "upper_bound",
+            "cached_lower",
+            "cached_upper",
             "q_lower",
             "q_upper",
             "belief",
         )
         for node in (1, -1)
     ),
-    *((name, (node,)) for name in ("immediate",) for node in (1, -1, 2**31 - 1)),
-    *(("look", (node, below)) for node in (1, -1) for below in (False, True)),
+    *((name, (node,)) for name in ("expected_rewards",) for node in (1, -1, 2**31 - 1)),
+    *(("select_action", (node, below)) for node in (1, -1) for below in (False, True)),
     *(("children", which) for which in ((1, 0), (-1, 0), (0, 3), (0, -1))),
-    *(("child", which) for which in ((1, 0, 0), (-1, 0, 0), (0, 3, 0), (0, -1, 0), (0, 0, 2), (0, 0, 2**31))),
-    ("child", (0, 1, 0)),  # an action that was not looked at has no children yet
+    *(
+        ("add_child", which)
+        for which in ((1, 0, 0), (-1, 0, 0), (0, 3, 0), (0, -1, 0), (0, 0, 2), (0, 0, 2**31))
+    ),
+    ("add_child", (0, 1, 0)),  # an action that was not looked at has no children yet
     ("vectors", (2,)),
     ("add_vectors", (2, vectors([0, 0]), np.zeros(1, i4))),
     *(("add_vectors", (0, vectors([0, 0]), np.array([a], i4))) for a in (3, -1)),
@@ -121,10 +133,10 @@ OUT_OF_RANGE: list[tuple[str, tuple[Any, ...]]] = [
 
 NO_NUMBERS: list[tuple[str, tuple[Any, ...]]] = [
     *(
-        ("node", (np.array(belief),))
+        ("add_node", (np.array(belief),))
         for belief in ([1.0], [0.5, 0.25, 0.25], [nan, 1], [inf, 0], [1.5, -0.5])
     ),
-    *(("node", (np.array(belief),)) for belief in ([0.0, 0], [0.5, 0.4], [1.0, 1], [1e-310, 0])),
+    *(("add_node", (np.array(belief),)) for belief in ([0.0, 0], [0.5, 0.4], [1.0, 1], [1e-310, 0])),
     *(
         ("add_vectors", (0, np.array(table), np.zeros(1, i4)))
         for table in ([[0.0]], [[0.0, nan]], [[-inf, 0]])
@@ -177,10 +189,10 @@ def test_numbers_of_nothing(kernels, number):
 def test_arrays_that_do_not_fit(kernels, number):
     name, arguments = NO_NUMBERS[number]
     tree = tree_of(kernels)
-    before = tree.vector_count, tree.point_count, tree.upper_at(0)
+    before = tree.vector_count, tree.point_count, tree.upper_bound(0)
     with pytest.raises(ValueError):  # noqa: PT011
         getattr(tree, name)(*arguments)
-    assert (tree.vector_count, tree.point_count, tree.upper_at(0)) == before  # nothing was taken by halves
+    assert (tree.vector_count, tree.point_count, tree.upper_bound(0)) == before  # nothing was taken by halves
 
 
 @pytest.mark.parametrize("kernels", BOTH)
@@ -205,36 +217,36 @@ def test_other_numbers_that_cannot_be(kernels):
                 call()
     for corners in ([], [nan], [inf, 0]):
         with pytest.raises(ValueError):  # noqa: PT011
-            kernels.Prediction(np.array(corners))
+            kernels.ValuePredictor(np.array(corners))
 
 
 @pytest.mark.parametrize("kernels", BOTH)
 def test_a_trial_that_cannot_be(kernels):
-    tree, prediction = tree_of(kernels), one_prediction(kernels)
+    tree, predictor = tree_of(kernels), make_predictor(kernels)
     for root in (1, -1):
         with pytest.raises(IndexError):
-            tree.trial(prediction, root, 0.1, 10, 1.0, False)
+            tree.sample(predictor, root, 0.1, 10, 1.0, False)
         with pytest.raises(IndexError):
-            prediction.learn(tree, root)
+            predictor.learn(tree, root)
         with pytest.raises(IndexError):
-            prediction.value(tree, root)
+            predictor.predict(tree, root)
     for target, seconds in ((nan, 1.0), (-1.0, 1.0), (0.1, nan)):
         with pytest.raises(ValueError):  # noqa: PT011
-            tree.trial(prediction, 0, target, 10, seconds, False)
-    assert tree.trial(prediction, 0, 0.1, 0, 1.0, False) == 1  # the root at least is backed up
-    assert tree.trial(prediction, 0, 0.1, 10, -1.0, False) == 1  # and no time is no error
+            tree.sample(predictor, 0, target, 10, seconds, False)
+    assert tree.sample(predictor, 0, 0.1, 0, 1.0, False) == 1  # the root at least is backed up
+    assert tree.sample(predictor, 0, 0.1, 10, -1.0, False) == 1  # and no time is no error
 
 
 @needs_native
 def test_types_that_the_compiled_kernels_refuse():
     """Numbers of states are not converted: one beyond 32 bits would come to stand for another."""
     for change in (
-        {"t_column": GOOD["t_column"].astype(i8)},
-        {"t_column": GOOD["t_column"].astype(float)},
-        {"t_column": GOOD["t_column"].tolist()},
-        {"t_begins": GOOD["t_begins"].astype(i4)},
-        {"t_value": GOOD["t_value"] + 0j},
-        {"t_value": None},
+        {"transition_columns": GOOD["transition_columns"].astype(i8)},
+        {"transition_columns": GOOD["transition_columns"].astype(float)},
+        {"transition_columns": GOOD["transition_columns"].tolist()},
+        {"transition_begins": GOOD["transition_begins"].astype(i4)},
+        {"transition_values": GOOD["transition_values"] + 0j},
+        {"transition_values": None},
         {"reward": np.zeros(4)},
         {"actions": 2**40},
         {"actions": 2.5},
@@ -242,19 +254,19 @@ def test_types_that_the_compiled_kernels_refuse():
     ):
         with pytest.raises(TypeError):
             NATIVE.Model(*(GOOD | change).values())
-    tree, prediction = tree_of(NATIVE), one_prediction(NATIVE)
+    tree, predictor = tree_of(NATIVE), make_predictor(NATIVE)
     for call in (
         lambda: NATIVE.mdp_bound(None, 1e-3, 1.0),
         lambda: NATIVE.Tree(None, np.zeros((2, 2)), np.zeros((2, 2))),
-        lambda: tree.low(2**31),
-        lambda: tree.low(0.5),
-        lambda: tree.child(0, 0, -1),
-        lambda: tree.trial(None, 0, 0.1, 10, 1.0, False),
-        lambda: tree.trial(prediction, 0, 0.1, -1, 1.0, False),
+        lambda: tree.cached_lower(2**31),
+        lambda: tree.cached_lower(0.5),
+        lambda: tree.add_child(0, 0, -1),
+        lambda: tree.sample(None, 0, 0.1, 10, 1.0, False),
+        lambda: tree.sample(predictor, 0, 0.1, -1, 1.0, False),
         lambda: tree.vectors(-1),
         lambda: tree.add_vectors(0, np.zeros((1, 3)), np.zeros(1, i8)),
         lambda: tree.add_points(np.array([0, 2], i8), TWO.astype(i8), HALVES, np.zeros(1)),
-        lambda: prediction.value(None, 0),
+        lambda: predictor.predict(None, 0),
     ):
         with pytest.raises(TypeError):
             call()
@@ -263,11 +275,16 @@ def test_types_that_the_compiled_kernels_refuse():
 @needs_native
 def test_numbers_of_another_kind_are_converted():
     """Where nothing is lost: single precision, every other one of an array, whole numbers for a belief."""
-    apart = np.repeat(GOOD["o_value"], 2)[::2]
-    model = NATIVE.Model(*(GOOD | {"t_value": GOOD["t_value"].astype(np.float32), "o_value": apart}).values())
+    apart = np.repeat(GOOD["observation_values"], 2)[::2]
+    model = NATIVE.Model(
+        *(
+            GOOD
+            | {"transition_values": GOOD["transition_values"].astype(np.float32), "observation_values": apart}
+        ).values()
+    )
     blind, _, informed = bounds(NATIVE, model, 1e-3)
     tree = NATIVE.Tree(model, informed, blind)
-    assert tree.belief(tree.node(np.array([1, 0]))).tolist() == [1, 0]
+    assert tree.belief(tree.add_node(np.array([1, 0]))).tolist() == [1, 0]
 
 
 @needs_native
@@ -275,7 +292,7 @@ def test_what_a_tree_gives_outlives_it():
     tree = tree_of(NATIVE)
     lasting = [tree.belief(0), tree.q_upper(0), tree.vectors(0)[1], tree.points()[0]]
     copies = [array.copy() for array in lasting]
-    model_stays = tree.look(0, True)
+    model_stays = tree.select_action(0, True)
     del tree
     assert model_stays in range(3)
     for array, copy in zip(lasting, copies, strict=True):

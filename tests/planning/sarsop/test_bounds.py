@@ -9,12 +9,21 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.planning import Pomdp, SparseTables, observation_probabilities, parse_pomdp, update
-from lcorpp.planning.sarsop import numpy_kernels as twin
-from lcorpp.planning.sarsop.kernels import model_of
+from lcorpp.planning.sarsop import numpy_kernels
+from lcorpp.planning.sarsop.kernels import build_model
+from lcorpp.planning.sarsop.numpy_kernels.model import row_entries
 from tests.planning.models import TIGER, pomdps
-from tests.planning.sarsop.kernels import BOTH, NATIVE, bounds, mixed, mixed_models, needs_native, planted
+from tests.planning.sarsop.kernels import (
+    BOTH,
+    NATIVE,
+    bounds,
+    make_tree,
+    needs_native,
+    random_model,
+    random_models,
+)
 
-models = pomdps() | mixed_models()
+models = pomdps() | random_models()
 
 
 def ring(size: int) -> Pomdp:
@@ -43,42 +52,42 @@ def blocks_by_definition(pomdp: Pomdp) -> list[int]:
 @given(pomdp=models)
 @settings(max_examples=40, deadline=None)
 def test_blocks(kernels, pomdp):
-    assert model_of(kernels, pomdp).blocks().tolist() == blocks_by_definition(pomdp)
+    assert build_model(kernels, pomdp).blocks().tolist() == blocks_by_definition(pomdp)
 
 
 @pytest.mark.parametrize("kernels", BOTH)
 def test_blocks_by_hand(kernels):
-    assert model_of(kernels, ring(6)).blocks().tolist() == [0, 1, 0, 1, 0, 1]
-    assert model_of(kernels, parse_pomdp(TIGER)).blocks().tolist() == [0, 0]
-    assert set(model_of(kernels, mixed(1, seen=4, hidden=3)).blocks().tolist()) == {0, 1, 2, 3}
+    assert build_model(kernels, ring(6)).blocks().tolist() == [0, 1, 0, 1, 0, 1]
+    assert build_model(kernels, parse_pomdp(TIGER)).blocks().tolist() == [0, 0]
+    assert set(build_model(kernels, random_model(1, seen=4, hidden=3)).blocks().tolist()) == {0, 1, 2, 3}
 
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
 @settings(max_examples=30, deadline=None)
 def test_children_follow_bayes_rule(kernels, pomdp):
-    tree, _, _ = planted(kernels, pomdp)
-    root = tree.node(pomdp.start)
+    tree, _, _ = make_tree(kernels, pomdp)
+    root = tree.add_node(pomdp.start)
     assert tree.belief(root) == pytest.approx(pomdp.start)
-    assert tree.immediate(root) == pytest.approx(pomdp.reward @ pomdp.start)
+    assert tree.expected_rewards(root) == pytest.approx(pomdp.reward @ pomdp.start)
     tree.refresh(root)
-    action = tree.look(root, False)
+    action = tree.select_action(root, False)
     observation, probability, _, _, link = tree.children(root, action)
     expected = observation_probabilities(pomdp, pomdp.start, action)
     assert observation.tolist() == np.flatnonzero(expected).tolist()
     assert probability == pytest.approx(expected[observation])
     assert (link == -1).all()
     for k, o in enumerate(observation.tolist()):
-        child = tree.child(root, action, k)
+        child = tree.add_child(root, action, k)
         assert tree.belief(child) == pytest.approx(update(pomdp, pomdp.start, action, o))
-        assert tree.child(root, action, k) == child
+        assert tree.add_child(root, action, k) == child
 
 
 @needs_native
 @given(pomdp=models)
 @settings(max_examples=40, deadline=None)
 def test_both_kernels_have_the_same_bounds(pomdp):
-    found = [bounds(kernels, model_of(kernels, pomdp)) for kernels in (NATIVE, twin)]
+    found = [bounds(kernels, build_model(kernels, pomdp)) for kernels in (NATIVE, numpy_kernels)]
     for compiled, numpy in zip(*found, strict=True):
         assert compiled == pytest.approx(numpy, rel=1e-9, abs=1e-9)
 
@@ -88,7 +97,7 @@ def test_both_kernels_have_the_same_bounds(pomdp):
 @settings(max_examples=40, deadline=None)
 def test_bounds_are_in_order_and_near_what_they_stand_for(kernels, pomdp):
     gamma, S = pomdp.discount, len(pomdp.states)
-    blind, above, informed = bounds(kernels, model_of(kernels, pomdp), tolerance=1e-6)
+    blind, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1e-6)
     T = np.asarray(pomdp.transition)
     exact = np.linalg.solve(np.eye(S) - gamma * T, pomdp.reward[:, :, None])[:, :, 0]
     assert (blind <= exact + 1e-9).all()  # 1e-9: rounding
@@ -109,7 +118,7 @@ def test_bounds_are_in_order_and_near_what_they_stand_for(kernels, pomdp):
 def test_the_informed_bound_is_above_seeing_one_step_late(kernels, pomdp):
     """Its fixed point by plain sweeps, as the definition says."""
     gamma = pomdp.discount
-    _, above, informed = bounds(kernels, model_of(kernels, pomdp), tolerance=1e-6)
+    _, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1e-6)
     T, Z = np.asarray(pomdp.transition), np.asarray(pomdp.observation)
     Q = above
     for _ in range(600):
@@ -124,7 +133,7 @@ def test_the_informed_bound_is_above_seeing_one_step_late(kernels, pomdp):
 @settings(max_examples=20, deadline=None)
 def test_a_sweep_more_is_never_worse(kernels, pomdp):
     """Any stop is a bound: at once, soon and late, each inside the one before."""
-    model = model_of(kernels, pomdp)
+    model = build_model(kernels, pomdp)
     rounding = 1e-9 * max(1.0, float(np.abs(pomdp.reward).max()))
     ladder = [(1e9, 0.0), (1.0, 60.0), (1e-2, 60.0), (1e-4, 60.0)]
     blind = [kernels.blind_policies(model, *limits) for limits in ladder]
@@ -149,7 +158,7 @@ def test_a_slow_discount_takes_few_sweeps(kernels):
     names = tuple(map(str, range(n)))
     pomdp = Pomdp(names, ("a", "b"), ("o",), T, np.ones((2, n, 1)), reward, 1 - 1e-9, np.full(n, 1 / n))
     # from a discount so slow no sweep by itself would arrive within the time of any test
-    blind, above, informed = bounds(kernels, model_of(kernels, pomdp), tolerance=1.0)
+    blind, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1.0)
     best = reward[1].mean() * 1e9
     assert blind[1].mean() == pytest.approx(best, rel=1e-6)
     assert (above.max(axis=0) >= best).all()
@@ -163,7 +172,7 @@ def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
     reward = np.array([[1.0, 1, 1], [0, 0, 0]])
     names = ("a", "b", "c")
     pomdp = Pomdp(names, ("x", "y"), ("o",), third, np.ones((2, 3, 1)), reward, 0.999, np.full(3, 1 / 3))
-    blind, above, informed = bounds(kernels, model_of(kernels, pomdp), tolerance=1e-9)
+    blind, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1e-9)
     assert blind[0] == pytest.approx(1000, abs=1e-6)
     assert (blind.max(axis=0) <= informed.max(axis=0) + 1e-9).all()
     assert above.max() == pytest.approx(1000, abs=1e-6)
@@ -171,7 +180,7 @@ def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
 
 def test_the_twin_finds_rows_of_rows():
     rows = SparseTables.of(np.array([[[0.5, 0.5], [0, 1.0]], [[1, 0], [0.25, 0.75]]]))
-    index, owner = twin.model.entries(rows, np.array([3, 1, 0]))
+    index, owner = row_entries(rows, np.array([3, 1, 0]))
     assert rows.values[index].tolist() == [0.25, 0.75, 1.0, 0.5, 0.5]
     assert owner.tolist() == [0, 0, 1, 2, 2]
 
@@ -180,7 +189,7 @@ def test_the_twin_finds_rows_of_rows():
 @settings(max_examples=10, deadline=None)
 def test_many_blocks_stay_apart(seed):
     """A state that is seen is a block by itself, and so much is kept of its vectors."""
-    pomdp = mixed(seed, seen=5, hidden=1, signals=1)
-    tree, _, _ = planted(twin, pomdp)
-    assert tree.groups == 6
+    pomdp = random_model(seed, seen=5, hidden=1, signals=1)
+    tree, _, _ = make_tree(numpy_kernels, pomdp)
+    assert tree.group_count == 6
     assert [tree.vectors(g)[1].shape for g in range(6)] == [(2, 1)] * 5 + [(2, 5)]

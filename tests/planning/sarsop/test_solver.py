@@ -207,7 +207,7 @@ def corridor(length: int = 6) -> Pomdp:
     names = (*(f"{p}{side}" for p in places for side in "lr"), "done")
     return Pomdp(
         names,
-        ("go", "look", "left", "right"),
+        ("go", "select_action", "left", "right"),
         tuple(map(str, range(2 * length + 1))),
         T,
         Z,
@@ -267,7 +267,7 @@ def test_what_is_known_is_used_for_another_start():
 def test_a_policy_from_elsewhere_has_no_gap():
     policy = solve(lcorpp, precision=0.1).policy
     assert policy.gap(lcorpp.start) <= 0.1
-    with pytest.raises(PolicyError, match="no upper bound to measure it by; solve the model"):
+    with pytest.raises(PolicyError, match="no upper bound; solve the model"):
         replace(policy, upper_bound=None).gap(lcorpp.start)
 
 

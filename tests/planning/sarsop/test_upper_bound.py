@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.planning import Pomdp, parse_pomdp
-from lcorpp.planning.sarsop import numpy_kernels as twin
-from lcorpp.planning.sarsop.kernels import model_of
+from lcorpp.planning.sarsop.kernels import build_model
+from lcorpp.planning.sarsop.numpy_kernels import sawtooth
 from lcorpp.planning.sarsop.upper_bound import SawtoothBound
 from tests.planning.models import TIGER
-from tests.planning.sarsop.kernels import BOTH, close, mixed_models, planted, search
+from tests.planning.sarsop.kernels import BOTH, close, make_tree, random_models, search
 
 
 def sawtooth_by_hand(kernels: Any) -> tuple[Any, Any]:
     """A tree whose informed bound is 10 in each of two states, each by an action of its own."""
     tiger = parse_pomdp(TIGER)
-    model = model_of(kernels, tiger)
+    model = build_model(kernels, tiger)
     informed = np.array([[10.0, 0], [0, 10], [0, 0]])
     return kernels.Tree(model, informed, np.full((3, 2), -100.0)), informed
 
@@ -33,18 +33,18 @@ def point(*weights: float) -> tuple[Any, Any, Any]:
 @pytest.mark.parametrize("kernels", BOTH)
 def test_the_sawtooth_by_hand(kernels):
     tree, informed = sawtooth_by_hand(kernels)
-    even, uneven, sure = (tree.node(np.array(b)) for b in ([0.5, 0.5], [0.75, 0.25], [1.0, 0.0]))
-    assert tree.upper_at(even) == 5  # the informed planes, below the corners' 10
-    assert tree.upper_at(uneven) == 7.5
+    even, uneven, sure = (tree.add_node(np.array(b)) for b in ([0.5, 0.5], [0.75, 0.25], [1.0, 0.0]))
+    assert tree.upper_bound(even) == 5  # the informed planes, below the corners' 10
+    assert tree.upper_bound(uneven) == 7.5
     tree.add_points(*point(0.5, 0.5), np.array([2.0]))
     # at (.75, .25): phi = .5, so 10 + .5 * (2 - 10)
-    assert [tree.upper_at(node) for node in (even, uneven, sure)] == [2, 6, 10]
+    assert [tree.upper_bound(node) for node in (even, uneven, sure)] == [2, 6, 10]
     tree.add_points(*point(1, 0), np.array([6.0]))
     assert tree.point_count == 1  # a corner took the second
     # a node that asked before looks at what is newer, the corner: 7 at (.75, .25), above what it has
-    assert [tree.upper_at(node) for node in (even, uneven, sure)] == [2, 6, 6]
+    assert [tree.upper_bound(node) for node in (even, uneven, sure)] == [2, 6, 6]
     # one that did not, at both: the corners' plane is 7.6, so 7.6 + .8 * (2 - 8)
-    assert tree.upper_at(tree.node(np.array([0.6, 0.4]))) == pytest.approx(2.8, abs=1e-12)
+    assert tree.upper_bound(tree.add_node(np.array([0.6, 0.4]))) == pytest.approx(2.8, abs=1e-12)
     corners, begins, states, weights, values = tree.points()
     assert (corners.tolist(), begins.tolist(), states.tolist()) == ([6, 10], [0, 2], [0, 1])
     assert (weights.tolist(), values.tolist()) == ([0.5, 0.5], [2])
@@ -53,25 +53,25 @@ def test_the_sawtooth_by_hand(kernels):
 
 
 @pytest.mark.parametrize("kernels", BOTH)
-@given(pomdp=mixed_models(), seed=st.integers(0, 1000))
+@given(pomdp=random_models(), seed=st.integers(0, 1000))
 @settings(max_examples=15, deadline=None)
 def test_the_upper_bound_outlives_its_tree(kernels, pomdp, seed):
-    tree, prediction, informed = planted(kernels, pomdp)
-    search(tree, prediction, tree.node(pomdp.start), 5)
+    tree, predictor, informed = make_tree(kernels, pomdp)
+    search(tree, predictor, tree.add_node(pomdp.start), 5)
     bound = SawtoothBound(informed, *tree.points())
     again = pickle.loads(pickle.dumps(bound))
-    heir, _, _ = planted(kernels, pomdp)
+    heir, _, _ = make_tree(kernels, pomdp)
     heir.add_points(*bound.points())
-    blocks = model_of(kernels, pomdp).blocks()
+    blocks = build_model(kernels, pomdp).blocks()
     slack = 1e-9 * max(1.0, float(np.abs(informed).max()))
     sampled = np.random.default_rng(seed).dirichlet(np.ones(len(pomdp.states)), size=5)
     for belief in [*sampled, *map(tree.belief, range(tree.node_count))]:
         value = bound.value(belief)
         assert value == again.value(belief)
-        assert tree.lower_at(tree.node(belief)) - slack <= value <= (informed @ belief).max()
+        assert tree.lower_bound(tree.add_node(belief)) - slack <= value <= (informed @ belief).max()
         if len(set(blocks[belief > 0].tolist())) == 1:
             # one asks for the points of the block there, the other all: those of other blocks do not count
-            assert heir.upper_at(heir.node(belief)) == close(value)
+            assert heir.upper_bound(heir.add_node(belief)) == close(value)
 
 
 @pytest.mark.parametrize("kernels", BOTH)
@@ -81,45 +81,45 @@ def test_beliefs_alike_share_a_node_but_not_its_bound(kernels):
     worth = np.array([0.9 * 0.7, 0, 1]) * 1e6
     reward = np.array([[0.0, 0, 1e5]])
     pomdp = Pomdp(("s", "t", "u"), ("go",), ("o",), T, np.ones((1, 3, 1)), reward, 0.9, np.array([1.0, 0, 0]))
-    tree = kernels.Tree(model_of(kernels, pomdp), worth[None] + 1, worth[None])
+    tree = kernels.Tree(build_model(kernels, pomdp), worth[None] + 1, worth[None])
     near = np.array([0, 0.3 + 4e-11, 0.7 - 4e-11])
     tree.add_points(*point(*near), np.array([float(near @ worth)]))
-    first = tree.node(near)
-    root = tree.node(pomdp.start)
-    tree.look(root, False)
-    assert tree.child(root, 0, 0) == first
+    first = tree.add_node(near)
+    root = tree.add_node(pomdp.start)
+    tree.select_action(root, False)
+    assert tree.add_child(root, 0, 0) == first
     tree.add_points(*point(0, 0.5, 0.5), np.array([0.5e6 + 1]))  # something new, so that the root looks again
-    tree.look(root, False)
+    tree.select_action(root, False)
     assert worth[0] - 1e-9 <= tree.q_upper(root)[0] <= worth[0] + 1e-3
 
 
 def test_points_that_were_retired_leave():
-    points = twin.points.Points(4)
+    points = sawtooth.Points(4)
     corners = np.full(4, 10.0)
     for stamp in range(40):
         inside = np.array([stamp % 4, (stamp + 1) % 4])
         inside.sort()
         points.add(inside, np.array([0.5, 0.5]), float(stamp % 7), corners, stamp)
     belief = np.full((1, 4), 0.25)
-    lowest = points.lowering(belief, 0)
+    lowest = points.correction(belief, 0)
     assert lowest == pytest.approx(-5)  # half of the belief is in a point that is worth 0
-    assert points.lowering(belief, 36) == pytest.approx(-0.5 * 9)  # stamp 36 is worth 1
+    assert points.correction(belief, 36) == pytest.approx(-0.5 * 9)  # stamp 36 is worth 1
     for stamp in range(0, 40, 7):
-        assert points.retire(stamp)
-        assert not points.retire(stamp)
-    assert not points.retire(77)
-    before = points.lowering(belief, 0)
+        assert points.remove(stamp)
+        assert not points.remove(stamp)
+    assert not points.remove(77)
+    before = points.correction(belief, 0)
     assert before == pytest.approx(-0.5 * 9)
     points.compact()
     assert points.count == 34
-    assert points.lowering(belief, 0) == before
+    assert points.correction(belief, 0) == before
     assert [points.point(k)[0] for k in range(3)] == [1, 2, 3]
     points.refresh(np.full(4, 5.0))
-    assert points.lowering(belief, 0) == pytest.approx(-0.5 * 4)
+    assert points.correction(belief, 0) == pytest.approx(-0.5 * 4)
 
 
 def test_a_weight_without_digits_is_no_support():
     """1 / p overflows there; the point must still count for no belief without that state."""
-    points = twin.points.Points(3)
+    points = sawtooth.Points(3)
     points.add(np.array([0, 1]), np.array([1 - 1e-16, 1e-310]), 0.0, np.full(3, 10.0), 0)
-    assert points.lowering(np.array([[1.0, 0, 0], [0, 1, 0]]), 0).tolist() == [0, 0]
+    assert points.correction(np.array([[1.0, 0, 0], [0, 1, 0]]), 0).tolist() == [0, 0]

@@ -10,7 +10,7 @@ from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
 from lcorpp.planning.solvers.perseus import solve_perseus
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
-from tests.planning.solvers.trees import best, corners, tail
+from tests.planning.solvers.brute_force import best, corners, tail
 
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
@@ -117,10 +117,10 @@ def test_no_time_is_a_result():
     [
         ({"precision": 0}, "must be positive"),
         ({"time_limit": float("nan")}, "must be positive"),
-        ({"beliefs": 0}, "beliefs is a whole number from 1, not 0"),
-        ({"beliefs": 2.5}, "beliefs is a whole number from 1, not 2.5"),
-        ({"seed": -1}, "seed is a whole number from 0, not -1"),
-        ({"seed": True}, "seed is a whole number from 0, not True"),
+        ({"beliefs": 0}, "beliefs must be an integer of at least 1, not 0"),
+        ({"beliefs": 2.5}, "beliefs must be an integer of at least 1, not 2.5"),
+        ({"seed": -1}, "seed must be an integer of at least 0, not -1"),
+        ({"seed": True}, "seed must be an integer of at least 0, not True"),
     ],
 )
 def test_bad_arguments(arguments, words):

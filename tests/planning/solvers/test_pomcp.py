@@ -9,8 +9,8 @@ from lcorpp.errors import ModelError, ObservationError
 from lcorpp.planning import Planner, parse_pomdp
 from lcorpp.planning.belief import update
 from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
-from lcorpp.planning.solvers.pomcp.planners import ParticlePlanner, PomcpPlanner
-from lcorpp.planning.solvers.pomcp.simulator import LEAVES, TableSimulator
+from lcorpp.planning.solvers.pomcp import ParticlePlanner, PomcpPlanner
+from lcorpp.planning.solvers.pomcp.simulator import LEAF_VALUES, TableSimulator
 from tests.planning.models import LCORPP, TIGER
 
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
@@ -37,7 +37,7 @@ def remembering(planner):
     def act(belief):
         key = np.round(belief, 6).tobytes()
         if key not in known:
-            known[key] = planner.look(belief).action
+            known[key] = planner.search(belief).action
         return known[key]
 
     return act
@@ -65,7 +65,7 @@ def test_values_come_closer_with_more_simulations():
     """Without anything to learn the values are known: 1 at every step, or 2 and an end."""
     text = "discount: 0.9\nvalues: reward\nstates: s end\nactions: a b\nobservations: o\nstart: s\n"
     text += "T: a identity\nT: b\n0 1\n0 1\nO: * uniform\nR: a : s : * : * 1\nR: b : s : * : * 2\n"
-    looked = PomcpPlanner(parse_pomdp(text), simulations=4000).look(np.array([1.0, 0]))
+    looked = PomcpPlanner(parse_pomdp(text), simulations=4000).search(np.array([1.0, 0]))
     # a for ever is worth 10, b is over with 2: no guess is in that
     assert looked.values[1] == pytest.approx(2)
     assert looked.values[0] == pytest.approx(10, rel=0.1)
@@ -75,15 +75,15 @@ def test_values_come_closer_with_more_simulations():
 
 def test_the_search_goes_on_where_it_was():
     planner = PomcpPlanner(tiger, simulations=1000)
-    assert planner.look(tiger.start).simulations == 1000
-    assert planner.look(tiger.start).simulations == 0
+    assert planner.search(tiger.start).simulations == 1000
+    assert planner.search(tiger.start).simulations == 0
     after = planner.update(tiger.start, "listen", "tiger-left")
-    assert 0 < planner.look(after).simulations < 1000
-    assert planner.look(np.array([0.3, 0.7])).simulations == 1000
+    assert 0 < planner.search(after).simulations < 1000
+    assert planner.search(np.array([0.3, 0.7])).simulations == 1000
 
 
 def test_one_seed_gives_one_answer():
-    looks = [PomcpPlanner(lcorpp, simulations=500, seed=seed).look(lcorpp.start) for seed in (1, 1, 2)]
+    looks = [PomcpPlanner(lcorpp, simulations=500, seed=seed).search(lcorpp.start) for seed in (1, 1, 2)]
     assert np.array_equal(looks[0].values, looks[1].values)
     assert not np.array_equal(looks[0].values, looks[2].values)
 
@@ -100,14 +100,14 @@ def test_it_is_a_planner_as_others_are():
 
 
 def test_time_ends_a_search():
-    looked = PomcpPlanner(tiger, simulations=10**9, seconds=0.05).look(tiger.start)
+    looked = PomcpPlanner(tiger, simulations=10**9, seconds=0.05).search(tiger.start)
     assert 0 < looked.simulations < 10**9
 
 
 def test_guesses_at_the_value_of_a_state():
-    assert LEAVES["mdp"](tiger) == pytest.approx([200, 200], abs=0.2)
+    assert LEAF_VALUES["mdp"](tiger) == pytest.approx([200, 200], abs=0.2)
     # at random: (-1 + 10 - 100) / 3 at each of 20 discounted steps
-    assert LEAVES["random"](tiger) == pytest.approx([-91 / 3 * 20] * 2, abs=0.2)
+    assert LEAF_VALUES["random"](tiger) == pytest.approx([-91 / 3 * 20] * 2, abs=0.2)
 
 
 def test_a_simulator_draws_as_the_tables_say():
@@ -116,9 +116,9 @@ def test_a_simulator_draws_as_the_tables_say():
     assert {(state, reward) for state, _, reward in heard} == {(0, -1.0)}
     # the standard error of a share of .85 in 4000 is .006
     assert np.mean([observation == 0 for _, observation, _ in heard]) == pytest.approx(0.85, abs=0.025)
-    draw = world.drawing(np.array([0.25, 0.75]))
+    draw = world.state_sampler(np.array([0.25, 0.75]))
     assert np.mean([draw() for _ in range(4000)]) == pytest.approx(0.75, abs=0.03)
-    assert not TableSimulator(lcorpp).over(0)
+    assert not TableSimulator(lcorpp).terminal(0)
 
 
 @dataclass
@@ -145,7 +145,7 @@ class Corridor:
     def value(self, state) -> float:
         return 0.0
 
-    def over(self, state) -> bool:
+    def terminal(self, state) -> bool:
         return state == (-1, -1)
 
 
@@ -155,12 +155,12 @@ def test_a_world_without_tables(goal):
     planner = ParticlePlanner(world, world.start, simulations=2000, particles=100, seed=2)
     middle = world.size // 2
     state, taken, earned = (middle, middle + goal), 0, 0.0
-    while not world.over(state):
+    while not world.terminal(state):
         action = planner.action()
         state, observation, reward = world.step(state, action)
         earned += reward
         taken += 1
-        if not world.over(state):
+        if not world.terminal(state):
             planner.update(action, observation)
             assert len(planner.particles) >= 100
             assert state in planner.particles
@@ -171,8 +171,10 @@ def test_a_world_without_tables(goal):
 
 def test_particles_follow_bayes_rule():
     world = TableSimulator(tiger, seed=3)
-    planner = ParticlePlanner(world, world.drawing(tiger.start), simulations=200, particles=4000, seed=1)
-    planner.look()
+    planner = ParticlePlanner(
+        world, world.state_sampler(tiger.start), simulations=200, particles=4000, seed=1
+    )
+    planner.search()
     planner.update(0, 0)
     # the standard error of a share of .85 in 4000 is .006
     assert np.mean(np.array(planner.particles) == 0) == pytest.approx(0.85, abs=0.03)
@@ -180,35 +182,35 @@ def test_particles_follow_bayes_rule():
 
 def test_an_observation_that_no_particle_explains():
     world = TableSimulator(tiger)
-    planner = ParticlePlanner(world, world.drawing(tiger.start), simulations=10, particles=5)
+    planner = ParticlePlanner(world, world.state_sampler(tiger.start), simulations=10, particles=5)
     with pytest.raises(
-        ObservationError, match="observation 7 was shown by none of 500 simulations of action 0"
+        ObservationError, match="none of 500 simulations of action 0 from 5 particles produced observation 7"
     ):
         planner.update(0, 7)
-    with pytest.raises(ModelError, match="actions are 0 to 2, not 3"):
+    with pytest.raises(ModelError, match="the action must be 0 to 2, not 3"):
         planner.update(3, 0)
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"simulations": 0}, "simulations is a whole number from 1, not 0"),
-        ({"seed": 0.5}, "seed is a whole number from 0, not 0.5"),
-        ({"seconds": 0.0}, "seconds 0.0 must be positive"),
-        ({"exploration": -1}, "exploration -1 must be a number from 0"),
-        ({"leaves": "oak"}, "unknown guess 'oak' at the value of a state; expected one of mdp, random"),
+        ({"simulations": 0}, "simulations must be an integer of at least 1, not 0"),
+        ({"seed": 0.5}, "seed must be an integer of at least 0, not 0.5"),
+        ({"seconds": 0.0}, "seconds must be positive, not 0.0"),
+        ({"exploration": -1}, "exploration must be a finite number of at least 0, not -1"),
+        ({"leaf_values": "oak"}, "unknown leaf_values 'oak'; expected one of mdp, random"),
     ],
 )
 def test_bad_arguments(arguments, words):
     with pytest.raises(ModelError, match=words):
         PomcpPlanner(tiger, **arguments)
-    if "leaves" not in arguments:
+    if "leaf_values" not in arguments:
         world = TableSimulator(tiger)
         with pytest.raises(ModelError, match=words):
-            ParticlePlanner(world, world.drawing(tiger.start), **arguments)
+            ParticlePlanner(world, world.state_sampler(tiger.start), **arguments)
 
 
 def test_no_particles():
     world = TableSimulator(tiger)
-    with pytest.raises(ModelError, match="particles is a whole number from 1, not 0"):
-        ParticlePlanner(world, world.drawing(tiger.start), particles=0)
+    with pytest.raises(ModelError, match="particles must be an integer of at least 1, not 0"):
+        ParticlePlanner(world, world.state_sampler(tiger.start), particles=0)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from lcorpp.planning.solvers.exact.dominance_lp import OutOfTime, margins
+from lcorpp.planning.solvers.exact.dominance_lp import DeadlineExceeded, dominance_margins
 from lcorpp.planning.solvers.exact.pruning import excess, prune
 
 NOTHING = np.empty((0, 2))
@@ -25,11 +25,11 @@ def grid(states: int) -> np.ndarray:
 
 def test_the_margin_of_a_line_above_two():
     # max(b0, b1) is lowest at the middle, where 0.6 is above it by a tenth
-    margin = margins(np.array([[0.6, 0.6], [0.4, 0.4]]), np.eye(2), np.eye(2), tolerance=0.0)
+    margin = dominance_margins(np.array([[0.6, 0.6], [0.4, 0.4]]), np.eye(2), np.eye(2), tolerance=0.0)
     assert margin.beliefs[0] == pytest.approx([0.5, 0.5])
-    assert margin.least[0] == pytest.approx(0.1)
-    assert margin.most[0] == pytest.approx(0.1)
-    assert margin.most[1] == pytest.approx(-0.1)
+    assert margin.lower[0] == pytest.approx(0.1)
+    assert margin.upper[0] == pytest.approx(0.1)
+    assert margin.upper[1] == pytest.approx(-0.1)
 
 
 def test_what_is_nowhere_best_is_dropped():
@@ -73,8 +73,8 @@ def test_what_is_kept_is_needed(vectors):
         chosen = vectors[kept.rows]
         for k in range(len(chosen)):
             others = np.delete(chosen, k, axis=0)
-            margin = margins(chosen[k : k + 1], others, kept.witnesses, tolerance=0.0)
-            assert margin.least[0] > 0
+            margin = dominance_margins(chosen[k : k + 1], others, kept.witnesses, tolerance=0.0)
+            assert margin.lower[0] > 0
 
 
 @given(sets, sets)
@@ -87,11 +87,11 @@ def test_excess_is_a_bound_and_close(left, right):
     seen = ((beliefs @ left.T).max(axis=1) - (beliefs @ right.T).max(axis=1)).max()
     assert found >= max(0.0, seen) - 1e-12
     # the truth lies between what a belief shows and what linear programs of each vector prove
-    margin = margins(left, right, beliefs, tolerance=-np.inf)
-    assert found <= 1.1 * max(0.0, float(margin.least.max())) + 1e-5
+    margin = dominance_margins(left, right, beliefs, tolerance=-np.inf)
+    assert found <= 1.1 * max(0.0, float(margin.lower.max())) + 1e-5
 
 
 def test_a_deadline_in_the_past():
     rng = np.random.default_rng(0)
-    with pytest.raises(OutOfTime):
+    with pytest.raises(DeadlineExceeded):
         prune(rng.random((50, 4)), np.empty((0, 4)), tolerance=1e-9, deadline=0.0)

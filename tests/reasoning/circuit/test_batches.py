@@ -36,7 +36,7 @@ def evidences(circuit):
 def circuit(request, monkeypatch):
     """The paper's circuit, with all its answers computed at once and without."""
     if request.param == "passes":
-        monkeypatch.setattr("lcorpp.reasoning.circuit.answer_table.TABLE", 0)
+        monkeypatch.setattr("lcorpp.reasoning.circuit.answer_table.MAX_TABLE_ROWS", 0)
     return REASONER.compile(INPUTS, "intention")
 
 
@@ -48,7 +48,7 @@ def test_a_batch_is_its_singles(circuit):
     for row, p in zip(rows, batch, strict=True):
         assert circuit(row).probabilities == pytest.approx(p, abs=1e-12)
         assert [float(x) for x in circuit.exact(row).values()] == pytest.approx(p.tolist(), abs=1e-12)
-    codes = circuit.codes(columns)
+    codes = circuit.encode(columns)
     assert codes.tolist()[:4] == [[-1, -1, -1], [-1, -1, 0], [-1, -1, 1], [-1, 0, -1]]
     for dtype in (np.int8, np.int64, np.intp):
         np.testing.assert_array_equal(circuit(codes.astype(dtype)), batch)
@@ -57,7 +57,7 @@ def test_a_batch_is_its_singles(circuit):
 def test_batches_are_taken_in_chunks(circuit, monkeypatch):
     codes = np.random.default_rng(0).integers(-1, 2, (500, 3))
     whole = circuit(codes)
-    monkeypatch.setattr("lcorpp.reasoning.circuit.matrices.CHUNK", 50)
+    monkeypatch.setattr("lcorpp.reasoning.circuit.matrices.MAX_CHUNK_NUMBERS", 50)
     np.testing.assert_allclose(REASONER.compile(INPUTS, "intention")(codes), whole, atol=1e-15)
 
 
@@ -323,7 +323,7 @@ def test_answers_cannot_be_changed_by_who_got_them(circuit):
 
 
 def test_many_answers_are_forgotten(monkeypatch):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.circuit.KEPT", 4)
+    monkeypatch.setattr("lcorpp.reasoning.circuit.circuit.CACHE_SIZE", 4)
     circuit = REASONER.compile(INPUTS, "intention")
     rows = list(evidences(circuit))
     first = [circuit(row)["interested"] for row in rows]

@@ -147,7 +147,7 @@ def test_truncated_and_damaged_files(circuit, tmp_path):
         ({"inputs": ["weather"]}, "weather"),
         ({"inputs": 3}, "damaged"),
         ({"inputs": ["time", "time", "classifier"]}, "its inputs are"),
-        ({"queries": []}, "it asks for nothing"),
+        ({"queries": []}, "it has no queries"),
         ({"queries": "intention"}, "'i'"),
         ({"do": 3}, "damaged"),
         ({"do": {"time": "noon"}}, "noon"),

@@ -1,12 +1,12 @@
-"""People in a shopping mall as a tracker sees them; `walking.py` says how they walk.
+"""Simulated people in a shopping mall as a tracker records them; `walking.py` simulates how they walk.
 
-What is seen of a person is the last seconds before he or she comes within a distance of the robot that is
-drawn alike for everybody, and so are the seconds, the tracker's rate and all of its errors: only motion tells
-who is interested. Two functions give the same people: `trajectories`, x and y at a fixed rate over ten
-seconds, and `recordings`, of different duration, with the other channels that a mall's tracker has.
+A track ends when the person comes within a random distance of the robot. This distance, the duration, the
+sampling rate and all tracker errors have the same distribution for both classes: only the motion depends on
+the intention. Two functions simulate the same people: `trajectories`, x and y at a fixed rate over ten
+seconds, and `recordings`, with random durations and all channels of the mall's tracker.
 
-Units are metres, seconds and radians; the robot stands at the origin. Both files are loaded by their path as
-part of a domain folder; they need nothing but numpy.
+Units are metres, seconds and radians; the robot is at the origin. Both files are loaded by path as part of a
+domain folder and need only numpy.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 
-def _beside(name: str) -> ModuleType:
-    """Another file of this folder, loaded as this one is: by its path."""
+def _load_sibling(name: str) -> ModuleType:
+    """Load another file of this folder by its path, as this file is loaded."""
     spec = importlib.util.spec_from_file_location(
         f"{__name__}_{name}", Path(__file__).with_name(f"{name}.py")
     )
@@ -36,43 +36,44 @@ def _beside(name: str) -> ModuleType:
     return module
 
 
-walking = _beside("walking")
+walking = _load_sibling("walking")
 
 POINTS = 304
 """Time points of a trajectory."""
 INTERVAL = 0.033
-"""Seconds between two of them, as the mall's tracker had."""
-SECONDS = (10.0, 14.0)
-"""How long people are recorded, uniform."""
-LONGEST = 30.0
-"""The longest recording that can be asked for."""
+"""Seconds between two time points, as the mall's tracker had."""
+DURATION = (10.0, 14.0)
+"""Duration of a recording, uniform."""
+MAX_DURATION = 30.0
+"""Maximum duration of a recording."""
 COLUMNS = ("time", "x", "y", "z", "velocity", "heading", "facing")
-"""What is recorded: z is the height of the head, heading the direction of motion, facing that of the body."""
+"""Columns of a recording. z: height of the head. heading: direction of motion. facing: that of the body."""
 
-SEEN_UNTIL = (1.2, 3.0)
-"""Distance from the robot at which a track ends, uniform and alike for everybody."""
-JITTER = 0.004
-"""Largest error in the moment of a sample of a recording; its stamp tells the true moment."""
-ERROR, ERROR_TIME = 0.02, 1.0
-"""Deviation of the tracker (each coordinate) and its correlation time: slow, since trackers filter."""
-SWAY, SWAY_SPREAD, SWAY_LARGEST, SWAY_RATE = 0.015, 1.2, 0.05, (0.75, 1.0)
-"""How far the body sways in walking, to the side and along (median), how people differ in it (deviation of
-the logarithm), at most, and strides in a second. To the side .019 to .035 metres (Orendurff et al., The
-effect of walking speed on center of mass displacement, JRRD 41, 2004), less where a tracker filters; fitted
-to acceleration and turning of the walkers named in walking.py."""
+END_DISTANCE = (1.2, 3.0)
+"""Distance from the robot at which a track ends, uniform and equal for both classes."""
+TIME_JITTER = 0.004
+"""Maximum deviation of a sample from the regular time; its time stamp is exact."""
+TRACKER_ERROR, TRACKER_TIME = 0.02, 1.0
+"""Standard deviation of the position error per coordinate, and its correlation time (trackers filter)."""
+SWAY, SWAY_SPREAD, MAX_SWAY, STRIDE_RATE = 0.015, 1.2, 0.05, (0.75, 1.0)
+"""Lateral sway of the body in walking: median amplitude, standard deviation of its logarithm, maximum, and
+strides per second. Lateral sway is .019 to .035 metres (Orendurff et al., The effect of walking speed on
+center of mass displacement, JRRD 41, 2004), less after a tracker's filter; fitted to acceleration and turning
+of the walkers named in walking.py."""
 SWAY_SPEED = 0.5
 """Below this speed people sway less."""
-HIDDEN, HIDDEN_TIME = 0.6, (1.0, 4.0)
-"""Share of people who are hidden once, and for how long: the tracker joins the ends by a straight line.
-Fitted to the share of straight pieces in the walkers' tracks."""
+P_OCCLUDED, OCCLUSION_TIME = 0.6, (1.0, 4.0)
+"""Probability that a person is occluded once, and for how long; the tracker interpolates linearly. Fitted to
+the share of straight pieces in the walkers' tracks."""
 HEIGHT, HEIGHT_DEVIATION = 1.65, 0.09
 """Height of the head, normal."""
-ESTIMATED_OVER = 0.5
-"""Velocity and heading are estimated from the way of the last half second."""
-TURNED, TURN_ERROR, TURN_TIME = (0.3, 0.9), 0.3, 1.0
-"""By which share of the angle people turn to what they attend to; deviation and correlation time of that."""
+VELOCITY_WINDOW = 0.5
+"""Velocity and heading are estimated from the displacement in this time."""
+TURN, TURN_ERROR, TURN_TIME = (0.3, 0.9), 0.3, 1.0
+"""Fraction of the angle by which people turn towards what they attend to; standard deviation and correlation
+time of its error."""
 
-BLOCK = 2000
+BLOCK_SIZE = 2000
 """People simulated at once, which bounds the memory."""
 INTENTIONS = ("interested", "not_interested")
 
@@ -84,22 +85,22 @@ def trajectory(person: Mapping[str, str], rng: np.random.Generator) -> Array:
 
 
 def trajectories(people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
-    """(n, 2, POINTS) x and y in metres, INTERVAL seconds apart, as a tracker sees the people.
+    """(n, 2, POINTS) x and y in metres, INTERVAL seconds apart, with tracker errors.
 
     Args:
-        people: n persons; of each only "intention" matters, "interested" or "not_interested".
+        people: n people; only "intention" is used, "interested" or "not_interested".
         rng: source of all randomness.
 
     Raises:
-        ValueError: a person without an intention, or with an unknown one.
+        ValueError: a person with a missing or unknown intention.
     """
     interested = _interested(people)
     tracks = np.empty((len(people), 2, POINTS))
-    for start in range(0, len(people), BLOCK):
-        rows = slice(start, start + BLOCK)
-        back = np.arange(POINTS - 1, -1, -1) * INTERVAL
-        seen = _seen(interested[rows], np.broadcast_to(back, (len(interested[rows]), POINTS)), rng)
-        tracks[rows] = _tracked(seen.path, back[0] - back, rng)
+    for start in range(0, len(people), BLOCK_SIZE):
+        rows = slice(start, start + BLOCK_SIZE)
+        time_left = np.arange(POINTS - 1, -1, -1) * INTERVAL
+        walks = _walk(interested[rows], np.broadcast_to(time_left, (len(interested[rows]), POINTS)), rng)
+        tracks[rows] = _add_tracker_errors(walks.path, time_left[0] - time_left, rng)
     return tracks
 
 
@@ -107,70 +108,76 @@ def recordings(
     people: Sequence[Mapping[str, str]],
     rng: np.random.Generator,
     *,
-    seconds: tuple[float, float] = SECONDS,
+    seconds: tuple[float, float] = DURATION,
 ) -> list[Array]:
-    """What a mall's tracker writes about people: for each an array (samples, 7), columns as COLUMNS.
+    """One array (samples, 7) for each person as the mall's tracker records it, columns as COLUMNS.
 
     Args:
-        people: n persons; of each only "intention" matters, "interested" or "not_interested".
+        people: n people; only "intention" is used, "interested" or "not_interested".
         rng: source of all randomness.
-        seconds: the shortest and the longest duration, drawn uniformly and alike for everybody; a duration
-            is never shorter than drawn, and longer by less than INTERVAL.
+        seconds: minimum and maximum duration, uniform and equal for both classes; durations are rounded up
+            to multiples of INTERVAL.
 
     Returns:
-        n arrays; time starts at 0 and rises by about INTERVAL.
+        n arrays; time starts at 0 and increases by about INTERVAL.
 
     Raises:
-        ValueError: a person without an intention, or with an unknown one; durations that are not
-            INTERVAL <= shortest <= longest <= LONGEST.
+        ValueError: a person with a missing or unknown intention, or durations that violate
+            INTERVAL <= shortest <= longest <= MAX_DURATION.
     """
     interested = _interested(people)
     shortest, longest = seconds
-    if not INTERVAL <= shortest <= longest <= LONGEST:
-        raise ValueError(f"seconds is {seconds}; expected {INTERVAL} <= shortest <= longest <= {LONGEST:g}")
-    found: list[Array] = []
-    for start in range(0, len(people), BLOCK):
-        rows = interested[start : start + BLOCK]
-        drawn = rng.uniform(shortest, longest, size=len(rows))
-        points = np.ceil(drawn / INTERVAL - 1e-9).astype(np.intp) + 1
-        found += _recorded(rows, points, rng)
-    return found
+    if not INTERVAL <= shortest <= longest <= MAX_DURATION:
+        raise ValueError(
+            f"seconds is {seconds}; expected {INTERVAL} <= shortest <= longest <= {MAX_DURATION:g}"
+        )
+    tables: list[Array] = []
+    for start in range(0, len(people), BLOCK_SIZE):
+        rows = interested[start : start + BLOCK_SIZE]
+        durations = rng.uniform(shortest, longest, size=len(rows))
+        samples = np.ceil(durations / INTERVAL - 1e-9).astype(np.intp) + 1
+        tables += _record(rows, samples, rng)
+    return tables
 
 
-def _recorded(interested: Flags, points: npt.NDArray[np.intp], rng: np.random.Generator) -> list[Array]:
-    """Recordings of so many samples (n,); the shorter ones are cut from the end of the longest."""
-    n, most = len(points), int(points.max())
-    moments = np.arange(most) * INTERVAL + rng.uniform(-JITTER, JITTER, size=(n, most))
-    ends = np.arange(most) == most - points[:, None]  # exact at both ends, so that a duration is
+def _record(interested: Flags, samples: npt.NDArray[np.intp], rng: np.random.Generator) -> list[Array]:
+    """Recordings with samples (n,) rows each; shorter ones are the ends of the longest."""
+    n, most = len(samples), int(samples.max())
+    times = np.arange(most) * INTERVAL + rng.uniform(-TIME_JITTER, TIME_JITTER, size=(n, most))
+    ends = np.arange(most) == most - samples[:, None]  # no jitter at both ends: the duration is exact
     ends[:, -1] = True
-    moments = np.where(ends, np.arange(most) * INTERVAL, moments)
-    seen = _seen(interested, (most - 1) * INTERVAL - moments, rng)
-    place = _tracked(seen.path, moments, rng)
+    times = np.where(ends, np.arange(most) * INTERVAL, times)
+    walks = _walk(interested, (most - 1) * INTERVAL - times, rng)
+    position = _add_tracker_errors(walks.path, times, rng)
+    velocity, heading = _estimate_velocity(position, times, samples)
 
-    lag = max(1, round(ESTIMATED_OVER / INTERVAL))
+    to_robot = _wrap_angle(np.arctan2(-position[:, 1], -position[:, 0]) - heading)
+    turn = walks.attending * rng.uniform(*TURN, size=(n, 1))
+    noise = walking.correlated_noise(rng, (n, most), TURN_ERROR, INTERVAL / TURN_TIME)
+    facing = _wrap_angle(heading + turn * to_robot + noise)
+    height = rng.normal(HEIGHT, HEIGHT_DEVIATION, size=(n, 1))
+    z = height + walking.correlated_noise(rng, (n, most), TRACKER_ERROR, INTERVAL / TRACKER_TIME)
+
+    columns = np.stack([times, position[:, 0], position[:, 1], z, velocity, heading, facing], axis=2)
+    columns[..., 0] -= columns[np.arange(n)[:, None], (most - samples)[:, None], 0]
+    return [table[most - count :].copy() for table, count in zip(columns, samples, strict=True)]
+
+
+def _estimate_velocity(position: Array, times: Array, samples: npt.NDArray[np.intp]) -> tuple[Array, Array]:
+    """Speed and heading (n, points) from the displacement in VELOCITY_WINDOW before each sample."""
+    n, most = times.shape
     now = np.arange(most)
-    first = (most - points)[:, None]
-    before = np.maximum(now - lag, first)
-    now = np.maximum(now, before + 1).clip(max=most - 1)  # the first sample has the second one's estimate
+    first = (most - samples)[:, None]
+    before = np.maximum(now - max(1, round(VELOCITY_WINDOW / INTERVAL)), first)
+    now = np.maximum(now, before + 1).clip(max=most - 1)  # the first sample gets the second one's estimate
     row = np.arange(n)[:, None]
     before = np.minimum(before, now - 1)
-    way = place.transpose(0, 2, 1)[row, now] - place.transpose(0, 2, 1)[row, before]
-    velocity = np.hypot(way[..., 0], way[..., 1]) / (moments[row, now] - moments[row, before])
-    heading = np.arctan2(way[..., 1], way[..., 0])
-
-    to_robot = _wrapped(np.arctan2(-place[:, 1], -place[:, 0]) - heading)
-    turned = seen.attending * rng.uniform(*TURNED, size=(n, 1))
-    noise = walking.correlated(rng, (n, most), TURN_ERROR, INTERVAL / TURN_TIME)
-    facing = _wrapped(heading + turned * to_robot + noise)
-    height = rng.normal(HEIGHT, HEIGHT_DEVIATION, size=(n, 1))
-    z = height + walking.correlated(rng, (n, most), ERROR, INTERVAL / ERROR_TIME)
-
-    columns = np.stack([moments, place[:, 0], place[:, 1], z, velocity, heading, facing], axis=2)
-    columns[..., 0] -= columns[row, first, 0]
-    return [table[most - count :].copy() for table, count in zip(columns, points, strict=True)]
+    shift = position.transpose(0, 2, 1)[row, now] - position.transpose(0, 2, 1)[row, before]
+    velocity = np.hypot(shift[..., 0], shift[..., 1]) / (times[row, now] - times[row, before])
+    return velocity, np.arctan2(shift[..., 1], shift[..., 0])
 
 
-class _Seen(NamedTuple):
+class _Walks(NamedTuple):
     """path: (n, 2, points) true positions. attending: (n, points) whether they attend to the robot."""
 
     path: Array
@@ -178,7 +185,7 @@ class _Seen(NamedTuple):
 
 
 def _interested(people: Sequence[Mapping[str, str]]) -> Flags:
-    """(n,) who is interested."""
+    """(n,) whether each person is interested."""
     for person in people:
         if person.get("intention") not in INTENTIONS:
             raise ValueError(
@@ -187,60 +194,60 @@ def _interested(people: Sequence[Mapping[str, str]]) -> Flags:
     return np.array([person["intention"] == "interested" for person in people], dtype=bool)
 
 
-def _seen(interested: Flags, back: Array, rng: np.random.Generator) -> _Seen:
-    """Where n people truly are at moments `back` (n, points), in seconds before they come near the robot."""
-    n, points = back.shape
-    until = rng.uniform(*SEEN_UNTIL, size=len(back))
-    where, attending = np.empty((n, 2, points)), np.empty((n, points), dtype=bool)
+def _walk(interested: Flags, time_left: Array, rng: np.random.Generator) -> _Walks:
+    """True positions of n people at times `time_left` (n, points), in seconds before the track's end."""
+    n, points = time_left.shape
+    end_distance = rng.uniform(*END_DISTANCE, size=len(time_left))
+    position, attending = np.empty((n, 2, points)), np.empty((n, points), dtype=bool)
     missing = np.arange(n)
-    while len(missing):  # who passes too far away is not the person the robot saw: another one walks
-        walks = walking.walk(interested[missing], until[missing], back[missing].max(axis=1), rng)
-        whole = np.flatnonzero(walks.whole)
-        rows, column = missing[whole], whole[:, None]
-        at = np.clip(walks.arrival[whole, None] - back[rows] / walking.STEP, 0, None)
+    while len(missing):  # rejection sampling: walks that never come near the robot are drawn again
+        walks = walking.walk(interested[missing], end_distance[missing], time_left[missing].max(axis=1), rng)
+        accepted = np.flatnonzero(walks.accepted)
+        rows, column = missing[accepted], accepted[:, None]
+        at = np.clip(walks.arrival[accepted, None] - time_left[rows] / walking.TIME_STEP, 0, None)
         step = at.astype(np.intp)
-        share = np.expand_dims(at - step, -1)
+        weight = np.expand_dims(at - step, -1)
         after = np.minimum(step + 1, len(walks.path) - 1)
-        path = walks.path[step, column] * (1 - share) + walks.path[after, column] * share
-        where[rows] = path.transpose(0, 2, 1)
+        path = walks.path[step, column] * (1 - weight) + walks.path[after, column] * weight
+        position[rows] = path.transpose(0, 2, 1)
         attending[rows] = walks.attending[step, column]
-        missing = missing[~walks.whole]
-    return _Seen(where, attending)
+        missing = missing[~walks.accepted]
+    return _Walks(position, attending)
 
 
-def _tracked(path: Array, moments: Array, rng: np.random.Generator) -> Array:
-    """True positions (n, 2, points) at `moments` (n or 1, points) as the tracker has them."""
+def _add_tracker_errors(path: Array, times: Array, rng: np.random.Generator) -> Array:
+    """Positions (n, 2, points) at `times` (n or 1, points) with sway, tracker errors and occlusions."""
     n, _, points = path.shape
     velocity = np.gradient(path, INTERVAL, axis=2)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     ahead = velocity / np.maximum(speed, 1e-6)[:, None]
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    size = np.minimum(SWAY * np.exp(SWAY_SPREAD * rng.standard_normal((n, 1))), SWAY_LARGEST)
-    size = size * np.minimum(speed / SWAY_SPEED, 1)
-    phase = 2 * np.pi * (rng.uniform(*SWAY_RATE, size=(n, 1)) * moments + rng.uniform(size=(2, n, 1)))
-    swaying = ahead * (size * np.sin(phase[0]))[:, None] + left * (size * np.sin(phase[1]))[:, None]
+    amplitude = np.minimum(SWAY * np.exp(SWAY_SPREAD * rng.standard_normal((n, 1))), MAX_SWAY)
+    amplitude = amplitude * np.minimum(speed / SWAY_SPEED, 1)
+    phase = 2 * np.pi * (rng.uniform(*STRIDE_RATE, size=(n, 1)) * times + rng.uniform(size=(2, n, 1)))
+    sway = ahead * (amplitude * np.sin(phase[0]))[:, None] + left * (amplitude * np.sin(phase[1]))[:, None]
 
-    error = walking.correlated(rng, path.shape, ERROR * np.sqrt(2), INTERVAL / ERROR_TIME)
-    keep = np.exp(-INTERVAL / ERROR_TIME)
-    for i in range(1, points):  # filtered once more: what a tracker says does not jump
+    error = walking.correlated_noise(rng, path.shape, TRACKER_ERROR * np.sqrt(2), INTERVAL / TRACKER_TIME)
+    keep = np.exp(-INTERVAL / TRACKER_TIME)
+    for i in range(1, points):  # second low-pass filter: a tracker's output does not jump
         error[..., i] = keep * error[..., i - 1] + (1 - keep) * error[..., i]
-    return _joined(path + swaying + error, rng)
+    return _interpolate_occlusions(path + sway + error, rng)
 
 
-def _joined(place: Array, rng: np.random.Generator) -> Array:
-    """Tracks (n, 2, points) in which some people were hidden once and are joined by a straight line."""
-    n, _, points = place.shape
-    hidden = rng.uniform(size=n) < HIDDEN
-    length = np.minimum(rng.uniform(*HIDDEN_TIME, size=n) / INTERVAL, points - 1).astype(np.intp)
+def _interpolate_occlusions(position: Array, rng: np.random.Generator) -> Array:
+    """Tracks (n, 2, points) in which some people are occluded once and interpolated linearly."""
+    n, _, points = position.shape
+    occluded = rng.uniform(size=n) < P_OCCLUDED
+    length = np.minimum(rng.uniform(*OCCLUSION_TIME, size=n) / INTERVAL, points - 1).astype(np.intp)
     first = (rng.uniform(size=n) * (points - length)).astype(np.intp)
-    last = np.minimum(first + np.where(hidden, np.maximum(length, 1), 1), points - 1)
+    last = np.minimum(first + np.where(occluded, np.maximum(length, 1), 1), points - 1)
     first = np.minimum(first, last - 1)
     row = np.arange(n)
-    one, other = place[row, :, first][:, :, None], place[row, :, last][:, :, None]
-    share = ((np.arange(points) - first[:, None]) / (last - first)[:, None])[:, None]
-    return np.where((share > 0) & (share < 1), one + (other - one) * share, place)
+    start, end = position[row, :, first][:, :, None], position[row, :, last][:, :, None]
+    weight = ((np.arange(points) - first[:, None]) / (last - first)[:, None])[:, None]
+    return np.where((weight > 0) & (weight < 1), start + (end - start) * weight, position)
 
 
-def _wrapped(angle: Array) -> Array:
-    """Angles in (-pi, pi]."""
+def _wrap_angle(angle: Array) -> Array:
+    """Return the angle in (-pi, pi]."""
     return np.pi - (np.pi - angle) % (2 * np.pi)

@@ -1,22 +1,23 @@
-"""How people walk by a robot in a shopping mall, and how those walk up to it who want something there.
+"""Simulate people who walk past a robot in a shopping mall, and those who walk up to it.
 
-The robot stands at the origin with its back to a wall, between doors and shops; people come across the hall
-before it. Intention drives motion only through where a person wants to go and how fast:
+The robot is at the origin with its back to a wall, between doors and shops; people cross the hall in front of
+it. The intention changes only where people want to go and how fast:
 
-- Interested people walk up to the robot, slowly. Some are decided before they come into view, some decide
-  on the way, some hesitate, and some come too late to show it: what is seen of them is a passer-by.
-- Of the others most pass by in a straight line. Some have something to do beside the robot, a shop window, a
-  friend, and walk wholly like interested people; some are curious, slow down and veer; some linger.
+- Interested people walk up to the robot, slowly. Some decide before they come into view, some on the way,
+  some hesitate, and some decide too late to show it: their track is that of a passer-by.
+- Most of the others pass by in a straight line. Some have another goal beside the robot (a shop window, a
+  friend) and walk exactly like interested people; some are curious, slow down and veer; some linger.
 
-So the classes overlap by people who behave as the other class does, not by noise: a learner that is trained
-for long finds little to learn by heart. The model is a social force: acceleration towards the wanted
-velocity, pushed away by wall and robot (Helbing and Molnar, Social force model for pedestrian dynamics,
-Physical Review E 51, 1995). Units are metres, seconds and radians.
+So the classes overlap because of people who behave like the other class, not because of noise: long training
+finds little to overfit. The model is a social force: acceleration towards the desired velocity, and
+repulsion by wall and robot (Helbing and Molnar, Social force model for pedestrian dynamics, Physical Review E
+51, 1995).
+Units are metres, seconds and radians.
 
 Sources of numbers. "Walkers": pedestrians at 2.5 Hz of ETH (Pellegrini et al., You'll never walk alone, ICCV
-2009) and UCY (Lerner et al., Crowds by example, 2007); the numbers here were fitted to them by hand, see
-benchmarks/generator.py. "Rates": chosen so that the paper's LSTM errs as in the paper. Others are plain
-assumptions.
+2009) and UCY (Lerner et al., Crowds by example, 2007), to which the numbers were fitted by hand, see
+benchmarks/generator.py. "Rates": chosen so that the error rates of the paper's LSTM are those of the paper.
+All others are assumptions.
 """
 
 from __future__ import annotations
@@ -30,109 +31,110 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-STEP = 0.1
+TIME_STEP = 0.1
 """Seconds between two steps of the simulation."""
-LONGEST = 90.0
-"""Seconds after which a walk that did not come near the robot is given up."""
+MAX_WALK = 90.0
+"""Seconds after which a walk that has not come near the robot is rejected."""
 
-WALL = -1.0
-"""Where the wall is, behind the robot: y of all people is above."""
+WALL_Y = -1.0
+"""y of the wall behind the robot; all people are above it."""
 BEARING = (np.pi / 4, 3 * np.pi / 4)
-"""Whence people come, seen from the robot, which looks to pi/2; 0 and pi are along the wall."""
-LANE = (0.4, 1.9)
-"""How far from the robot a passer-by's line runs, on the side away from the wall; uniform."""
+"""Bearing of people's origin from the robot, which faces pi/2; 0 and pi are along the wall."""
+LANE_DISTANCE = (0.4, 1.9)
+"""Distance of a passer-by's line from the robot, on the side away from the wall; uniform."""
 SPEED, SPEED_DEVIATION, SPEED_RANGE = 1.3, 0.24, (0.5, 2.2)
 """Walking speed, normal and truncated; near 1.34 and .26 of Weidmann, Transporttechnik der Fussgaenger, 1993.
-Walkers have medians of .77 to 1.50, one scene with the other."""
-RELAXATION = 0.6
-"""Time in which velocity adapts to the wanted one; .5 in Helbing and Molnar."""
-STEERING, STEERING_TIME = 0.03, 3.0
-"""Deviation and correlation time of the wander around the wanted heading; walkers go straight."""
-PACE, PACE_TIME = 0.05, 3.0
-"""Relative deviation and correlation time of the wanted speed; walkers."""
+Walkers have medians of .77 to 1.50, depending on the scene."""
+RELAXATION_TIME = 0.6
+"""Time constant of the adaptation to the desired velocity; .5 in Helbing and Molnar."""
+HEADING_NOISE, HEADING_TIME = 0.03, 3.0
+"""Standard deviation and correlation time of the desired heading; walkers go straight."""
+SPEED_NOISE, SPEED_TIME = 0.05, 3.0
+"""Relative standard deviation and correlation time of the desired speed; walkers."""
 LOOK_AHEAD = 5.0
-"""How far ahead a passer-by aims along the own line."""
-WALL_PUSH, WALL_RANGE = 1.0, 0.3
-"""Acceleration at the wall and the distance over which it fades."""
-ROBOT_PUSH, ROBOT_RADIUS, ROBOT_RANGE = 1.0, 0.6, 0.25
-"""Acceleration at the robot's radius and the distance over which it fades."""
+"""Distance to the point on their own line at which passers-by aim."""
+WALL_FORCE, WALL_RANGE = 1.0, 0.3
+"""Acceleration at the wall, and the distance over which it decays."""
+ROBOT_FORCE, ROBOT_RADIUS, ROBOT_RANGE = 1.0, 0.6, 0.25
+"""Acceleration at the robot's radius, and the distance over which it decays."""
 
-KEEN, NOTICE = 0.66, (4.6, 7.0)
-"""Share of those who come to the robot that are decided from the start; at which distance from it the others
-decide. Rates: how much the first quarter of a track shows."""
-APPROACH = (0.32, 0.45)
-"""Share of the walking speed kept from then on; rates."""
-STAND, STAND_ASIDE = (0.8, 1.2), (0.0, 1.0)
-"""Where they stop: distance from the robot, and by which angle towards its front from where they came."""
-BRAKING = 1.6
-"""They walk no faster than would cover the remaining way in this time."""
-HESITATING, HESITATION, HESITATION_TIME = 0.08, (2.0, 7.0), (1.0, 3.0)
-"""Share of them who stop on the way, at which distance from the robot, and how long."""
+P_EARLY, DECISION_DISTANCE = 0.66, (4.6, 7.0)
+"""Probability that a person who comes to the robot has decided from the start; distance from the robot at
+which the others decide. Rates: how much the first quarter of a track reveals."""
+APPROACH_SPEED = (0.32, 0.45)
+"""Fraction of the walking speed kept after the decision; rates."""
+STOP_DISTANCE, STOP_ANGLE = (0.8, 1.2), (0.0, 1.0)
+"""Distance from the robot at which people stop, and angle from their bearing towards the robot's front."""
+BRAKING_TIME = 1.6
+"""Maximum speed: the remaining distance over this time."""
+P_HESITATES, HESITATION_DISTANCE, HESITATION_TIME = 0.08, (2.0, 7.0), (1.0, 3.0)
+"""Probability that such a person stops on the way, the distance from the robot, and the duration."""
 
-LATE = 0.185
-"""Share of interested people who decide only when they are no longer watched; rates."""
-ELSEWHERE = 0.235
-"""Share of people not interested whose aim is beside the robot; rates."""
-CURIOUS, CURIOSITY, CURIOUS_PACE, CURIOUS_VEER = 0.05, (3.0, 10.0), (0.55, 0.9), (0.2, 0.7)
-"""Share of people not interested who are curious, at which distance, to which share of their speed they slow
-down, and by which share of the distance of their line they come closer."""
-LINGERING, LINGER, LINGER_PACE, LINGER_TIME = 0.05, (2.0, 12.0), (0.0, 0.4), (2.0, 6.0)
-"""Share of people not interested who linger, at which distance, at which share of their speed, how long."""
+P_LATE = 0.185
+"""Probability that an interested person decides only after the end of the track; rates."""
+P_OTHER_GOAL = 0.235
+"""Probability that a person who is not interested has a goal beside the robot; rates."""
+P_CURIOUS, CURIOUS_DISTANCE, CURIOUS_SPEED, CURIOUS_VEER = 0.05, (3.0, 10.0), (0.55, 0.9), (0.2, 0.7)
+"""Probability that a person who is not interested is curious; the distance at which that begins, the fraction
+of the speed kept, and the fraction of the lane's distance by which the person comes closer."""
+P_LINGERS, LINGER_DISTANCE, LINGER_SPEED, LINGER_TIME = 0.05, (2.0, 12.0), (0.0, 0.4), (2.0, 6.0)
+"""Probability that a person who is not interested lingers; distance, fraction of the speed kept, duration."""
 
 
 class Walks(NamedTuple):
-    """What n people did, STEP seconds apart.
+    """Walks of n people, TIME_STEP seconds between steps.
 
-    path: (steps, n, 2) positions; meaningless after all have arrived.
-    attending: (steps, n) whether they attend to the robot, or to what is beside it.
-    arrival: (n,) the step at which they came near.
-    whole: (n,) whether they came near at all, and walked long enough before.
+    path: (steps, n, 2) positions; meaningless after everybody's arrival.
+    attending: (steps, n) whether each person attends to the robot, or to a goal beside it.
+    arrival: (n,) the step at which each person came near.
+    accepted: (n,) whether the person came near at all, and walked long enough before.
     """
 
     path: Array
     attending: Flags
     arrival: npt.NDArray[np.intp]
-    whole: Flags
+    accepted: Flags
 
 
-class _People(NamedTuple):
-    """What n people are like.
+class _Lanes(NamedTuple):
+    """The straight lines of n passers-by.
 
-    along, aside: (n, 2) unit vectors of a passer-by's line: its direction, and away from the robot.
-    lane: (n,) the line's distance from the robot. bearing: (n,) whence they come. side: (n,) 1 or -1.
+    along, away: (n, 2) unit vectors: direction of the line, and away from the robot.
+    distance: (n,) from the robot. bearing: (n,) of the origin. side: (n,) 1 or -1.
     """
 
     along: Array
-    aside: Array
-    lane: Array
+    away: Array
+    distance: Array
     bearing: Array
     side: Array
 
 
-_Aims = Callable[[Array, Array], tuple[Array, Array, Array, Flags]]
+_Goals = Callable[[Array, Array], tuple[Array, Array, Array, Flags]]
 
 
-def walk(interested: Flags, until: Array, seconds: Array, rng: np.random.Generator) -> Walks:
-    """One walk for each of n people, until all have come near the robot or never will.
+def walk(interested: Flags, end_distance: Array, seconds: Array, rng: np.random.Generator) -> Walks:
+    """Simulate n people until all have come near the robot or never will.
 
     Args:
-        interested: (n,) who is. until: (n,) the distance from the robot that counts as near.
-        seconds: (n,) how long they have to walk before that.
+        interested: (n,) whether each person is interested.
+        end_distance: (n,) distance from the robot that counts as near.
+        seconds: (n,) minimum duration of the walk before that.
     """
     n = len(interested)
     bearing = rng.uniform(*BEARING, size=n)
     side = np.where(bearing < np.pi / 2, 1.0, -1.0)
     along = -np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-    aside = side[:, None] * np.stack([-np.sin(bearing), np.cos(bearing)], axis=1)
-    people = _People(along, aside, rng.uniform(*LANE, size=n), bearing, side)
+    away = side[:, None] * np.stack([-np.sin(bearing), np.cos(bearing)], axis=1)
+    lanes = _Lanes(along, away, rng.uniform(*LANE_DISTANCE, size=n), bearing, side)
     speed = np.clip(rng.normal(SPEED, SPEED_DEVIATION, size=n), *SPEED_RANGE)
-    aims = _aims(interested, people, rng)
+    goals = _draw_goals(interested, lanes, rng)
 
-    steps = int(LONGEST / STEP)
-    wander = correlated(rng, (n, steps), STEERING, STEP / STEERING_TIME)
-    pace = speed[:, None] * (1 + correlated(rng, (n, steps), PACE, STEP / PACE_TIME))
-    start = until + 1.1 * speed * seconds + 1.0  # a little more than the way of a passer-by
-    position = aside * people.lane[:, None] - along * start[:, None]
+    steps = int(MAX_WALK / TIME_STEP)
+    heading_noise = correlated_noise(rng, (n, steps), HEADING_NOISE, TIME_STEP / HEADING_TIME)
+    own_speed = speed[:, None] * (1 + correlated_noise(rng, (n, steps), SPEED_NOISE, TIME_STEP / SPEED_TIME))
+    start = end_distance + 1.1 * speed * seconds + 1.0  # slightly farther than a passer-by walks
+    position = away * lanes.distance[:, None] - along * start[:, None]
     velocity = along * speed[:, None]
     path = np.zeros((steps, n, 2))
     attending = np.zeros((steps, n), dtype=bool)
@@ -140,74 +142,86 @@ def walk(interested: Flags, until: Array, seconds: Array, rng: np.random.Generat
     for step in range(steps):
         path[step] = position
         distance = np.hypot(position[:, 0], position[:, 1])
-        arrival = np.where((distance <= until) & (arrival == steps), step, arrival)
-        if step % 20 == 0 and np.all((arrival < steps) | (np.sum(position * along, axis=1) > until)):
+        arrival = np.where((distance <= end_distance) & (arrival == steps), step, arrival)
+        passed = np.sum(position * along, axis=1) > end_distance
+        if step % 20 == 0 and np.all((arrival < steps) | passed):
             break
-        direction, share, limit, attending[step] = aims(position, distance)
-        wanted = np.minimum(pace[:, step] * share, limit)
-        angle = np.arctan2(direction[:, 1], direction[:, 0]) + wander[:, step]
-        aim = wanted[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        velocity = velocity + STEP * ((aim - velocity) / RELAXATION + _push(position, distance))
-        position = position + STEP * velocity
-    return Walks(path, attending, arrival, (arrival < steps) & (arrival * STEP >= seconds))
+        direction, fraction, max_speed, attending[step] = goals(position, distance)
+        desired_speed = np.minimum(own_speed[:, step] * fraction, max_speed)
+        angle = np.arctan2(direction[:, 1], direction[:, 0]) + heading_noise[:, step]
+        desired = desired_speed[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        force = (desired - velocity) / RELAXATION_TIME + _repulsion(position, distance)
+        velocity = velocity + TIME_STEP * force
+        position = position + TIME_STEP * velocity
+    return Walks(path, attending, arrival, (arrival < steps) & (arrival * TIME_STEP >= seconds))
 
 
-def _aims(interested: Flags, people: _People, rng: np.random.Generator) -> _Aims:
-    """What everybody is after, as a function of position (n, 2) and distance (n,) from the robot.
+def _draw_goals(interested: Flags, lanes: _Lanes, rng: np.random.Generator) -> _Goals:
+    """Draw what people want; return it as a function of position (n, 2) and distance (n,) from the robot.
 
-    It gives the direction (n, 2) to walk in, the share (n,) of the own pace, a limit (n,) of the speed and
-    who (n,) attends to the robot.
+    The function returns the direction (n, 2) to walk in, the fraction (n,) of the own speed, a maximum (n,)
+    of the speed and whether each person (n,) attends to the robot. It keeps state: call it once per step.
     """
     n = len(interested)
     kind = rng.uniform(size=n)
-    bounds = np.cumsum([ELSEWHERE, CURIOUS, LINGERING])
-    comes = np.where(interested, kind >= LATE, kind < bounds[0])
+    bounds = np.cumsum([P_OTHER_GOAL, P_CURIOUS, P_LINGERS])
+    comes = np.where(interested, kind >= P_LATE, kind < bounds[0])
     curious = ~interested & (kind >= bounds[0]) & (kind < bounds[1])
     lingers = ~interested & (kind >= bounds[1]) & (kind < bounds[2])
-    keen = rng.uniform(size=n) < KEEN
-    notice = np.where(keen, np.inf, rng.uniform(*NOTICE, size=n))
-    approach = rng.uniform(*APPROACH, size=n)
-    angle = people.bearing + people.side * rng.uniform(*STAND_ASIDE, size=n)
-    stand = rng.uniform(*STAND, size=n)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    hesitates = comes & (rng.uniform(size=n) < HESITATING)
-    curiosity = rng.uniform(*CURIOSITY, size=n)
-    curious_pace = rng.uniform(*CURIOUS_PACE, size=n)
-    near_lane = people.lane * (1 - rng.uniform(*CURIOUS_VEER, size=n))
-    pause_at = np.where(hesitates, rng.uniform(*HESITATION, size=n), rng.uniform(*LINGER, size=n))
+    early = rng.uniform(size=n) < P_EARLY
+    decision_distance = np.where(early, np.inf, rng.uniform(*DECISION_DISTANCE, size=n))
+    approach_speed = rng.uniform(*APPROACH_SPEED, size=n)
+    angle = lanes.bearing + lanes.side * rng.uniform(*STOP_ANGLE, size=n)
+    stop_at = rng.uniform(*STOP_DISTANCE, size=n)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    hesitates = comes & (rng.uniform(size=n) < P_HESITATES)
+    curious_distance = rng.uniform(*CURIOUS_DISTANCE, size=n)
+    curious_speed = rng.uniform(*CURIOUS_SPEED, size=n)
+    curious_lane = lanes.distance * (1 - rng.uniform(*CURIOUS_VEER, size=n))
+    pause_distance = np.where(
+        hesitates, rng.uniform(*HESITATION_DISTANCE, size=n), rng.uniform(*LINGER_DISTANCE, size=n)
+    )
     pause_time = np.where(hesitates, rng.uniform(*HESITATION_TIME, size=n), rng.uniform(*LINGER_TIME, size=n))
-    pause_pace = np.where(hesitates, 0.0, rng.uniform(*LINGER_PACE, size=n))
-    paused = np.zeros(n)
+    pause_speed = np.where(hesitates, 0.0, rng.uniform(*LINGER_SPEED, size=n))
+    paused_for = np.zeros(n)
     decided = np.zeros(n, dtype=bool)
-    drawn = np.zeros(n, dtype=bool)
+    attracted = np.zeros(n, dtype=bool)
 
-    def aims(position: Array, distance: Array) -> tuple[Array, Array, Array, Flags]:
-        decided[:] |= comes & (distance < notice)
-        drawn[:] |= curious & (distance < curiosity)
-        pausing = ((hesitates & decided) | lingers) & (distance < pause_at) & (paused < pause_time)
-        paused[pausing] += STEP
-        off = np.where(drawn, near_lane, people.lane) - np.sum(position * people.aside, axis=1)
-        ahead = people.along * LOOK_AHEAD + people.aside * off[:, None]
-        there = stand - position
-        direction = np.where(decided[:, None], there, ahead)
-        share = np.where(decided, approach, np.where(drawn, curious_pace, 1.0))
-        share = np.where(pausing, pause_pace, share)
-        limit = np.where(decided, np.hypot(there[:, 0], there[:, 1]) / BRAKING + 0.1, np.inf)
-        return direction, share, limit, decided | drawn
+    def goals(position: Array, distance: Array) -> tuple[Array, Array, Array, Flags]:
+        decided[:] |= comes & (distance < decision_distance)
+        attracted[:] |= curious & (distance < curious_distance)
+        pausing = ((hesitates & decided) | lingers) & (distance < pause_distance) & (paused_for < pause_time)
+        paused_for[pausing] += TIME_STEP
+        lane = np.where(attracted, curious_lane, lanes.distance)
+        offset = lane - np.sum(position * lanes.away, axis=1)
+        ahead = lanes.along * LOOK_AHEAD + lanes.away * offset[:, None]
+        to_stop = stop_at - position
+        direction = np.where(decided[:, None], to_stop, ahead)
+        fraction = np.where(decided, approach_speed, np.where(attracted, curious_speed, 1.0))
+        fraction = np.where(pausing, pause_speed, fraction)
+        braking = np.hypot(to_stop[:, 0], to_stop[:, 1]) / BRAKING_TIME + 0.1
+        return direction, fraction, np.where(decided, braking, np.inf), decided | attracted
 
-    return aims
-
-
-def _push(position: Array, distance: Array) -> Array:
-    """(n, 2) acceleration away from the wall and the robot at positions (n, 2), distances (n,) from it."""
-    away = np.exp((ROBOT_RADIUS - distance) / ROBOT_RANGE) * ROBOT_PUSH
-    push = position / np.maximum(distance, 1e-6)[:, None] * np.minimum(away, ROBOT_PUSH)[:, None]
-    push[:, 1] += WALL_PUSH * np.exp(np.minimum(WALL - position[:, 1], 0) / WALL_RANGE)
-    return push
+    return goals
 
 
-def correlated(rng: np.random.Generator, shape: tuple[int, ...], deviation: float, step: float) -> Array:
-    """Stationary noise of `shape`, correlated along the last axis; `step` in units of correlation times."""
-    noise = rng.standard_normal((shape[-1], *shape[:-1])) * deviation  # time first: that is quick to go along
+def _repulsion(position: Array, distance: Array) -> Array:
+    """(n, 2) acceleration away from wall and robot at positions (n, 2), distances (n,) from the robot."""
+    strength = np.exp((ROBOT_RADIUS - distance) / ROBOT_RANGE) * ROBOT_FORCE
+    force = position / np.maximum(distance, 1e-6)[:, None] * np.minimum(strength, ROBOT_FORCE)[:, None]
+    force[:, 1] += WALL_FORCE * np.exp(np.minimum(WALL_Y - position[:, 1], 0) / WALL_RANGE)
+    return force
+
+
+def correlated_noise(
+    rng: np.random.Generator, shape: tuple[int, ...], deviation: float, step: float
+) -> Array:
+    """Stationary Gaussian noise (AR(1)) of `shape`, correlated along the last axis.
+
+    Args:
+        deviation: standard deviation.
+        step: time step in units of the correlation time.
+    """
+    noise = rng.standard_normal((shape[-1], *shape[:-1])) * deviation  # time first: fast to iterate over
     keep = np.exp(-step)
     noise[1:] *= np.sqrt(1 - keep**2)
     for i in range(1, len(noise)):

@@ -1,8 +1,7 @@
-"""The `[planning]` section of a domain: how the planner's states carry the target, and what reports what."""
+"""The `[planning]` section of a domain: the POMDP, its states' target values, and the report actions."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -11,122 +10,148 @@ from string import Formatter
 
 import numpy as np
 
-from lcorpp.domains.sections.reasoning import Knowledge
-from lcorpp.domains.toml import Settings
+from lcorpp.domains.sections.names import locate_declaration
+from lcorpp.domains.sections.reasoning import ReasoningSection
+from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
-from lcorpp.files import read_text
 from lcorpp.planning import Pomdp, read_pomdp
 from lcorpp.values import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Planning:
+class PlanningSection:
+    """What the robot plans with: M of the paper. A POMDP state is a target value with local variables.
+
+    pomdp: the model, S states.
+    reports: report action -> target value.
+    initial_states: (V, S) 1 if a state has target value v and the initial values of the local variables.
+    state_values: (S, V) 1 if a state has target value v; zeros for the terminal state.
+    terminal: index of the terminal state, None without one.
+    """
+
     pomdp: Pomdp
     reports: Mapping[str, str]
-    entry: Array
-    share: Array
+    initial_states: Array
+    state_values: Array
     terminal: int | None
 
 
-def read_planning(section: Settings, folder: Path, knowledge: Knowledge) -> Planning:
-    pomdp = read_pomdp(folder / section.text("model"))
-    template = section.text("states", "{" + knowledge.target + "}")
-    local, start = _local(section.section("local"), knowledge.target)
+def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -> PlanningSection:
+    """Read the section and the POMDP.
+
+    Raises:
+        DomainError: the state names do not match the template, or a name is unknown.
+    """
+    pomdp = read_pomdp(folder / table.text("model"))
+    template = table.text("states", "{" + reasoning.target + "}")
+    variables, initial = _local_variables(table.section("local"), reasoning.target)
+    _check_template(table, template, {reasoning.target, *variables})
+    terminal = _terminal(table, pomdp)
+    initial_states, state_values = _match_states(
+        table, template, pomdp, terminal, reasoning, variables, initial
+    )
+    reports = _reports(table, pomdp, reasoning)
+    table.reject_unknown_keys()
+    return PlanningSection(pomdp, reports, initial_states, state_values, terminal)
+
+
+def _check_template(table: TomlTable, template: str, variables: set[str]) -> None:
+    """Check that the template of state names contains each variable in braces, and no other field."""
     try:
         parts = [part for part in Formatter().parse(template) if part[1] is not None]
     except ValueError as error:
-        raise DomainError(f"{section.place('states')}: {template!r}: {error}") from None
+        raise DomainError(f"{table.location('states')}: {template!r}: {error}") from None
     fields = {f"{field}{':' if spec else ''}{conversion or ''}" for _, field, spec, conversion in parts}
-    variables = {knowledge.target, *local}
     if fields != variables:
         raise DomainError(
-            f"{section.place('states')}: {template!r} has to name each of {', '.join(sorted(variables))} in"
+            f"{table.location('states')}: {template!r} has to name each of {', '.join(sorted(variables))} in"
             f" braces, and nothing else"
         )
-    terminal = _terminal(section, pomdp)
-    states = declared(pomdp, "states")
-    entry = np.zeros((len(knowledge.values), len(pomdp.states)))
-    share = np.zeros((len(pomdp.states), len(knowledge.values)))
-    for v, value in enumerate(knowledge.values):
-        for combination in product(*local.values()):
-            own = dict(zip(local, combination, strict=True))
-            state = template.format_map({knowledge.target: value, **own})
+
+
+def _match_states(
+    table: TomlTable,
+    template: str,
+    pomdp: Pomdp,
+    terminal: int | None,
+    reasoning: ReasoningSection,
+    variables: Mapping[str, tuple[str, ...]],
+    initial: Mapping[str, str],
+) -> tuple[Array, Array]:
+    """`initial_states` and `state_values`, from the names of the POMDP's states."""
+    location, declaration = table.location("states"), locate_declaration(pomdp, "states")
+    initial_states = np.zeros((len(reasoning.values), len(pomdp.states)))
+    state_values = np.zeros((len(pomdp.states), len(reasoning.values)))
+    for v, value in enumerate(reasoning.values):
+        for combination in product(*variables.values()):
+            local = dict(zip(variables, combination, strict=True))
+            state = template.format_map({reasoning.target: value, **local})
             if state not in pomdp.states or pomdp.states.index(state) == terminal:
                 raise DomainError(
-                    f"{section.place('states')}: {template!r} makes {state!r}, which is not a state of"
-                    f" {states}; {expected_one_of(pomdp.states)}"
+                    f"{location}: {template!r} makes {state!r}, which is not a state of"
+                    f" {declaration}; {expected_one_of(pomdp.states)}"
                 )
             s = pomdp.states.index(state)
-            if share[s].any():
-                raise DomainError(f"{section.place('states')}: {template!r} makes {state!r} twice")
-            share[s, v] = 1
-            entry[v, s] = own == start
+            if state_values[s].any():
+                raise DomainError(f"{location}: {template!r} makes {state!r} twice")
+            state_values[s, v] = 1
+            initial_states[v, s] = local == initial
     for s, state in enumerate(pomdp.states):
-        if s != terminal and not share[s].any():
+        if s != terminal and not state_values[s].any():
             raise DomainError(
-                f"{states}: state {state!r} is neither made by {template!r} ({section.place('states')})"
+                f"{declaration}: state {state!r} is neither made by {template!r} ({location})"
                 f" nor the terminal state"
             )
-    reports = _reports(section, pomdp, knowledge)
-    section.close()
-    return Planning(pomdp, reports, entry, share, terminal)
+    return initial_states, state_values
 
 
-def _local(section: Settings, target: str) -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
-    """The planner's own variables: their values, and where each starts."""
+def _local_variables(table: TomlTable, target: str) -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
+    """The values and the initial value of each variable that only the planner has."""
     values: dict[str, tuple[str, ...]] = {}
-    start: dict[str, str] = {}
-    for name in section:
-        variable = section.section(name)
+    initial: dict[str, str] = {}
+    for name in table:
+        variable = table.section(name)
         if name == target:
             raise DomainError(
-                f"{section.place(name)}: {name!r} is the target, not the planner's own variable"
+                f"{table.location(name)}: {name!r} is the target, not the planner's own variable"
             )
         values[name] = variable.names("values")
-        start[name] = variable.text("start", values[name][0])
-        if start[name] not in values[name]:
+        initial[name] = variable.text("start", values[name][0])
+        if initial[name] not in values[name]:
             raise DomainError(
-                f"{variable.place('start')}: unknown value {start[name]!r}; {expected_one_of(values[name])}"
+                f"{variable.location('start')}: unknown value {initial[name]!r};"
+                f" {expected_one_of(values[name])}"
             )
-        variable.close()
-    return values, start
+        variable.reject_unknown_keys()
+    return values, initial
 
 
-def _terminal(section: Settings, pomdp: Pomdp) -> int | None:
-    if "terminal" not in section:
+def _terminal(table: TomlTable, pomdp: Pomdp) -> int | None:
+    if "terminal" not in table:
         return None
-    name = section.text("terminal")
+    name = table.text("terminal")
     if name not in pomdp.states:
         raise DomainError(
-            f"{section.place('terminal')}: {declared(pomdp, 'states')} has no state {name!r};"
+            f"{table.location('terminal')}: {locate_declaration(pomdp, 'states')} has no state {name!r};"
             f" {expected_one_of(pomdp.states)}"
         )
     return pomdp.states.index(name)
 
 
-def _reports(section: Settings, pomdp: Pomdp, knowledge: Knowledge) -> dict[str, str]:
-    reports = section.mapping("reports")
+def _reports(table: TomlTable, pomdp: Pomdp, reasoning: ReasoningSection) -> dict[str, str]:
+    reports = table.mapping("reports")
     for action, value in reports.items():
         if action not in pomdp.actions:
             raise DomainError(
-                f"{section.place('reports', action)}: {declared(pomdp, 'actions')} has no action {action!r};"
-                f" {expected_one_of(pomdp.actions)}"
+                f"{table.location('reports', action)}: {locate_declaration(pomdp, 'actions')} has no action"
+                f" {action!r}; {expected_one_of(pomdp.actions)}"
             )
-        if value not in knowledge.values:
-            line = knowledge.program.attributes[knowledge.target].line
+        if value not in reasoning.values:
             raise DomainError(
-                f"{section.place('reports', action)}: {knowledge.target} cannot be {value!r}"
-                f" ({knowledge.program.file}:{line}); {expected_one_of(knowledge.values)}"
+                f"{table.location('reports', action)}: {reasoning.target} cannot be {value!r}"
+                f" ({reasoning.target_declaration}); {expected_one_of(reasoning.values)}"
             )
-    for value in knowledge.values:
+    for value in reasoning.values:
         if value not in reports.values():
-            raise DomainError(f"{section.place('reports')}: no action reports {value!r}")
+            raise DomainError(f"{table.location('reports')}: no action reports {value!r}")
     return reports
-
-
-def declared(pomdp: Pomdp, kind: str) -> str:
-    """Where a POMDP file declares its states, actions or observations."""
-    for number, line in enumerate(read_text(pomdp.file).splitlines(), 1):
-        if re.match(rf"\s*{kind}\s*:", line):
-            return f"{pomdp.file}:{number}"
-    return pomdp.file

@@ -1,122 +1,171 @@
-"""The `[simulation]` section of a domain: who comes, how they move and how they answer."""
+"""The `[simulation]` section of a domain: true distribution, motion and feedback of simulated people."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from lcorpp.domains.domain import Simulation
 from lcorpp.domains.plugin import SimulationPlugin
-from lcorpp.domains.sections.planning import Planning, declared
-from lcorpp.domains.sections.reasoning import Knowledge, Learning, attribute_values, require_same
-from lcorpp.domains.toml import Settings
+from lcorpp.domains.sections.learning import LearningSection
+from lcorpp.domains.sections.names import attribute_values, check_same_names, locate_declaration
+from lcorpp.domains.sections.planning import PlanningSection
+from lcorpp.domains.sections.reasoning import ReasoningSection
+from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.reasoning import Program, Reasoner, read_plog
 from lcorpp.values import Array
 
 
+@dataclass(frozen=True, eq=False)
+class SimulationSection:
+    """Models of simulated people, independent of what the robot believes.
+
+    true_program: the P-log program from which people are drawn.
+    feedback_model: (A, S, O) P(o | a, s') of people's answers.
+    confusion_channel: target value -> label -> probability, the classifier as a noisy channel; None without
+        one, if classification always needs trajectories.
+    trajectories: maps people (attribute -> value) and a generator to (people, channels, time points); None
+        without a people.py that defines it.
+    reaction: maps a person, an action and a generator to an observation, replacing `feedback_model`; None
+        without a people.py that defines it.
+    recordings: like `trajectories`, with the keyword `seconds` (shortest, longest); returns one array
+        (samples, columns) for each person, as a tracker records it.
+    columns: the names of these columns; () without recordings.
+    """
+
+    true_program: Program
+    feedback_model: Array
+    confusion_channel: Mapping[str, Mapping[str, float]] | None
+    trajectories: Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array] | None
+    reaction: Callable[[Mapping[str, str], str, np.random.Generator], str] | None
+    recordings: Callable[..., list[Array]] | None = None
+    columns: tuple[str, ...] = ()
+
+
 def read_simulation(
-    section: Settings, folder: Path, knowledge: Knowledge, learning: Learning, planning: Planning
-) -> Simulation:
-    truth = read_plog(folder / section.text("truth")) if "truth" in section else knowledge.program
-    for name in (knowledge.target, *knowledge.observed):
-        values = attribute_values(section.place("truth"), name, truth)
-        believed = knowledge.program.attributes[name]
-        declared = f"the values of {name} at {knowledge.program.file}:{believed.line}"
-        require_same(f"{truth.file}:{truth.attributes[name].line}", values, believed.values, declared)
-    people = SimulationPlugin(folder / section.text("people")) if "people" in section else None
-    simulation = Simulation(
-        truth=truth,
-        reactions=_reactions(section, knowledge, planning),
-        channel=_channel(section, truth, knowledge, learning),
-        trajectories=people.trajectories if people and people.has_motion else None,
-        reaction=people.reaction if people and people.has_reaction else None,
-        recordings=people.recordings if people and people.has_recordings else None,
-        columns=people.columns if people else (),
+    table: TomlTable,
+    folder: Path,
+    reasoning: ReasoningSection,
+    learning: LearningSection,
+    planning: PlanningSection,
+) -> SimulationSection:
+    """Read the section, the true program and the plug-in.
+
+    Raises:
+        DomainError: the true program has other values than the robot's, or a name is unknown.
+    """
+    program = read_plog(folder / table.text("truth")) if "truth" in table else reasoning.program
+    for name in (reasoning.target, *reasoning.observed):
+        values = attribute_values(table.location("truth"), name, program)
+        believed = reasoning.program.attributes[name]
+        what = f"the values of {name} at {reasoning.program.file}:{believed.line}"
+        check_same_names(f"{program.file}:{program.attributes[name].line}", values, believed.values, what)
+    plugin = SimulationPlugin(folder / table.text("people")) if "people" in table else None
+    section = SimulationSection(
+        true_program=program,
+        feedback_model=_feedback_model(table, reasoning, planning),
+        confusion_channel=_confusion_channel(table, program, reasoning, learning),
+        trajectories=plugin.trajectories if plugin and plugin.has_motion else None,
+        reaction=plugin.reaction if plugin and plugin.has_reaction else None,
+        recordings=plugin.recordings if plugin and plugin.has_recordings else None,
+        columns=plugin.columns if plugin else (),
     )
-    section.close()
-    return simulation
+    table.reject_unknown_keys()
+    return section
 
 
-def _reactions(section: Settings, knowledge: Knowledge, planning: Planning) -> Array:
-    """(A, S, O) how people answer: by the feedback and its noise, or as the planner's model says."""
+def _feedback_model(table: TomlTable, reasoning: ReasoningSection, planning: PlanningSection) -> Array:
+    """(A, S, O) P(o | a, s'): from `feedback` and `noise` if given, else the planner's observation model."""
     pomdp = planning.pomdp
-    noise = section.number("noise", 0, 1, 0)
-    if "feedback" not in section:
+    noise = table.number("noise", 0, 1, 0)
+    if "feedback" not in table:
         if noise:
-            raise DomainError(f"{section.place('noise')}: needs a feedback to disturb")
+            raise DomainError(f"{table.location('noise')}: needs a feedback to disturb")
         return pomdp.observation.dense
-    feedback = section.mapping("feedback")
-    require_same(
-        section.place("feedback"), tuple(feedback), knowledge.values, f"the values of {knowledge.target}"
-    )
-    for value, observation in feedback.items():
-        if observation not in pomdp.observations:
-            raise DomainError(
-                f"{section.place('feedback', value)}: {declared(pomdp, 'observations')} has no observation"
-                f" {observation!r}; {expected_one_of(pomdp.observations)}"
-            )
-    answers = list(dict.fromkeys(feedback.values()))
-    if noise and len(answers) < 2:
-        raise DomainError(
-            f"{section.place('noise')}: with one answer only there is nothing to confuse it with"
-        )
-    heard = np.zeros((len(knowledge.values), len(pomdp.observations)))
-    for v, value in enumerate(knowledge.values):
-        for answer in answers:
-            right = answer == feedback[value]
-            share = 1 - noise if right else noise / (len(answers) - 1)
-            heard[v, pomdp.observations.index(answer)] = share
-    reactions = pomdp.observation.dense.copy()
-    people = planning.share.any(axis=1)
+    answer_given_value = _noisy_answers(table, noise, reasoning, planning)
+    model = pomdp.observation.dense.copy()
+    states = planning.state_values.any(axis=1)  # all but the terminal one
     for a, action in enumerate(pomdp.actions):
         if action in planning.reports:
             continue
-        reactions[a, people] = planning.share[people] @ heard
-        impossible = (reactions[a, people].max(axis=0) > 0) & (
-            pomdp.observation.dense[a, people].max(axis=0) == 0
+        model[a, states] = planning.state_values[states] @ answer_given_value
+        impossible = (model[a, states].max(axis=0) > 0) & (
+            pomdp.observation.dense[a, states].max(axis=0) == 0
         )
         if impossible.any():
             observation = pomdp.observations[int(np.argmax(impossible))]
             raise DomainError(
-                f"{section.place('feedback')}: people may answer {observation!r} to {action!r}, which"
-                f" {pomdp.file} calls impossible in every state"
+                f"{table.location('feedback')}: people may answer {observation!r} to {action!r}, but"
+                f" {pomdp.file} gives it probability 0 in every state"
             )
-    return reactions
+    return model
 
 
-def _channel(
-    section: Settings, truth: Program, knowledge: Knowledge, learning: Learning
+def _noisy_answers(
+    table: TomlTable, noise: float, reasoning: ReasoningSection, planning: PlanningSection
+) -> Array:
+    """(V, O) P(o | v): the feedback of value v with probability 1 - noise, else another answer."""
+    pomdp = planning.pomdp
+    feedback = table.mapping("feedback")
+    what = f"the values of {reasoning.target}"
+    check_same_names(table.location("feedback"), tuple(feedback), reasoning.values, what)
+    for value, observation in feedback.items():
+        if observation not in pomdp.observations:
+            raise DomainError(
+                f"{table.location('feedback', value)}: {locate_declaration(pomdp, 'observations')} has no"
+                f" observation {observation!r}; {expected_one_of(pomdp.observations)}"
+            )
+    answers = list(dict.fromkeys(feedback.values()))
+    if noise and len(answers) < 2:
+        raise DomainError(f"{table.location('noise')}: noise needs at least two different answers")
+    probabilities = np.zeros((len(reasoning.values), len(pomdp.observations)))
+    for v, value in enumerate(reasoning.values):
+        for answer in answers:
+            p = 1 - noise if answer == feedback[value] else noise / (len(answers) - 1)
+            probabilities[v, pomdp.observations.index(answer)] = p
+    return probabilities
+
+
+def _confusion_channel(
+    table: TomlTable, true_program: Program, reasoning: ReasoningSection, learning: LearningSection
 ) -> dict[str, dict[str, float]] | None:
-    """P(label | target value) of the classifier as a channel: as given, else as the truth program says."""
-    words = tuple(learning.label_of.values())
-    if "channel" in section:
-        table = section.section("channel")
-        require_same(
-            section.place("channel"),
-            tuple(table),
-            knowledge.values,
-            f"the values of {knowledge.target}",
+    """P(label | target value) of the simulated classifier: as given, else from the true program."""
+    labels = tuple(learning.label_of.values())
+    if "channel" in table:
+        return _given_channel(
+            table.section("channel"), table.location("channel"), labels, reasoning, learning
         )
-        channel = {}
-        for value in knowledge.values:
-            row = table.section(value)
-            require_same(table.place(value), tuple(row), words, f"the values of {learning.attribute}")
-            channel[value] = {word: row.number(word, 0, 1) for word in words}
-            row.close()
-            total = sum(channel[value].values())
-            if abs(total - 1) > 1e-9:
-                raise DomainError(f"{table.place(value)}: the probabilities sum to {total:g}, not 1")
-        table.close()
-        return channel
-    if learning.attribute not in truth.attributes:
+    if learning.attribute not in true_program.attributes:
         return None
-    reasoner = Reasoner(truth)
-    marginal = reasoner.posterior(knowledge.target, {})
+    reasoner = Reasoner(true_program)
+    marginal = reasoner.posterior(reasoning.target, {})
     return {
-        value: dict(reasoner.posterior(learning.attribute, {knowledge.target: value}))
+        value: dict(reasoner.posterior(learning.attribute, {reasoning.target: value}))
         if marginal[value]
-        else dict.fromkeys(words, 1 / len(words))  # never met, so never asked
-        for value in knowledge.values
+        else dict.fromkeys(labels, 1 / len(labels))  # an impossible value: its row is never used
+        for value in reasoning.values
     }
+
+
+def _given_channel(
+    table: TomlTable,
+    location: str,
+    labels: tuple[str, ...],
+    reasoning: ReasoningSection,
+    learning: LearningSection,
+) -> dict[str, dict[str, float]]:
+    check_same_names(location, tuple(table), reasoning.values, f"the values of {reasoning.target}")
+    channel = {}
+    for value in reasoning.values:
+        row = table.section(value)
+        check_same_names(table.location(value), tuple(row), labels, f"the values of {learning.attribute}")
+        channel[value] = {label: row.number(label, 0, 1) for label in labels}
+        row.reject_unknown_keys()
+        total = sum(channel[value].values())
+        if abs(total - 1) > 1e-9:
+            raise DomainError(f"{table.location(value)}: the probabilities sum to {total:g}, not 1")
+    table.reject_unknown_keys()
+    return channel

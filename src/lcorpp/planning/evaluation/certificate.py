@@ -1,4 +1,4 @@
-"""An independent check of what a solver says of its policy."""
+"""Certificates: an independent check of a solver's claims about its policy."""
 
 from __future__ import annotations
 
@@ -9,32 +9,33 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.belief import check_belief, describe
+from lcorpp.notebook import html_table
+from lcorpp.planning.belief import check_belief, format_belief
 from lcorpp.planning.evaluation.policy_evaluation import Evaluation, Shortfall, evaluate
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Solution
 
 TOLERANCE = 1e-6
-"""How far a claim may be off, as a share of the values it speaks of and at least of 1."""
+"""Default tolerance of a claim, relative to the largest claimed value, which counts as at least 1."""
 
 Verdict = Literal["confirmed", "refuted", "open"]
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What became of the claim that a policy earns at least `lower`, and none more than `upper`.
+    """The check of a claim: the policy's value is at least `lower`, and no policy's exceeds `upper`.
 
-    promise: what the policy's vectors say of the start belief.
-    tolerance: how far a claim may be off, in reward units.
-    evaluation: what the policy earns, found from the model and the policy alone.
-    verdict: "confirmed", "refuted", or "open" where the trials were too few to tell.
-    reason: what decided, in words.
-    certain: whether that holds for certain, not with the confidence of the evaluation only.
+    vector_value: value of the policy's best vector at the start belief.
+    tolerance: of the claim, in reward units.
+    evaluation: of the policy, from the model alone.
+    verdict: "confirmed", "refuted", or "open" if there were too few trials to decide.
+    reason: of the verdict, in words.
+    certain: whether the verdict is certain; otherwise it has the confidence of the evaluation's interval.
     """
 
     lower: float
     upper: float
-    promise: float
+    vector_value: float
     tolerance: float
     evaluation: Evaluation
     verdict: Verdict
@@ -43,23 +44,33 @@ class Certificate:
 
     @property
     def text(self) -> str:
-        """The certificate for people."""
-        found = self.evaluation
-        if found.trials:
-            way = (
-                f"checked by {found.trials} trials beyond {found.nodes} beliefs that were worked out: it"
-                f" earns {found.interval[0]:.8g} to {found.interval[1]:.8g} with confidence"
-                f" {100 * found.confidence:g}%, and for certain {found.lower:.8g} to {found.upper:.8g}"
+        """The certificate in three lines: claim, check and verdict."""
+        return "\n".join(f"{name + ':':<8} {text}" for name, text in self._parts())
+
+    def _parts(self) -> list[tuple[str, str]]:
+        evaluation = self.evaluation
+        bounds = f"{evaluation.lower:.8g} to {evaluation.upper:.8g}"
+        if evaluation.trials:
+            interval = evaluation.interval
+            check = (
+                f"{evaluation.trials} trials beyond {evaluation.beliefs} computed beliefs:"
+                f" {100 * interval.confidence:g}% interval {interval.low:.8g} to {interval.high:.8g},"
+                f" certainly {bounds}"
             )
         else:
-            which = "all beliefs" if found.closed else "the beliefs"
-            way = (
-                f"checked exactly on {which} that the policy meets ({found.nodes}): it earns"
-                f" {found.lower:.8g} to {found.upper:.8g}"
-            )
-        claim = f"the policy earns at least {self.lower:.8g}, and none earns more than {self.upper:.8g}"
-        verdict = f"{self.verdict}: {self.reason} (tolerance {self.tolerance:.2g})"
-        return f"claim:   {claim}\ncheck:   {way}\nverdict: {verdict}"
+            which = "all reachable beliefs" if evaluation.complete else "reachable beliefs"
+            check = f"exact evaluation on {which} ({evaluation.beliefs}): value {bounds}"
+        return [
+            ("claim", f"policy's value at least {self.lower:.8g}, optimal value at most {self.upper:.8g}"),
+            ("check", check),
+            ("verdict", f"{self.verdict}: {self.reason} (tolerance {self.tolerance:.2g})"),
+        ]
+
+    def __repr__(self) -> str:
+        return f"<Certificate\n{self.text}>"
+
+    def _repr_html_(self) -> str:
+        return html_table(("certificate", ""), self._parts())
 
 
 def certificate(
@@ -72,37 +83,37 @@ def certificate(
     confidence: float = 0.99,
     seed: int = 0,
 ) -> Certificate:
-    """Check what a solution claims, by what its policy earns.
+    """Check the claims of a solution by evaluating its policy.
 
-    A policy of alpha vectors earns what its vectors promise only if each vector is backed by others: if what
-    it promises is what its action earns at once and what the best vectors at the next beliefs promise then.
-    A vector that was needed for that and has been pruned breaks the promise, and no bound at the start tells.
-    So the policy is evaluated from the model (`evaluate`), where the vectors only choose the actions.
+    The value of a policy reaches its vectors' values only if each vector is at most its one-step backup: the
+    expected reward of its action plus the discounted values of the best vectors at the next beliefs. If a
+    vector that others depend on was pruned, this fails, and no bound at the start shows it. The check
+    evaluates the policy from the model (`evaluate`); it uses the vectors only to select actions.
 
     Args:
         solution: of a solver.
-        start: (S,) a belief to check the claims at, as vectors and upper bound make them there; the start and
-            the claims of the solution when None.
-        tolerance: in reward units; a millionth of the values when None.
+        start: (S,) belief of the claims, which are then the values of vectors and upper bound there; the
+            solution's own start and claims when None.
+        tolerance: in reward units; 1e-6 times the claimed values when None.
         max_nodes, trials, confidence, seed: as for `evaluate`.
 
     Raises:
-        ModelError: `start` is not a distribution over the states, or a number is out of range.
+        ModelError: `start` is not a distribution over the states, or an argument is out of range.
         PolicyError: the policy is for another model.
     """
     pomdp, policy = solution.pomdp, solution.policy
     own = pomdp.start if solution.start is None else solution.start
     belief = check_belief(pomdp, own if start is None else start)
-    promise = policy.value(belief)
+    vector_value = policy.value(belief)
     lower, upper = solution.lower, solution.upper
     if start is not None:
-        lower = promise
+        lower = vector_value
         upper = np.inf if policy.upper_bound is None else float(policy.upper_bound.value(belief))
     if tolerance is None:
         tolerance = TOLERANCE * max(1.0, abs(lower), abs(upper) if np.isfinite(upper) else 0.0)
     if not tolerance > 0:
         raise ModelError(f"the tolerance must be positive, not {tolerance}")
-    found = evaluate(
+    evaluation = evaluate(
         pomdp,
         policy,
         belief,
@@ -112,30 +123,33 @@ def certificate(
         confidence=confidence,
         seed=seed,
     )
-    verdict, certain, reason = _judged(lower - tolerance, upper + tolerance, found)
-    if verdict == "refuted" and promise >= lower - tolerance > found.estimate:
-        reason += "; " + _loss(pomdp, found.shortfall)
-    return Certificate(lower, upper, promise, tolerance, found, verdict, reason, certain)
+    verdict, certain, reason = _decide(lower - tolerance, upper + tolerance, evaluation)
+    if verdict == "refuted" and vector_value >= lower - tolerance > evaluation.interval.estimate:
+        reason += "; " + _explain_loss(pomdp, evaluation.shortfall)
+    return Certificate(lower, upper, vector_value, tolerance, evaluation, verdict, reason, certain)
 
 
-def _judged(lower: float, upper: float, found: Evaluation) -> tuple[Verdict, bool, str]:
-    """The verdict, whether it is certain, and why; the bounds are given with their tolerance."""
+def _decide(lower: float, upper: float, evaluation: Evaluation) -> tuple[Verdict, bool, str]:
+    """Return the verdict, whether it is certain, and its reason; the bounds include the tolerance."""
     if upper < lower:
-        return "refuted", True, "the upper bound is below the lower one"
-    for certain, (least, greatest) in ((True, (found.lower, found.upper)), (False, found.interval)):
-        how = "" if certain else f" with confidence {100 * found.confidence:g}%"
-        if greatest < lower:
-            return "refuted", certain, f"the policy earns less than is claimed{how}"
-        if least > upper:
-            return "refuted", certain, f"the policy earns more than any is said to{how}"
-        if least >= lower:
-            return "confirmed", certain, f"the policy earns what is claimed{how}"
-    return "open", False, "the claim is within the interval; more trials or beliefs would tell"
+        return "refuted", True, "the upper bound is below the lower bound"
+    interval = evaluation.interval
+    certain_bounds = evaluation.lower, evaluation.upper
+    for certain, (low, high) in ((True, certain_bounds), (False, (interval.low, interval.high))):
+        how = "" if certain else f" with confidence {100 * interval.confidence:g}%"
+        if high < lower:
+            return "refuted", certain, f"the policy's value is below the claimed lower bound{how}"
+        if low > upper:
+            return "refuted", certain, f"the policy's value is above the claimed upper bound{how}"
+        if low >= lower:
+            return "confirmed", certain, f"the policy's value reaches the claimed lower bound{how}"
+    return "open", False, "the claim is within the interval; more trials or beliefs could decide"
 
 
-def _loss(pomdp: Pomdp, loss: Shortfall) -> str:
-    """Where the promise of the vectors is broken."""
+def _explain_loss(pomdp: Pomdp, loss: Shortfall) -> str:
+    """Return the belief of the largest loss in words."""
     return (
-        f"most is lost in belief {describe(pomdp, loss.belief)}, where {pomdp.actions[loss.action]!r}"
-        f" promises {loss.promise:.6g} but what it leads to is worth {loss.given:.6g}"
+        f"the largest loss is in belief {format_belief(pomdp, loss.belief)}, where the vector of"
+        f" {pomdp.actions[loss.action]!r} has value {loss.vector_value:.6g} but its backup"
+        f" {loss.backup_value:.6g}"
     )

@@ -1,169 +1,217 @@
-"""How often a policy meets each belief, discounted: from that follows what it earns."""
+"""Discounted occupancy of the beliefs that a policy reaches: expected discounted visits, hence its value."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
-from lcorpp.planning.evaluation.linear_solvers import MOST_FACTORISED, solve_gmres, solve_lu
 from lcorpp.planning.evaluation.sparse_beliefs import Indices
 from lcorpp.values import Array
 
-MOST_NUMBERS = 2**26
-"""Numbers that the belief graph may keep."""
+MAX_GRAPH_SIZE = 2**26
+"""The maximal number of numbers in the belief graph."""
 
-ROUND = 256
-"""Beliefs that are worked out at a time, and a quarter of those that are known in addition."""
+MIN_BATCH = 256
+"""Beliefs are expanded in batches of at most this many, plus a quarter of those that are known."""
 
-NARROW = 2
-"""A path of so many beliefs side by side is followed without being weighed at each step."""
+MAX_PATH_WIDTH = 2
+"""Up to this many new beliefs are expanded at once, without ranking them first."""
 
-PASSES = 50
-"""Times that visits are passed on before more beliefs are worked out."""
+MAX_PUSHES = 50
+"""The maximal number of pushes before more beliefs are expanded."""
+
+MAX_FACTORISED = 20_000
+"""The maximal number of nodes for a sparse LU factorisation, whose fill-in may be large."""
+
+GMRES_TOLERANCE = 1e-12
+"""Relative residual at which GMRES stops."""
 
 
 class DiscountedOccupancy:
-    """Discounted visits of the beliefs of a graph, passed on from the root to the children.
+    """Expected discounted visits of the beliefs of a graph, pushed from the root to the children.
 
-    At any time, the value at the root is the sum over nodes of visits times the mean reward there, plus the
-    sum of the visits left times the value there: visits are left where they have not been passed on, and
-    the value there is known by its bounds alone.
+    At any time, the value at the root is the sum over nodes of visits times expected reward, plus the sum
+    over nodes of residual times value. The residual is the visits that are not pushed to the children yet; at
+    its nodes only bounds on the value are known.
 
-    graph: whose beliefs they are.
-    visits, left: (n,) by node; `left` may hold rounding of either sign.
+    graph: of the beliefs.
+    visits, residual: (n,) by node; `residual` may contain rounding errors of either sign.
 
-    Source: the dual of policy evaluation (Puterman, 1994, section 6.9), passed on as in Andersen, Chung and
+    Source: the dual of policy evaluation (Puterman, 1994, section 6.9), with pushes as in Andersen, Chung and
     Lang, Local graph partitioning using PageRank vectors, 2006.
     """
 
     def __init__(self, graph: BeliefGraph, root: int, low: Array, high: Array) -> None:
         self.graph = graph
-        self._root, self._range = root, (low, high)
-        self.visits, self.left = np.zeros(0), np.zeros(0)
-        self._worked = np.zeros(0, dtype=bool)
-        self._paid, self._low, self._high = np.zeros(0), np.zeros(0), np.zeros(0)
+        self._root, self._state_bounds = root, (low, high)
+        self.visits, self.residual = np.zeros(0), np.zeros(0)
+        self._expanded = np.zeros(0, dtype=bool)
+        self._rewards, self._low, self._high = np.zeros(0), np.zeros(0), np.zeros(0)
         none = np.zeros(0, dtype=np.intp)
         self._edges: tuple[Indices, Indices, Array] = none, none, np.zeros(0)
-        self._note_new()
-        self._link()
-        self.left[root] = 1.0
+        self._append_new_nodes()
+        self._update_matrix()
+        self.residual[root] = 1.0
 
     @property
     def expanded(self) -> int:
-        """How many beliefs were worked out, those of which nothing is left to work out included."""
-        return int(np.count_nonzero(self._worked))
+        """The number of expanded beliefs, including absorbing ones."""
+        return int(np.count_nonzero(self._expanded))
 
     @property
-    def closed(self) -> bool:
-        """Whether all beliefs that can be met were worked out."""
-        return bool(self._worked.all())
+    def complete(self) -> bool:
+        """Whether all reachable beliefs are expanded."""
+        return bool(self._expanded.all())
 
     def expand(self, precision: float, max_nodes: int) -> None:
-        """Work beliefs out until what is left open is less than the precision, or there are too many."""
+        """Expand beliefs until the bounds differ by less than `precision` or the graph is too large."""
         while True:
-            for _ in range(PASSES):
-                inside, outside = self._open()
+            for _ in range(MAX_PUSHES):
+                inside, outside = self._gaps()
                 if inside <= 0.1 * max(outside, precision):
                     break
-                self._pass_on()
-            if self._open()[1] <= 0.9 * precision:
-                self._settle(precision)
-            full = len(self.graph) >= max_nodes or self.graph.size >= MOST_NUMBERS
-            if full or self._open()[1] <= 0.9 * precision:
+                self._push()
+            if self._gaps()[1] <= 0.9 * precision:
+                self._solve(precision)
+            full = len(self.graph) >= max_nodes or self.graph.size >= MAX_GRAPH_SIZE
+            if full or self._gaps()[1] <= 0.9 * precision:
                 break
-            self._expand(np.where(self._worked, 0.0, self.left * (self._high - self._low)), max_nodes)
-        self._settle(precision)
+            gaps = self.residual * (self._high - self._low)
+            self._expand_nodes(np.where(self._expanded, 0.0, gaps), max_nodes)
+        self._solve(precision)
 
-    def _open(self) -> tuple[float, float]:
-        """How far the bounds are apart for visits left where they can be passed on, and elsewhere."""
-        weighs = self.left * (self._high - self._low)
-        inside = float(weighs[self._worked].sum())
-        return inside, float(weighs.sum()) - inside
+    def expected_reward(self) -> float:
+        """Return the discounted reward of the pushed visits."""
+        return float(self.visits @ self._rewards)
 
-    def _expand(self, weighs: Array, max_nodes: int) -> None:
-        """Work out the beliefs of which half of what is open depends, and paths that follow them."""
-        order = np.argsort(-weighs, kind="stable")
-        sums = np.cumsum(weighs[order])
+    def bounds(self) -> tuple[float, float]:
+        """Return bounds on the value at the root."""
+        positive, negative = np.maximum(self.residual, 0.0), np.minimum(self.residual, 0.0)
+        reward = self.expected_reward()
+        return (
+            reward + float(positive @ self._low + negative @ self._high),
+            reward + float(positive @ self._high + negative @ self._low),
+        )
+
+    def shortfalls(self) -> Array:
+        """Return (n,) the visits of each expanded node times its vector's value less its one-step backup.
+
+        The backup is the expected reward plus the discounted values of the vectors at the children.
+        """
+        values = np.where(self.graph.absorbing, 0.0, self.graph.values)
+        backups = self._rewards + self._push_matrix.T @ values
+        return np.where(self._expanded, self.visits * (values - backups), 0.0)
+
+    def _gaps(self) -> tuple[float, float]:
+        """Return the gap between the bounds due to the residual at expanded nodes, and at other nodes."""
+        gaps = self.residual * (self._high - self._low)
+        inside = float(gaps[self._expanded].sum())
+        return inside, float(gaps.sum()) - inside
+
+    def _expand_nodes(self, gaps: Array, max_nodes: int) -> None:
+        """Expand the beliefs with the largest gaps, up to half of the total, and narrow paths below them."""
+        order = np.argsort(-gaps, kind="stable")
+        sums = np.cumsum(gaps[order])
         count = 1 + int(np.searchsorted(sums, 0.5 * sums[-1]))
-        room = ROUND + len(self._worked) // 4
-        nodes = np.sort(order[: min(count, max_nodes, room)])
+        limit = MIN_BATCH + len(self._expanded) // 4
+        nodes = np.sort(order[: min(count, max_nodes, limit)])
         edges = [self._edges]
         while True:
             before = len(self.graph)
             owner, _, probability, child = self.graph.expand(nodes)
             edges.append((owner, child, probability))
-            self._worked[nodes] = True
-            self._note_new()
-            # a narrow path is followed on; anything wider is weighed first
-            nodes, room = np.flatnonzero(~self._worked[before:]) + before, room - len(nodes)
-            if not 0 < len(nodes) <= min(NARROW, room) or len(self.graph) >= max_nodes:
+            self._expanded[nodes] = True
+            self._append_new_nodes()
+            # a narrow path is expanded further; wider sets of beliefs are ranked first
+            nodes, limit = np.flatnonzero(~self._expanded[before:]) + before, limit - len(nodes)
+            if not 0 < len(nodes) <= min(MAX_PATH_WIDTH, limit) or len(self.graph) >= max_nodes:
                 break
-        owners, children, probabilities = (np.concatenate(kind) for kind in zip(*edges, strict=True))
+        owners, children, probabilities = (np.concatenate(column) for column in zip(*edges, strict=True))
         self._edges = owners, children, probabilities
-        self._link()
+        self._update_matrix()
 
-    def _note_new(self) -> None:
-        """Make room for the beliefs that were met, and note what is known of them."""
-        begin, n = len(self._worked), len(self.graph)
+    def _append_new_nodes(self) -> None:
+        """Extend all arrays to the new nodes of the graph."""
+        begin, n = len(self._expanded), len(self.graph)
         beliefs = self.graph.beliefs.take(np.arange(begin, n))
-        over = self.graph.over[begin:]
-        low, high = (np.where(over, 0.0, beliefs.average(bound[beliefs.states])) for bound in self._range)
-        self._paid = np.concatenate([self._paid, self.graph.rewards(np.arange(begin, n))])
+        absorbing = self.graph.absorbing[begin:]
+        low, high = (
+            np.where(absorbing, 0.0, beliefs.average(bound[beliefs.states])) for bound in self._state_bounds
+        )
+        self._rewards = np.concatenate([self._rewards, self.graph.rewards(np.arange(begin, n))])
         self._low, self._high = np.concatenate([self._low, low]), np.concatenate([self._high, high])
-        self._worked = np.concatenate([self._worked, over])
-        empty = np.zeros(n - begin)
-        self.visits, self.left = np.concatenate([self.visits, empty]), np.concatenate([self.left, empty])
+        self._expanded = np.concatenate([self._expanded, absorbing])
+        zeros = np.zeros(n - begin)
+        self.visits = np.concatenate([self.visits, zeros])
+        self.residual = np.concatenate([self.residual, zeros])
 
-    def _link(self) -> None:
-        """How visits are passed on, as a matrix."""
+    def _update_matrix(self) -> None:
+        """Build the matrix (n, n) of discounted transition probabilities, from column to row."""
         from scipy.sparse import csr_array
 
         owner, child, probability = self._edges
-        n = len(self._worked)
-        self._onward = csr_array((self.graph.pomdp.discount * probability, (child, owner)), shape=(n, n))
+        n = len(self._expanded)
+        entries = self.graph.pomdp.discount * probability
+        self._push_matrix = csr_array((entries, (child, owner)), shape=(n, n))
 
-    def _pass_on(self) -> None:
-        moved = np.where(self._worked, self.left, 0.0)
+    def _push(self) -> None:
+        """Move the residual of all expanded nodes to their visits and their children's residual."""
+        moved = np.where(self._expanded, self.residual, 0.0)
         self.visits += moved
-        self.left = self.left - moved + self._onward @ moved
+        self.residual = self.residual - moved + self._push_matrix @ moved
 
-    def _settle(self, precision: float) -> None:
-        """Leave no visits where they can be passed on, or next to none: visits = root + gamma P' visits.
+    def _solve(self, precision: float) -> None:
+        """Solve visits = root + gamma P' visits on the expanded nodes, so that their residual vanishes.
 
-        What is left is what the found visits lack, rounding included, so the bounds hold however good the
-        solution is.
+        The residual is computed from the solution, rounding included: the bounds hold for any solution.
         """
-        worked = np.flatnonzero(self._worked)
-        begin = np.zeros(len(self._worked))
+        expanded = np.flatnonzero(self._expanded)
+        begin = np.zeros(len(self._expanded))
         begin[self._root] = 1.0
-        for solved in (solve_gmres, solve_lu)[: 1 if len(worked) > MOST_FACTORISED else 2]:
-            before = self.visits, self.left, self._open()[0]
+        for solve in (solve_gmres, solve_lu)[: 1 if len(expanded) > MAX_FACTORISED else 2]:
+            before = self.visits, self.residual, self._gaps()[0]
             if before[2] <= 0.05 * precision:
                 return
             self.visits = np.zeros(len(begin))
-            self.visits[worked] = solved(self._onward[worked][:, worked], begin[worked])
-            self.left = begin - self.visits + self._onward @ self.visits
-            if not abs(self._open()[0]) <= before[2]:
-                self.visits, self.left, _ = before
+            self.visits[expanded] = solve(self._push_matrix[expanded][:, expanded], begin[expanded])
+            self.residual = begin - self.visits + self._push_matrix @ self.visits
+            if not abs(self._gaps()[0]) <= before[2]:
+                self.visits, self.residual, _ = before
 
-    def earned(self) -> float:
-        """What the visits passed on have earned."""
-        return float(self.visits @ self._paid)
 
-    def bounds(self) -> tuple[float, float]:
-        """Bounds on the value at the root."""
-        more, less = np.maximum(self.left, 0.0), np.minimum(self.left, 0.0)
-        earned = self.earned()
-        return (
-            earned + float(more @ self._low + less @ self._high),
-            earned + float(more @ self._high + less @ self._low),
-        )
+def solve_gmres(matrix: Any, begin: Array) -> Array:
+    """Return (n,) an approximate solution of x = begin + matrix x by GMRES, preconditioned by a sweep.
 
-    def shortfalls(self) -> Array:
-        """(n,) how much less than its vector promises a belief that was worked out gives, times its visits.
+    A Gauss-Seidel sweep in the order of the nodes solves an acyclic graph exactly.
 
-        What it gives is its mean reward, and what the vectors promise at the next beliefs.
-        """
-        promise = np.where(self.graph.over, 0.0, self.graph.values)
-        given = self._paid + self._onward.T @ promise
-        return np.where(self._worked, self.visits * (promise - given), 0.0)
+    Args:
+        matrix: (n, n) sparse, with column sums below 1. begin: (n,).
+
+    Source: Saad and Schultz, 1986.
+    """
+    from scipy.sparse import eye_array, tril
+    from scipy.sparse.linalg import LinearOperator, gmres, splu
+
+    n = len(begin)
+    equations = (eye_array(n) - matrix).tocsc()
+    forward = splu(tril(equations, format="csc"), permc_spec="NATURAL", diag_pivot_thresh=0.0)
+    sweep = LinearOperator((n, n), forward.solve, dtype=np.float64)
+    solution, _ = gmres(equations, begin, M=sweep, rtol=GMRES_TOLERANCE, restart=40, maxiter=10)
+    return np.asarray(solution, dtype=np.float64)
+
+
+def solve_lu(matrix: Any, begin: Array) -> Array:
+    """Return (n,) the solution of x = begin + matrix x by sparse LU factorisation.
+
+    GMRES converges slowly on long and narrow graphs, whose factors are sparse.
+
+    Args:
+        matrix: (n, n) sparse, with column sums below 1. begin: (n,).
+    """
+    from scipy.sparse import eye_array
+    from scipy.sparse.linalg import splu
+
+    solution = splu((eye_array(len(begin)) - matrix).tocsc()).solve(begin)
+    return np.asarray(solution, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""What a policy earns, worked out from the model and the policy alone: nothing of the solver is trusted."""
+"""Policy evaluation from the model alone: bounds on a policy's value that do not rely on its solver."""
 
 from __future__ import annotations
 
@@ -9,74 +9,94 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
+from lcorpp.notebook import html_table
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
-from lcorpp.planning.evaluation.control_variates import estimate
-from lcorpp.planning.evaluation.mdp_bounds import mdp_value_bounds
+from lcorpp.planning.evaluation.control_variates import estimate_value
+from lcorpp.planning.evaluation.mdp import mdp_value_bounds
 from lcorpp.planning.evaluation.occupancy import DiscountedOccupancy
-from lcorpp.planning.evaluation.simulation import CONFIDENCE
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.planner import check_same_model
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.values import Belief
+from lcorpp.values import Belief, Interval
 
-DRIFT = 2.0**-39
-"""How far keeping a belief with 40 digits moves it in one step: the sum of all changes, at most."""
+BELIEF_ROUNDING = 2.0**-39
+"""Bound on the change of a belief, in total variation, by rounding to 40 binary digits."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shortfall:
-    """The belief at which a policy loses most of what its vectors promise.
+    """The belief with the largest loss of a policy against its vectors.
 
-    belief: (S,). action: index. promise: what the best vector says there.
-    given: what the action earns at once, and what the vectors promise at the next beliefs, discounted.
-    visits: how often the belief is met, discounted.
+    belief: (S,). action: index.
+    vector_value: value of the best vector.
+    backup_value: expected reward of the action plus the discounted vector values at the next beliefs.
+    visits: expected discounted visits of the belief.
     """
 
     belief: Belief
     action: int
-    promise: float
-    given: float
+    vector_value: float
+    backup_value: float
     visits: float
+
+    def __repr__(self) -> str:
+        return (
+            f"<Shortfall: vector value {self.vector_value:.6g}, backup {self.backup_value:.6g},"
+            f" {self.visits:.3g} visits>"
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What a policy earns from a start belief, in discounted reward.
+    """The value of a policy at a start belief, in discounted reward.
 
-    lower, upper: bounds that hold for certain.
-    exact: whether they are as close as was asked for, rounding aside.
-    closed: whether every belief that the policy can meet was worked out.
-    nodes: how many beliefs were.
-    estimate: the value, or the best guess at it. interval: where it lies, with a `confidence`; the bounds
-        themselves, with confidence 1, unless trials were needed.
-    trials: how many were. seconds: wall-clock time used.
-    shortfall: where most of what the vectors promise is lost, among the beliefs worked out.
+    lower, upper: certain bounds.
+    exact: whether the bounds are as close as requested, apart from rounding.
+    complete: whether all reachable beliefs were computed.
+    beliefs: how many were computed.
+    interval: estimate of the value with a confidence interval; if there were no trials, the middle of the
+        bounds and the bounds themselves, with confidence 1.
+    trials: how many were simulated. seconds: wall-clock time.
+    shortfall: the largest loss against the vectors, among the computed beliefs.
     """
 
     lower: float
     upper: float
     exact: bool
-    closed: bool
-    nodes: int
-    estimate: float
-    interval: tuple[float, float]
-    confidence: float
+    complete: bool
+    beliefs: int
+    interval: Interval
     trials: int
     seconds: float
     shortfall: Shortfall
 
     def summary(self) -> str:
-        """One line for people."""
-        beliefs = f"{self.nodes} beliefs" + ("" if self.closed else ", not all")
+        """Return the result in one line of text."""
+        beliefs = f"{self.beliefs} beliefs" + ("" if self.complete else ", not all")
         if not self.trials:
-            return f"earns {self.lower:.6g} to {self.upper:.6g} ({beliefs})"
-        low, high = self.interval
+            return f"value {self.lower:.6g} to {self.upper:.6g} ({beliefs})"
+        interval = self.interval
         return (
-            f"earns {self.estimate:.6g}, with confidence {100 * self.confidence:g}% {low:.6g} to {high:.6g}"
-            f" ({self.trials} trials), for certain {self.lower:.6g} to {self.upper:.6g} ({beliefs})"
+            f"value {interval.estimate:.6g}, {100 * interval.confidence:g}% interval {interval.low:.6g} to"
+            f" {interval.high:.6g} ({self.trials} trials), certainly {self.lower:.6g} to {self.upper:.6g}"
+            f" ({beliefs})"
         )
+
+    def __repr__(self) -> str:
+        return f"<Evaluation: {self.summary()}>"
+
+    def _repr_html_(self) -> str:
+        interval = self.interval
+        rows = [
+            ("certain bounds", f"{self.lower:.6g} to {self.upper:.6g}"),
+            ("estimate", f"{interval.estimate:.6g}"),
+            (f"{100 * interval.confidence:g}% interval", f"{interval.low:.6g} to {interval.high:.6g}"),
+            ("beliefs", f"{self.beliefs}" + ("" if self.complete else ", not all")),
+            ("trials", f"{self.trials}"),
+        ]
+        return html_table(("policy evaluation", ""), rows)
 
 
 def evaluate(
@@ -87,35 +107,34 @@ def evaluate(
     precision: float = 1e-4,
     max_nodes: int = 50_000,
     trials: int = 1_000,
-    confidence: float = CONFIDENCE,
+    confidence: float = 0.95,
     seed: int = 0,
 ) -> Evaluation:
-    """Work out what a policy earns from a belief.
+    """Evaluate a policy from a belief.
 
-    The beliefs that the policy can meet are worked out, those first of which most depends, and how often
-    each is met, discounted. What is not worked out lies between what the worst and the best could earn there
-    (`extremes`). The bounds meet when no belief is left, or none that weighs more than the precision. Where
-    there are too many beliefs, trials from those that were left tell more, with an interval.
+    The reachable beliefs and their expected discounted visits are computed, those with the largest effect on
+    the value first. At beliefs that are not computed, the value is bounded by the MDP (`mdp_value_bounds`).
+    The bounds meet if all beliefs are computed, or all with more effect than the precision. If there are too
+    many beliefs, trials from the remaining ones give a confidence interval, by the normal distribution.
 
-    Beliefs are kept with 40 binary digits, as in simulation, and those that are equal then are one. What is
-    earned by doing as the policy does from a node on is linear in the belief there, with coefficients of at
-    most M, the largest value in the model; keeping moves a belief by less than d = 2**-39 in all, so it
-    moves the value of each node by d M, and that of the first by d M / (1 - gamma) in all. The bounds are
-    that much wider. The interval of the trials is that of the normal law.
+    Beliefs have 40 binary digits, as in simulation, and equal beliefs are merged. The value of the policy's
+    plan at a node is linear in the belief, with coefficients of at most M, the largest value in the model.
+    Rounding changes a belief by less than d = 2**-39 in total, hence the value of each node by d M and that
+    of the root by d M / (1 - gamma). The bounds are widened by this amount.
 
     Args:
-        pomdp: the world. policy: made for it.
-        start: (S,) where the policy begins; the model's own when None.
-        precision: how close the bounds should be, in reward units.
-        max_nodes: no more is worked out once so many beliefs were met, or fewer that hold very many states.
-        trials: of the estimate, when the bounds stay too far apart; 0 for none.
-        confidence: of its interval, between 0 and 1.
-        seed: of the trials, a whole number from 0.
+        pomdp: the model. policy: for this model.
+        start: (S,) the start belief; the model's own when None.
+        precision: requested difference of the bounds, in reward units.
+        max_nodes: the maximal number of reached beliefs; it is smaller if beliefs have very many states.
+        trials: number of trials if the bounds remain further apart; 0 for none.
+        confidence: of the trials' interval, between 0 and 1.
+        seed: of the trials, an integer from 0.
 
     Raises:
-        ModelError: `start` is not a distribution over the states, or a number is out of range.
+        ModelError: `start` is not a distribution over the states, or an argument is out of range.
         PolicyError: the policy is for another model.
-        ObservationError: a belief has lost the hidden state of a trial to rounding; it is named.
+        ObservationError: rounding has removed the hidden state from a trial's belief; the message names it.
     """
     check_same_model(pomdp, policy)
     if not precision > 0 or not 0 < confidence < 1 or max_nodes < 1 or trials < 0 or 0 < trials < 4:
@@ -126,52 +145,53 @@ def evaluate(
     belief = check_belief(pomdp, pomdp.start if start is None else start)
     began = monotonic()
     low, high = mdp_value_bounds(pomdp)
-    most = float(max(np.abs(low).max(), np.abs(high).max()))
-    slack = DRIFT * most / (1 - pomdp.discount)
+    largest = float(max(np.abs(low).max(), np.abs(high).max()))
+    slack = BELIEF_ROUNDING * largest / (1 - pomdp.discount)
     graph = BeliefGraph(pomdp, policy)
-    visits = DiscountedOccupancy(graph, int(graph.add(SparseBeliefs.of(belief[None]))[0]), low, high)
-    visits.expand(precision / 2, max_nodes)
-    lower, upper = visits.bounds()
+    occupancy = DiscountedOccupancy(graph, int(graph.add(SparseBeliefs.of(belief[None]))[0]), low, high)
+    occupancy.expand(precision / 2, max_nodes)
+    lower, upper = occupancy.bounds()
     exact = upper - lower <= precision
     lower, upper = lower - slack, upper + slack
-    found = Evaluation(
+    evaluation = Evaluation(
         lower=lower,
         upper=upper,
         exact=exact,
-        closed=visits.closed,
-        nodes=visits.expanded,
-        estimate=(lower + upper) / 2,
-        interval=(lower, upper),
-        confidence=1.0,
+        complete=occupancy.complete,
+        beliefs=occupancy.expanded,
+        interval=Interval((lower + upper) / 2, lower, upper, confidence=1.0),
         trials=0,
         seconds=monotonic() - began,
-        shortfall=_worst(visits),
+        shortfall=_largest_shortfall(occupancy),
     )
-    if exact or visits.closed or not trials:
-        return found
-    roots = np.flatnonzero(visits.left > 0)
-    left = visits.left[roots]
-    beyond = estimate(graph, roots, left, trials=trials, confidence=confidence, seed=seed)
-    value = visits.earned() + float(left.sum()) * beyond.mean
-    half = float(left.sum()) * beyond.half + slack
+    if exact or occupancy.complete or not trials:
+        return evaluation
+    roots = np.flatnonzero(occupancy.residual > 0)
+    weights = occupancy.residual[roots]
+    remainder = estimate_value(graph, roots, weights, trials=trials, confidence=confidence, seed=seed)
+    value = occupancy.expected_reward() + float(weights.sum()) * remainder.mean
+    half_width = float(weights.sum()) * remainder.half_width + slack
     return replace(
-        found,
-        estimate=min(max(value, lower), upper),
-        interval=(max(lower, value - half), min(upper, value + half)),
-        confidence=confidence,
+        evaluation,
+        interval=Interval(
+            estimate=min(max(value, lower), upper),
+            low=max(lower, value - half_width),
+            high=min(upper, value + half_width),
+            confidence=confidence,
+        ),
         trials=trials,
         seconds=monotonic() - began,
     )
 
 
-def _worst(visits: DiscountedOccupancy) -> Shortfall:
-    graph, lost = visits.graph, visits.shortfalls()
-    node = int(lost.argmax())
-    promise, often = float(graph.values[node]), float(visits.visits[node])
+def _largest_shortfall(occupancy: DiscountedOccupancy) -> Shortfall:
+    graph, losses = occupancy.graph, occupancy.shortfalls()
+    node = int(losses.argmax())
+    value, visits = float(graph.values[node]), float(occupancy.visits[node])
     return Shortfall(
-        belief=graph.beliefs.belief(node, len(graph.pomdp.states)),
+        belief=graph.beliefs.dense(node, len(graph.pomdp.states)),
         action=int(graph.actions[node]),
-        promise=promise,
-        given=promise - float(lost[node]) / often if often > 0 else promise,
-        visits=often,
+        vector_value=value,
+        backup_value=value - float(losses[node]) / visits if visits > 0 else value,
+        visits=visits,
     )

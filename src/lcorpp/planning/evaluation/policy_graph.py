@@ -1,4 +1,4 @@
-"""A policy as a finite-state controller: what to do, and where each observation leads."""
+"""Policy graphs: a policy as a finite-state controller with an action per node and observations on edges."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
+from lcorpp.notebook import html_table
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
 from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
@@ -17,30 +18,29 @@ from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array, Belief
 
-MOST_LINES = 6
-"""Observations that an arrow of a picture names; the others are counted."""
+MAX_LABEL_LINES = 6
+"""An arrow's label names at most this many observations and counts the others."""
 
 
 @dataclass(frozen=True, eq=False)
 class PolicyGraph:
-    """n nodes, each with an action and the belief it was first met with, and m edges, one an observation.
+    """A finite-state controller of n nodes and m edges; node 0 is the start.
 
-    Node 0 is the start. Nodes are numbered by their depth and then as they were met, edges by their source
-    and then by their observation.
+    Nodes are in breadth-first order, edges ordered by source and observation.
 
-    actions: (n,) indices. vectors: (n,) the number of the policy's best vector there.
-    depths: (n,) the fewest steps that lead there from the start.
-    whole: (n,) whether a node has all its edges; the others were left out, being beyond a limit.
+    actions: (n,) indices. vectors: (n,) index of the policy's best vector.
+    depths: (n,) number of steps on a shortest path from the start.
+    complete: (n,) whether a node has all its edges; edges beyond a limit are missing.
     sources, targets: (m,) nodes. observations: (m,) indices.
-    probabilities: (m,) of each observation, in the belief of its source after its action.
-    beliefs: of the nodes; `belief` gives one.
+    probabilities: (m,) of each observation, given the belief of its source and its action.
+    beliefs: of the nodes, as first reached; `belief` returns one.
     state_names, action_names, observation_names: of the model.
     """
 
     actions: Indices
     vectors: Indices
     depths: Indices
-    whole: npt.NDArray[np.bool_]
+    complete: npt.NDArray[np.bool_]
     sources: Indices
     targets: Indices
     observations: Indices
@@ -53,63 +53,82 @@ class PolicyGraph:
     def __len__(self) -> int:
         return len(self.actions)
 
+    def __repr__(self) -> str:
+        cut = "" if self.complete.all() else f", {np.count_nonzero(~self.complete)} nodes incomplete"
+        return f"<PolicyGraph: {len(self)} nodes, {len(self.sources)} edges, depth {self.depths.max()}{cut}>"
+
+    def _repr_html_(self) -> str:
+        """The nodes as a table: action, likeliest state, and the next node for each observation."""
+        rows = []
+        for node, action in enumerate(self.actions.tolist()):
+            edges = np.flatnonzero(self.sources == node)
+            following = ", ".join(
+                f"{self.observation_names[self.observations[edge]]}: {self.targets[edge]}" for edge in edges
+            )
+            rows.append((f"{node}", self.action_names[action], self._likeliest_state(node), following))
+        return html_table(("node", "action", "likeliest state", "next node"), rows, limit=20)
+
     def belief(self, node: int) -> Belief:
-        """(S,) the belief that a node was first met with."""
-        return self.beliefs.belief(node, len(self.state_names))
+        """Return (S,) the belief of a node, as first reached."""
+        return self.beliefs.dense(node, len(self.state_names))
+
+    def _likeliest_state(self, node: int) -> str:
+        belief = self.belief(node)
+        state = int(belief.argmax())
+        return f"{self.state_names[state]} {belief[state]:.3g}"
 
     def layers(self) -> list[Indices]:
-        """The nodes of each depth, so ordered that few edges cross: by where their parents stand."""
+        """Return the nodes of each depth, ordered by their parents' mean position so that few edges cross."""
         layers: list[Indices] = []
-        place = np.zeros(len(self))
+        position = np.zeros(len(self))
         for depth in range(int(self.depths.max()) + 1):
             layer = np.flatnonzero(self.depths == depth)
             if depth:
                 inner = (self.depths[self.sources] == depth - 1) & (self.depths[self.targets] == depth)
-                target, stand = self.targets[inner], place[self.sources[inner]]
-                sums, parents = (np.bincount(target, of, minlength=len(self)) for of in (stand, None))
+                target, above = self.targets[inner], position[self.sources[inner]]
+                sums = np.bincount(target, above, minlength=len(self))
+                parents = np.bincount(target, minlength=len(self))
                 layer = layer[np.argsort(sums[layer] / parents[layer], kind="stable")]
-            place[layer] = np.arange(len(layer)) - (len(layer) - 1) / 2
+            position[layer] = np.arange(len(layer)) - (len(layer) - 1) / 2
             layers.append(layer)
         return layers
 
     def positions(self) -> Array:
-        """(n, 2) where to draw each node: across, its layer centred at 0, and up, minus its depth."""
-        places = np.stack([np.zeros(len(self)), 0.0 - self.depths], axis=1)
+        """Return (n, 2) coordinates for drawing: x with each layer centred at 0, y minus the depth."""
+        coordinates = np.stack([np.zeros(len(self)), 0.0 - self.depths], axis=1)
         for layer in self.layers():
-            places[layer, 0] = np.arange(len(layer)) - (len(layer) - 1) / 2
-        return places
+            coordinates[layer, 0] = np.arange(len(layer)) - (len(layer) - 1) / 2
+        return coordinates
 
-    def arrows(self) -> dict[tuple[int, int], list[int]]:
-        """The edges (their numbers) between each two nodes, for drawing them as one."""
-        found: dict[tuple[int, int], list[int]] = {}
+    def edges_by_nodes(self) -> dict[tuple[int, int], list[int]]:
+        """Return the edges from each source to each target, for drawing them as one arrow."""
+        edges: dict[tuple[int, int], list[int]] = {}
         for edge, ends in enumerate(zip(self.sources.tolist(), self.targets.tolist(), strict=True)):
-            found.setdefault(ends, []).append(edge)
-        return found
+            edges.setdefault(ends, []).append(edge)
+        return edges
 
-    def dot(self) -> str:
-        """The graph in the language of Graphviz: `dot -Tsvg` draws it.
+    def to_dot(self) -> str:
+        """Return the graph in Graphviz's language, for `dot -Tsvg`.
 
-        A node shows its action and the most likely state of its belief; the start has a double line, and a
-        node whose edges are not all there a dashed one.
+        A node shows its action and the likeliest state of its belief. The start has a double border, an
+        incomplete node a dashed one.
         """
         lines = ["digraph policy {", "  node [shape=box, style=rounded];"]
         for node, action in enumerate(self.actions.tolist()):
-            belief = self.belief(node)
-            state = int(belief.argmax())
-            label = [self.action_names[action], f"{self.state_names[state]} {belief[state]:.3g}"]
+            label = [self.action_names[action], self._likeliest_state(node)]
             extra = ", peripheries=2" if node == 0 else ""
-            extra += "" if self.whole[node] else ', style="rounded,dashed"'
-            lines.append(f"  n{node} [label={_quoted(label)}{extra}];")
-        for (source, target), edges in self.arrows().items():
+            extra += "" if self.complete[node] else ', style="rounded,dashed"'
+            lines.append(f"  n{node} [label={_quote(label)}{extra}];")
+        for (source, target), edges in self.edges_by_nodes().items():
             order = sorted(edges, key=lambda edge: -self.probabilities[edge])
             label = [
                 f"{self.observation_names[self.observations[edge]]} {self.probabilities[edge]:.3g}"
-                for edge in order[:MOST_LINES]
+                for edge in order[:MAX_LABEL_LINES]
             ]
-            if len(order) > MOST_LINES:
-                others = float(self.probabilities[order[MOST_LINES:]].sum())
-                label.append(f"{len(order) - MOST_LINES} others {others:.3g}")
-            lines.append(f"  n{source} -> n{target} [label={_quoted(label)}];")
+            if len(order) > MAX_LABEL_LINES:
+                others = float(self.probabilities[order[MAX_LABEL_LINES:]].sum())
+                label.append(f"{len(order) - MAX_LABEL_LINES} others {others:.3g}")
+            lines.append(f"  n{source} -> n{target} [label={_quote(label)}];")
         return "\n".join([*lines, "}"]) + "\n"
 
 
@@ -123,20 +142,20 @@ def policy_graph(
     max_nodes: int = 1_000,
     min_probability: float = 0.0,
 ) -> PolicyGraph:
-    """The controller that a policy is, from a start belief on.
+    """Convert a policy to a finite-state controller for a start belief.
 
-    Merged by vector, beliefs with the same best vector are one node, which goes on as the belief does that
-    was met first: small, and exact where each vector stands for one plan. Merged by belief, only equal
-    beliefs are one (up to the 40 binary digits they are kept with): the policy itself, but the graph may have
-    no end.
+    With `merge="vector"`, beliefs with the same best vector share a node, whose edges are those of the belief
+    that was reached first: the graph is small, and exact if each vector belongs to one plan. With
+    `merge="belief"`, only equal beliefs (of 40 binary digits) share a node: the graph is exact, but it may be
+    infinite.
 
     Args:
-        pomdp: the world. policy: made for it.
-        start: (S,) where the policy begins; the model's own when None.
-        merge: what makes two beliefs one node.
-        max_depth: nodes this many steps from the start have no edges; None for no limit.
-        max_nodes: no nodes are added beyond so many; edges to them are left out.
-        min_probability: edges of observations less likely than this are left out.
+        pomdp: the model. policy: for this model.
+        start: (S,) the start belief; the model's own when None.
+        merge: which beliefs share a node.
+        max_depth: nodes at this depth have no edges; None for no limit.
+        max_nodes: the maximal number of nodes; edges to further nodes are left out.
+        min_probability: edges of observations below this probability are left out.
 
     Raises:
         ModelError: `start` is not a distribution over the states, or an argument is out of range.
@@ -156,8 +175,8 @@ def policy_graph(
     belief = check_belief(pomdp, pomdp.start if start is None else start)
     graph = BeliefGraph(pomdp, policy)
     layer = graph.add(SparseBeliefs.of(belief[None]))
-    nodes, depths, whole = layer.tolist(), [0], [True]
-    numbers = {_key(graph, int(layer[0]), merge): 0}
+    nodes, depths, complete = layer.tolist(), [0], [True]
+    node_of_key = {_key(graph, int(layer[0]), merge): 0}
     edges: list[tuple[int, int, int, float]] = []
     depth = 0
     while len(layer) and (max_depth is None or depth < max_depth):
@@ -165,32 +184,32 @@ def policy_graph(
         begin = len(nodes)
         source_of = dict(zip(layer.tolist(), range(begin - len(layer), begin), strict=True))
         for owner, observation, probability, child in zip(
-            *(kind.tolist() for kind in graph.expand(layer)), strict=True
+            *(column.tolist() for column in graph.expand(layer)), strict=True
         ):
             source, key = source_of[owner], _key(graph, child, merge)
-            if probability < min_probability or (key not in numbers and len(nodes) >= max_nodes):
-                whole[source] = False
+            if probability < min_probability or (key not in node_of_key and len(nodes) >= max_nodes):
+                complete[source] = False
                 continue
-            if key not in numbers:
-                numbers[key] = len(nodes)
+            if key not in node_of_key:
+                node_of_key[key] = len(nodes)
                 nodes.append(child)
                 depths.append(depth)
-                whole.append(True)
-            edges.append((source, numbers[key], observation, probability))
+                complete.append(True)
+            edges.append((source, node_of_key[key], observation, probability))
         layer = np.array(nodes[begin:], dtype=np.intp)
-    whole[len(nodes) - len(layer) :] = [False] * len(layer)
-    return _made(graph, nodes, depths, whole, edges)
+    complete[len(nodes) - len(layer) :] = [False] * len(layer)
+    return _build(graph, nodes, depths, complete, edges)
 
 
 def _key(graph: BeliefGraph, node: int, merge: str) -> int:
     return int(graph.vectors[node]) if merge == "vector" else node
 
 
-def _made(
+def _build(
     graph: BeliefGraph,
     nodes: list[int],
     depths: list[int],
-    whole: list[bool],
+    complete: list[bool],
     edges: list[tuple[int, int, int, float]],
 ) -> PolicyGraph:
     which, pomdp = np.array(nodes, dtype=np.intp), graph.pomdp
@@ -199,7 +218,7 @@ def _made(
         actions=graph.actions[which].astype(np.intp),
         vectors=graph.vectors[which],
         depths=np.array(depths, dtype=np.intp),
-        whole=np.array(whole, dtype=bool),
+        complete=np.array(complete, dtype=bool),
         sources=np.array(sources, dtype=np.intp),
         targets=np.array(targets, dtype=np.intp),
         observations=np.array(observations, dtype=np.intp),
@@ -211,7 +230,7 @@ def _made(
     )
 
 
-def _quoted(lines: list[str]) -> str:
-    """Lines of a label, as a string of Graphviz: quotes and backslashes stand for themselves."""
-    shown = ("".join(c if c.isprintable() else "?" for c in line) for line in lines)
-    return '"' + "\\n".join(line.replace("\\", "\\\\").replace('"', '\\"') for line in shown) + '"'
+def _quote(lines: list[str]) -> str:
+    """Return the lines of a label as a Graphviz string, with quotes and backslashes escaped."""
+    printable = ("".join(c if c.isprintable() else "?" for c in line) for line in lines)
+    return '"' + "\\n".join(line.replace("\\", "\\\\").replace('"', '\\"') for line in printable) + '"'

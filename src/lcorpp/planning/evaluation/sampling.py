@@ -1,4 +1,4 @@
-"""Chance: draws from rows of weights, by numbers that belong to a seed, a trial and a step alone."""
+"""Sampling from rows of weights with counter-based random numbers."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from lcorpp.planning.evaluation.splitmix64 import GOLDEN, Words, hash_counter, s
 from lcorpp.planning.sparse import Int32Array, Int64Array
 from lcorpp.values import Array
 
-LONG = 64
-"""Rows of more entries are added up one by one, shorter ones all together."""
+LONG_ROW = 64
+"""Rows of more entries are summed one by one, shorter rows all together."""
 
 Numbers = npt.NDArray[np.integer]
 
 
 class CounterRng:
-    """Numbers in [0, 1) for every trial and step, each the same whatever else is drawn.
+    """Uniform random numbers that depend on seed, trial and step only.
 
-    A number is the hash of its place: SplitMix64 (Steele, Lea and Flood, 2014) at the sum of what it gives
-    for the trial and for the step. The generators of numpy can only run through their numbers, and trials
-    end at different times. Policies that are tried with one seed meet the same luck.
+    A number is the SplitMix64 hash (Steele, Lea and Flood, 2014) of its trial's key and its step's counter.
+    numpy's generators are sequential, but trials end at different times. Policies simulated with the same
+    seed use common random numbers.
 
     Raises:
-        ModelError: the seed is not a whole number from 0.
+        ModelError: the seed is not an integer from 0.
     """
 
     def __init__(self, seed: int) -> None:
@@ -34,26 +34,27 @@ class CounterRng:
         self._seed = np.random.SeedSequence(int(seed)).generate_state(1, np.uint64)
 
     def trial_keys(self, first: int, count: int) -> Words:
-        """(count,) what the trials from `first` draw with."""
-        counted = np.arange(first, first + count, dtype=np.uint64) * np.uint64(GOLDEN)
-        return splitmix64(counted + self._seed)
+        """Return (count,) the keys of the trials from `first`."""
+        counters = np.arange(first, first + count, dtype=np.uint64) * np.uint64(GOLDEN)
+        return splitmix64(counters + self._seed)
 
-    def numbers(self, lots: Words, place: int) -> Array:
-        """(n,) the numbers of some lots (n,) at a place from 0: each step has places of its own."""
-        words = splitmix64(lots + hash_counter(np.array([place]), 1))
+    def uniforms(self, keys: Words, counter: int) -> Array:
+        """Return (n,) numbers in [0, 1) for trial keys (n,) and a counter from 0, unique to a draw."""
+        words = splitmix64(keys + hash_counter(np.array([counter]), 1))
         words >>= np.uint64(11)
-        numbers: Array = words * np.float64(2.0**-53)
-        return numbers
+        uniforms: Array = words * np.float64(2.0**-53)
+        return uniforms
 
 
 class InverseCdfSampler:
-    """Rows of weights made ready to be drawn from: the sums of each row up to each of its entries.
+    """A sampler of columns from rows of weights, by inversion of each row's cumulative distribution.
 
-    begins: (R + 1,) where the entries of each row begin; no row is empty. columns, values: (entries,).
+    begins: (R + 1,) the entries of row i are begins[i] to begins[i + 1]; no row is empty.
+    columns, values: (entries,).
 
-    The entry for a number u in [0, 1) is found by bisection: the first of its row whose sum exceeds u. Rows
-    are filled up to a power of two with sums of 1; a row's own last sum is 1 exactly, so neither what fills
-    it nor an entry of zero is ever found.
+    The column of a number u in [0, 1) is that of the first entry whose cumulative sum exceeds u, found by
+    bisection. Rows are padded with ones to a power of two. The last sum of a row is exactly 1, so neither
+    padding nor a zero entry is ever returned.
     """
 
     def __init__(self, begins: Int64Array, columns: Int32Array, values: Array) -> None:
@@ -66,31 +67,31 @@ class InverseCdfSampler:
         self._columns = np.zeros(int(widths.sum()), dtype=np.int64)
         self._columns[place] = columns
         sums = np.ones(len(self._columns))
-        sums[place] = _running(begins, sizes, values)
-        # the sum up to the entry before: what u is held against when a half is skipped
+        sums[place] = _cumulate(begins, sizes, values)
+        # the sum before each entry: bisection compares u with it to skip the lower half
         self._before = np.concatenate([[0.0], sums])
         self._halvings = int(self._halves.max()).bit_length()
-        self._alike = int(self._halves[0]) if (self._halves == self._halves[0]).all() else None
+        self._common_half = int(self._halves[0]) if (self._halves == self._halves[0]).all() else None
 
-    def draw(self, rows: Numbers, numbers: Array) -> npt.NDArray[np.int64]:
-        """(n,) the columns that numbers (n,) in [0, 1) stand for, each in its row."""
+    def draw(self, rows: Numbers, uniforms: Array) -> npt.NDArray[np.int64]:
+        """Return (n,) columns for numbers (n,) in [0, 1), each in its row (n,)."""
         place = self._begins.take(rows)
         if self._halvings:
-            half = self._halves.take(rows) if self._alike is None else np.array([self._alike])
+            half = self._halves.take(rows) if self._common_half is None else np.array([self._common_half])
             for _ in range(self._halvings):
-                place += half * (self._before.take(place + half) <= numbers)
+                place += half * (self._before.take(place + half) <= uniforms)
                 half = half >> 1
-        found: npt.NDArray[np.int64] = self._columns.take(place)
-        return found
+        columns: npt.NDArray[np.int64] = self._columns.take(place)
+        return columns
 
 
-def _running(begins: Int64Array, sizes: Numbers, values: Array) -> Array:
-    """The sums of each row up to each of its entries, scaled so that the last is 1 exactly."""
+def _cumulate(begins: Int64Array, sizes: Numbers, values: Array) -> Array:
+    """Return the cumulative sums of each row, divided by the row's sum."""
     sums = np.array(values)
-    for row in np.flatnonzero(sizes > LONG):
+    for row in np.flatnonzero(sizes > LONG_ROW):
         part = slice(int(begins[row]), int(begins[row + 1]))
         sums[part] = np.cumsum(sums[part])
-    sizes = np.where(sizes > LONG, 0, sizes)
+    sizes = np.where(sizes > LONG_ROW, 0, sizes)
     order = np.argsort(-sizes, kind="stable")
     longer = len(sizes) - np.searchsorted(np.sort(sizes), np.arange(int(sizes.max())), side="right")
     for k in range(1, len(longer)):  # rows of more than k entries come first

@@ -46,7 +46,7 @@ def write_policy(policy: Policy, path: str | Path) -> None:
         f'<Policy version="0.1" type="value" model="{escape(model)}">',
     ]
     # the space after the last number of a vector is APPL's; some readers drop what follows it
-    if not policy.is_flat and written_out(policy) > MAX_TEXT:
+    if not policy.covers_all_states and written_out(policy) > MAX_TEXT:
         lines.append(
             f"<!-- lcorpp pieces {' '.join(_ranges(piece.states) for piece in policy.vector_sets)} -->"
         )

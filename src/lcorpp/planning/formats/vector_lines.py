@@ -23,7 +23,7 @@ def vector_lines(policy: Policy) -> Iterator[tuple[int, str]]:
     Raises:
         PolicyError: a policy in pieces would grow too large.
     """
-    if not policy.is_flat and written_out(policy) > MAX_TEXT:
+    if not policy.covers_all_states and written_out(policy) > MAX_TEXT:
         raise PolicyError(
             f"this policy is in {len(policy.vector_sets)} pieces; its {len(policy)} vectors written out over"
             f" all {len(policy.state_names)} states take about {written_out(policy) / 1e6:.0f} MB;"

@@ -47,7 +47,7 @@ def draw_graph(
     """
     if nodes < 1 or arrows < 0:
         raise ModelError(f"a picture has at least one node, not {nodes}, and no fewer arrows than 0")
-    all_arrows = graph.arrows()
+    all_arrows = graph.edges_by_nodes()
     kept, drawn_arrows = _most_met(graph, list(all_arrows), nodes, arrows)
     number = {node: place for place, node in enumerate(kept)}
     missing = {source for source, _ in all_arrows.keys() - set(drawn_arrows)}
@@ -57,12 +57,14 @@ def draw_graph(
             Fill.of(int(graph.actions[node])),
             int(graph.depths[node]),
             first=node == 0,
-            cut=node in missing or not graph.whole[node],
+            cut=node in missing or not graph.complete[node],
         )
         for node in kept
     ]
     lines = [
-        _arrow(graph, number[source], number[target], all_arrows[source, target], bool(graph.whole[source]))
+        _arrow(
+            graph, number[source], number[target], all_arrows[source, target], bool(graph.complete[source])
+        )
         for source, target in drawn_arrows
     ]
     caption = []

@@ -1,10 +1,11 @@
-"""SARSOP, in the steps of its paper (Kurniawati, Hsu and Lee, RSS 2008).
+"""SARSOP, with the structure of its paper (Kurniawati, Hsu and Lee, RSS 2008).
 
-solver       Algorithm 1: sample, back up, prune until the bounds meet
-sampling     one trial, Algorithm 2, to be read and changed: it runs on either kernels
-engine       what the kernels offer, and which are taken: those in native/ (C++), or their twins
-twin         the kernels in numpy: bounds, vectors, points, the belief tree, backups, pruning
-upper_bound  what is left of the upper bound when the search is over
+solver            Algorithm 1: sample, back up and prune until the bounds meet
+sampling          Algorithm 2: sample one path; users can replace it
+bounded_search    loop, limits and result, shared with Perseus and the online planner
+upper_bound       the upper bound of a policy after the search
+kernel_protocols  the contract of the kernels
+kernels           selection of the kernels: C++ (native/sarsop) or numpy (numpy_kernels)
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""SAMPLE: one path of beliefs from a root, towards where the bounds matter most for the root.
+"""SAMPLE: sample one path of beliefs from a root, towards the beliefs whose bounds matter most at the root.
 
-This is the search itself, on the methods of a tree. Write another one and hand it to `solve`: it runs on the
-compiled kernels as it does on numpy's. Without one, both kinds of kernels run what is below, the compiled
-ones a copy of it in C++.
+The search strategy in Python, on the methods of a tree. To change it, pass another function to `solve`: it
+runs on the compiled kernels and on the numpy kernels. By default the numpy kernels run this function, and
+the compiled kernels a copy of it in C++.
 
 Source: Kurniawati, Hsu and Lee, RSS 2008, Algorithm 2 (SAMPLE, SAMPLEPOINTS).
 """
@@ -10,76 +10,73 @@ Source: Kurniawati, Hsu and Lee, RSS 2008, Algorithm 2 (SAMPLE, SAMPLEPOINTS).
 from __future__ import annotations
 
 from time import monotonic
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lcorpp.planning.sarsop.kernel_protocols import Tree, ValuePredictor
 from lcorpp.values import Array
 
-if TYPE_CHECKING:
-    from lcorpp.planning.sarsop.kernels import Prediction, Tree
+NEGLIGIBLE_SHARE = 0.1
+"""Share of the allowed gap below which selective deep sampling has nothing left to find."""
 
-NEGLIGIBLE = 0.1
-"""Share of the allowed gap below which even selective deep sampling has nothing left to find."""
-
-ABOVE = 1e-6
-"""Share of the allowed gap by which a value must be above a level to count as above it. Often a belief is
-worth the very level it is held against, and rounding must not decide then."""
+LEVEL_MARGIN = 1e-6
+"""A value counts as above a level only if it exceeds the level by this share of the allowed gap: a value
+often equals its level exactly, and this margin keeps rounding from deciding."""
 
 
-def trial(
+def sample(
     tree: Tree,
-    prediction: Prediction,
+    predictor: ValuePredictor,
     root: int,
     target: float,
-    depth: int,
+    max_depth: int,
     seconds: float,
-    greedy_below: bool,
+    use_lower_bound: bool,
 ) -> int:
-    """Sample a path and back up along it, the last belief first.
+    """Sample a path and back up its nodes, from the last to the first.
 
-    The path goes on while a node's gap may still matter at the root (gap termination with the level U), or
-    while the predicted value says that the lower bound may still rise there (selective deep sampling, level
-    L). Beliefs already on the path are passed over while another child has a gap that matters: under a slow
-    discount a trial would circle in one belief to its end.
+    The path continues while a node's gap may matter at the root (gap termination with level U), or while the
+    predicted value shows that the lower bound may still rise there (selective deep sampling with level L).
+    Beliefs already on the path are skipped while another child has a gap that matters: under a slow discount
+    a path would otherwise stay at one belief to its end.
 
     Args:
-        prediction: a guess at the value of a node, learnt on the way.
-        root: the node to begin at.
-        target: the gap wanted there, in reward units; a node t steps down may keep target / gamma^t.
-        depth: the most nodes on the path.
-        seconds: of wall-clock time; at the end it stops wherever it is.
-        greedy_below: follow the action that is best in the lower bound instead of the upper.
+        predictor: predicts the value of a node; it learns from the path.
+        root: the first node.
+        target: gap wanted at the root, in reward units; a node t steps down may keep target / gamma^t.
+        max_depth: largest number of nodes on the path.
+        seconds: of wall-clock time, after which the function stops early.
+        use_lower_bound: follow the best action of the lower bound instead of the upper bound.
 
     Returns:
         The number of nodes on the path.
     """
     deadline, gamma = monotonic() + seconds, tree.discount
     node, path = root, [root]
-    action = tree.look(root, greedy_below)
+    action = tree.select_action(root, use_lower_bound)
     allowed = target
-    L, U = tree.low(root), tree.low(root) + allowed
-    while len(path) < depth and monotonic() < deadline:
-        low, high = tree.low(node), tree.high(node)
-        if high - low <= NEGLIGIBLE * allowed:
+    L, U = tree.cached_lower(root), tree.cached_lower(root) + allowed
+    while len(path) < max_depth and monotonic() < deadline:
+        low, high = tree.cached_lower(node), tree.cached_upper(node)
+        if high - low <= NEGLIGIBLE_SHARE * allowed:
             break
-        slack = ABOVE * allowed
-        if prediction.value(tree, node) <= L + slack and high <= max(U, low + allowed) + slack:
+        margin = LEVEL_MARGIN * allowed
+        if predictor.predict(tree, node) <= L + margin and high <= max(U, low + allowed) + margin:
             break
-        immediate = float(tree.immediate(node)[action])
-        _, probability, lower, upper, link = tree.children(node, action)
+        reward = float(tree.expected_rewards(node)[action])
+        _, probability, lower, upper, child_nodes = tree.children(node, action)
         L, U = max(L, low), max(U, low + allowed)
         allowed /= gamma
         excess = upper - lower - probability * allowed
-        fresh = ~np.isin(link, path)
+        fresh = ~np.isin(child_nodes, path)
         if (excess[fresh] > 0).any():
             excess = np.where(fresh, excess, -np.inf)
         k = int(excess.argmax())
-        L = _level(L, immediate, gamma, lower, k) / float(probability[k])
-        U = _level(U, immediate, gamma, upper, k) / float(probability[k])
-        node = tree.child(node, action, k)
-        action = tree.look(node, greedy_below)
-        prediction.learn(tree, node)
+        L = _child_level(L, reward, gamma, lower, k) / float(probability[k])
+        U = _child_level(U, reward, gamma, upper, k) / float(probability[k])
+        node = tree.add_child(node, action, k)
+        action = tree.select_action(node, use_lower_bound)
+        predictor.learn(tree, node)
         path.append(node)
     for number in reversed(path):
         tree.backup(number)
@@ -88,9 +85,10 @@ def trial(
     return len(path)
 
 
-def _level(level: float, immediate: float, gamma: float, bound: Array, k: int) -> float:
-    """What child k must be worth, times its probability, for its parent to reach `level`.
+def _child_level(level: float, reward: float, gamma: float, bounds: Array, k: int) -> float:
+    """The value that child k needs, times its probability, for its parent to reach `level`.
 
-    bound: (n,) bounds of all children times their probability; the others stay as they are.
+    Args:
+        bounds: (n,) bounds of all children times their probability; the others stay unchanged.
     """
-    return (level - immediate) / gamma - float(bound.sum() - bound[k])
+    return (level - reward) / gamma - float(bounds.sum() - bounds[k])

@@ -1,4 +1,4 @@
-"""The upper bound by itself: what is left of it when the search is over."""
+"""The upper bound of a policy, without the tree of the search that computed it."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from lcorpp.values import Array, Belief
 
 @dataclass(frozen=True, eq=False)
 class SawtoothBound:
-    """The fast informed bound, lowered by points; `lcorpp.planning.policy.UpperBound`.
+    """The fast informed bound and the sawtooth interpolation of points (`policy.UpperBound`).
 
-    At b it is the least of max over a of Q(a).b and of corners.b + phi(b) (v - corners.p) over the points
-    (p, v), phi = min over the support of p of b(s) / p(s); phi is 0 where p's support is not inside b's.
+    At b it is the minimum of max over a of Q(a).b and of corners.b + phi(b) (v - corners.p) over all points
+    (p, v), with phi(b) = min over the support of p of b(s) / p(s), which is 0 if b does not contain the
+    support of p.
 
-    informed: (A, S) Q values above the truth. corners: (S,) the bound where a state is certain.
-    begins: (n + 1,) where the entries of each point begin; states, weights: (entries,); values: (n,).
+    informed: (A, S) Q values that are upper bounds. corners: (S,) the bound at the beliefs that know the
+        state.
+    begins: (n + 1,) index of the first entry of each point. states, weights: (entries,). values: (n,).
 
     Source: Hauskrecht, JAIR 2000, section 4.4; Smith and Simmons, UAI 2005, section 4.2.
     """
@@ -38,8 +40,11 @@ class SawtoothBound:
             array.setflags(write=False)
             object.__setattr__(self, field, array)
 
+    def __repr__(self) -> str:
+        return f"<SawtoothBound: {len(self.values)} points, {len(self.corners)} states>"
+
     def points(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], Array, Array]:
-        """begins, states, weights and values of all points, the corners that were lowered first."""
+        """begins, states, weights and values of all points, with the lowered corners first."""
         lowered = np.flatnonzero(self.corners < self.informed.max(axis=0))
         begins = np.concatenate([np.arange(len(lowered)), len(lowered) + self.begins])
         states = np.concatenate([lowered.astype(np.int32), self.states])
@@ -58,6 +63,6 @@ class SawtoothBound:
 
     @cached_property
     def _excess(self) -> Array:
-        """(n,) how far below the corners' plane each point lies, not above 0."""
+        """(n,) v - corners.p of each point, not above 0."""
         planes = np.add.reduceat(self.corners[self.states] * self.weights, self.begins[:-1])
         return np.minimum(self.values - planes, 0.0)

@@ -1,13 +1,13 @@
-"""Solvers beside SARSOP, behind one signature.
+"""Solvers besides SARSOP.
 
-exact           `incremental_pruning`: the value at every belief, of small problems, by `steps` of dynamic
-                programming; vectors that are best nowhere are found by linear programs (`pruning`,
-                `margins`), and between two steps plans are made better at some beliefs (`point_based`)
-perseus         backups at beliefs met by chance
-qmdp, fib       the two tables that are upper bounds, as policies, and what these earn (`informed`)
-finite_horizon  for a number of steps, around a start belief (SARSOP in `layers`)
-finite_exact    the same at every belief
-online          no policy at all: a search from the belief at hand, by `pomcp` in a simulator
+Infinite horizon, one signature, by name in `load_solver`:
+perseus       randomised point-based backups
+table_policy  QMDP and the fast informed bound as policies
+exact         incremental pruning: the value at every belief, for small problems
+
+finite_horizon    one policy per number of remaining steps
+heuristic_search  online planning with bounds
+pomcp             online planning by simulation
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from importlib import import_module
 from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.planning.solution import Solution
 
-_HOMES = {
+_FUNCTIONS = {
     "sarsop": ("lcorpp.planning.sarsop", "solve"),
     "exact": ("lcorpp.planning.solvers.exact.incremental_pruning", "solve_exact"),
     "perseus": ("lcorpp.planning.solvers.perseus", "solve_perseus"),
-    "qmdp": ("lcorpp.planning.solvers.qmdp", "solve_qmdp"),
-    "fib": ("lcorpp.planning.solvers.fib", "solve_fib"),
+    "qmdp": ("lcorpp.planning.solvers.table_policy", "solve_qmdp"),
+    "fib": ("lcorpp.planning.solvers.table_policy", "solve_fib"),
 }
 
-NAMES = tuple(_HOMES)
-"""The solvers for problems without end, by which `solver` knows them."""
+SOLVER_NAMES = tuple(_FUNCTIONS)
+"""The names that `load_solver` accepts. A new solver is one row of the table above."""
 
 
-def solver(name: str) -> Callable[..., Solution]:
-    """The function `solve(pomdp, start=None, *, precision, time_limit, callback)` of a solver.
+def load_solver(name: str) -> Callable[..., Solution]:
+    """Import a solver and return its function `solve(pomdp, start=None, *, precision, time_limit, callback)`.
 
     Raises:
-        ModelError: there is none of that name.
+        ModelError: the name is unknown.
     """
-    if name not in _HOMES:
-        raise ModelError(f"unknown solver {name!r}; {expected_one_of(NAMES)}")
-    home, function = _HOMES[name]
-    found: Callable[..., Solution] = getattr(import_module(home), function)
-    return found
+    if name not in _FUNCTIONS:
+        raise ModelError(f"unknown solver {name!r}; {expected_one_of(SOLVER_NAMES)}")
+    module, function = _FUNCTIONS[name]
+    solver: Callable[..., Solution] = getattr(import_module(module), function)
+    return solver

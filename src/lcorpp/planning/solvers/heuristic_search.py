@@ -1,4 +1,4 @@
-"""Planning at the belief at hand: a search within bounds at every step, instead of a policy beforehand.
+"""Online planning: at every step a search with bounds from the current belief, instead of a policy.
 
 Source: Ross, Pineau, Paquet and Chaib-draa, Online planning algorithms for POMDPs, JAIR 2008; the search is
 that of Kurniawati, Hsu and Lee, RSS 2008.
@@ -9,33 +9,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 from time import monotonic
 
+from lcorpp.planning.arguments import check_count, check_limits
 from lcorpp.planning.belief import check_belief, update
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.kernels import Tree, engine, model_of
-from lcorpp.planning.sarsop.upper_bound import SawtoothBound
-from lcorpp.planning.solvers.arguments import checked_count, checked_limits
+from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree
 from lcorpp.values import Belief
 
-AIM = 0.5
-"""A trial aims at this share of the gap that it finds."""
+TARGET_SHARE = 0.5
+"""A path aims at this share of the current gap."""
 
 MAX_DEPTH = 200
-"""The longest trial."""
+"""Largest number of nodes on a path."""
 
-MOST_NODES = 50_000
-"""Beliefs that are kept; beyond it the search begins anew with the vectors and points found so far."""
-
-DELTA, CAP, GROWTH = 1e-3, 3.0, 1.3
-"""When vectors are pruned, and which: see `lcorpp.planning.sarsop.solver`."""
+MAX_NODES = 50_000
+"""Largest number of beliefs in memory; the next search then starts from the vectors and points alone."""
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What a search has found out at a belief.
+class SearchResult:
+    """The result of a search from a belief.
 
-    action: index of the action that earns most for certain.
-    lower, upper: bounds on the optimal value; whoever goes on asking earns `lower` at least.
-    trials: of this search. seconds: wall-clock time used.
+    action: index of the action with the largest lower bound.
+    lower, upper: bounds on the optimal value. A planner that searches at every step earns at least `lower`.
+    trials: sampled paths of this search. seconds: wall-clock time.
     """
 
     action: int
@@ -46,19 +42,18 @@ class Seen:
 
 
 class OnlinePlanner:
-    """A planner that searches when it is asked, for a while: `lcorpp.protocols.Planner`.
+    """A planner that searches from each belief for a limited time: `lcorpp.protocols.Planner`.
 
-    For problems that are too large to be solved beforehand, or that are met once: time is spent on the
-    beliefs that come about. Bounds found at one belief serve at all others, so a planner gets better with
-    use.
+    For problems that are too large to be solved in advance or that are used only once: the time goes to the
+    beliefs that occur. Bounds are shared by all beliefs, so a planner improves with use.
 
     Args:
         pomdp: the problem.
-        seconds: of wall-clock time that `action` may take at most.
-        precision: it takes less where the bounds are as close as this, in reward units.
-        trials: paths sampled at most at a time, from 1; with `seconds` long enough the same calls then get
-            the same answers.
-        preparation: wall-clock seconds for the initial bounds, at most.
+        seconds: largest wall-clock time of one call of `action`.
+        precision: a search stops when the bounds are this close, in reward units.
+        trials: largest number of sampled paths per search, at least 1. With `seconds` long enough, equal
+            calls then have equal results.
+        preparation: largest wall-clock time for the initial bounds, in seconds.
 
     Raises:
         ModelError: a number is out of range.
@@ -75,34 +70,31 @@ class OnlinePlanner:
         trials: int | None = None,
         preparation: float = 60.0,
     ) -> None:
-        checked_limits(precision, seconds)
-        checked_limits(precision, preparation)
+        check_limits(precision, seconds)
+        check_limits(precision, preparation)
         self.pomdp, self.seconds, self.precision = pomdp, seconds, precision
-        self.trials = None if trials is None else checked_count("trials", trials, 1)
-        self._kernels = engine()
-        self._model = model_of(self._kernels, pomdp)
-        share = preparation / 3
-        self._blind = self._kernels.blind_policies(self._model, 1e-3 * precision, share)
-        seen = self._kernels.mdp_bound(self._model, 1e-3 * precision, share)
-        self._informed = self._kernels.fast_informed_bound(self._model, seen, 1e-2 * precision, share)
-        self._tree: Tree = self._kernels.Tree(self._model, self._informed, self._blind)
-        self._prediction = self._kernels.Prediction(self._informed.max(axis=0))
+        self.trials = None if trials is None else check_count("trials", trials, 1)
+        self._bounds = BoundedTree(pomdp, precision=precision, seconds=preparation / 3)
+
+    def __repr__(self) -> str:
+        tree = self._bounds.tree
+        return f"<OnlinePlanner: {self.seconds:g} s, {tree.vector_count} vectors, {tree.node_count} beliefs>"
 
     @property
     def start(self) -> Belief:
-        """(S,) the model's own start belief."""
+        """(S,) the model's start belief."""
         return self.pomdp.start
 
     def action(self, belief: Belief) -> str:
-        """The name of the action to take at a belief (S,), after a search.
+        """Search, and return the name of the action to take at a belief (S,).
 
         Raises:
-            ModelError: it is not a distribution over the states.
+            ModelError: `belief` is not a distribution over the states.
         """
-        return self.pomdp.actions[self.look(belief).action]
+        return self.pomdp.actions[self.search(belief).action]
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:
-        """(S,) the belief after a named action and observation.
+        """Return the belief (S,) after a named action and observation.
 
         Raises:
             ModelError: a name is unknown.
@@ -111,45 +103,30 @@ class OnlinePlanner:
         pomdp = self.pomdp
         return update(pomdp, belief, pomdp.action_index(action), pomdp.observation_index(observation))
 
-    def look(self, belief: Belief) -> Seen:
-        """Search from a belief (S,): the action to take there, and bounds on the value.
+    def search(self, belief: Belief) -> SearchResult:
+        """Search from a belief (S,) for the best action and bounds on the value.
 
-        At an interrupt from the keyboard it returns what is known so far.
+        After Ctrl-C, the result is that of the search so far.
 
         Raises:
-            ModelError: it is not a distribution over the states.
+            ModelError: `belief` is not a distribution over the states.
         """
         began, belief = monotonic(), check_belief(self.pomdp, belief)
-        if self._tree.node_count > MOST_NODES:
-            self._begin_anew()
-        tree, root, done = self._tree, self._tree.node(belief), 0
-        try:
-            while self._open(root, done, began):
-                gap = tree.upper_at(root) - tree.lower_at(root)
-                left = began + self.seconds - monotonic()
-                target = max(AIM * gap, 0.5 * self.precision)
-                tree.trial(self._prediction, root, target, MAX_DEPTH, left, done % 2 == 1)
-                tree.prune([root], DELTA, CAP, GROWTH)
-                done += 1
-        except KeyboardInterrupt:
-            pass
-        action, low = tree.look(root, True), tree.lower_at(root)
-        return Seen(action, low, max(low, tree.upper_at(root)), done, monotonic() - began)
+        if self._bounds.tree.node_count > MAX_NODES:
+            self._bounds.reset()
+        search = BoundedSearch(
+            self._bounds, [belief], precision=self.precision, began=began, time_limit=self.seconds
+        )
 
-    def _open(self, root: int, done: int, began: float) -> bool:
-        """Whether to go on searching."""
-        if self.trials is not None and done >= self.trials:
-            return False
-        narrow = self._tree.upper_at(root) - self._tree.lower_at(root) <= self.precision
-        return not narrow and monotonic() < began + self.seconds
+        def step() -> str | None:
+            if self.trials is not None and search.trials >= self.trials:
+                return "trial limit"
+            search.sample(TARGET_SHARE, MAX_DEPTH)
+            return None
 
-    def _begin_anew(self) -> None:
-        """Forget the beliefs, not what was learnt at them."""
-        old = self._tree
-        tree = self._kernels.Tree(self._model, self._informed, self._blind)
-        for group in range(old.groups):
-            _, vectors, actions = old.vectors(group)
-            if len(actions):
-                tree.add_vectors(group, vectors, actions)
-        tree.add_points(*SawtoothBound(self._informed, *old.points()).points())
-        self._tree = tree
+        search.run(step)
+        tree, root = self._bounds.tree, search.widest
+        action, lower = tree.select_action(root, True), tree.lower_bound(root)
+        return SearchResult(
+            action, lower, max(lower, tree.upper_bound(root)), search.trials, monotonic() - began
+        )

@@ -1,4 +1,4 @@
-"""The answers to all evidences, worked out at once where they are few: an answer then is a look-up."""
+"""Table of precomputed answers for small evidence spaces: an answer is a look-up."""
 
 from __future__ import annotations
 
@@ -11,95 +11,97 @@ import numpy.typing as npt
 from lcorpp.values import Array
 
 Codes = npt.NDArray[np.intp]
+"""Evidence as integers: the index of the value in the range of the input, -1 for not observed."""
 
-TABLE = 20_000
-"""Up to so many different evidences have all their answers worked out."""
+MAX_TABLE_ROWS = 20_000
+"""Circuits with more evidence combinations have no table."""
 
-LOST = 1e-250
-"""Weights of evidence below this are not trusted: they may have lost their digits, or vanished."""
+MIN_EVIDENCE_WEIGHT = 1e-250
+"""Smaller weights of evidence count as 0: they may have lost digits or underflowed."""
 
 
 class AnswerTable:
-    """For each query the answers to all evidences, in the order of their codes; made when first needed.
+    """The answers of each query to all evidence combinations.
 
     Args:
-        sizes: how many codes each input has; the first, -1, is for not observed.
-        weigh: gives the weights of each query for codes (B, inputs).
+        sizes: the number of codes of each input, "not observed" included.
+        compute_weights: returns the weights (B, outcomes) of each query for codes (B, inputs).
 
-    answers: query -> (evidences, values) if every evidence has an answer (`sound`), else (evidences,
-        values + 1) with the share of having no value last, and rows of NaN for impossible evidence.
+    is_complete: whether each evidence combination has an answer with probability 1 for a value.
+    answers: query -> (combinations, values) if the table is complete; otherwise (combinations, values + 1)
+        with the probability of no value last, and rows of NaN for impossible evidence.
     """
 
-    def __init__(self, sizes: Sequence[int], weigh: Callable[[Codes], Mapping[str, Array]]) -> None:
-        self._sizes = sizes
-        self.steps = [prod(sizes[i + 1 :]) for i in range(len(sizes))]
-        grid = np.arange(prod(sizes))[:, None] // np.array(self.steps, dtype=np.intp)
+    def __init__(self, sizes: Sequence[int], compute_weights: Callable[[Codes], Mapping[str, Array]]) -> None:
+        self._strides = [prod(sizes[i + 1 :]) for i in range(len(sizes))]
+        grid = np.arange(prod(sizes))[:, None] // np.array(self._strides, dtype=np.intp)
         codes = grid % np.array(sizes, dtype=np.intp) - 1
-        found = {query: normalised(weights) for query, weights in weigh(codes).items()}
-        self.sound = all(not rows[:, -1].any() for rows in found.values())  # NaN is true
-        if self.sound:
-            found = {query: np.ascontiguousarray(rows[:, :-1]) for query, rows in found.items()}
-        for rows in found.values():
+        answers = {query: normalize_rows(weights) for query, weights in compute_weights(codes).items()}
+        self.is_complete = all(not rows[:, -1].any() for rows in answers.values())  # any() is true for NaN
+        if self.is_complete:
+            answers = {query: np.ascontiguousarray(rows[:, :-1]) for query, rows in answers.items()}
+        for rows in answers.values():
             rows.setflags(write=False)
-        self.answers = found
-        self._rows: dict[tuple[int, ...], _Rows] = {}
+        self.answers = answers
+        self._row_caches: dict[tuple[int, ...], _RowCache] = {}
 
     @staticmethod
-    def fit(sizes: Sequence[int]) -> bool:
-        """Whether there are few enough evidences."""
-        return prod(sizes) <= TABLE
+    def is_feasible(sizes: Sequence[int]) -> bool:
+        """Whether there are few enough evidence combinations."""
+        return prod(sizes) <= MAX_TABLE_ROWS
 
-    def index(self, codes: Mapping[int, int]) -> int:
-        """Where the answer to one evidence stands, input -> code."""
-        return sum([(code + 1) * self.steps[column] for column, code in codes.items()])
+    def find_row(self, codes: Mapping[int, int]) -> int:
+        """Return the row of one evidence combination, index of the input -> code."""
+        return sum([(code + 1) * self._strides[column] for column, code in codes.items()])
 
-    def indexes(self, codes: Codes) -> Codes:
-        """(B,) where the answers to evidences (B, inputs) stand."""
-        index = np.zeros(len(codes), dtype=np.intp)
-        for column, step in zip(codes.T, self.steps, strict=True):
-            index += (column + 1) * step
-        return index
+    def find_rows(self, codes: Codes) -> Codes:
+        """(B,) Return the rows of codes (B, inputs)."""
+        rows = np.zeros(len(codes), dtype=np.intp)
+        for column, stride in zip(codes.T, self._strides, strict=True):
+            rows += (column + 1) * stride
+        return rows
 
-    def indexes_of(
+    def find_rows_of_values(
         self,
         inputs: tuple[int, ...],
         columns: Sequence[Sequence[str | None]],
-        known: Sequence[Mapping[str, int]],
+        codes: Sequence[Mapping[str, int]],
     ) -> Codes:
-        """(B,) the same for columns of values.
+        """(B,) Return the rows of columns of values.
 
         Args:
-            inputs: the input of each column.
-            known: for each column, value -> code.
+            inputs: the index of the input of each column.
+            codes: value -> code, for each column.
 
         Raises:
-            KeyError, TypeError: a value is none of its input.
+            KeyError, TypeError: a value is unknown.
         """
-        if inputs not in self._rows:
-            places = [(self.steps[i], codes) for i, codes in zip(inputs, known, strict=True)]
-            self._rows[inputs] = _Rows(places)
-        return np.fromiter(map(self._rows[inputs].__getitem__, zip(*columns, strict=True)), np.intp)
+        if inputs not in self._row_caches:
+            strides = [self._strides[i] for i in inputs]
+            self._row_caches[inputs] = _RowCache(list(zip(strides, codes, strict=True)))
+        rows = self._row_caches[inputs]
+        return np.fromiter(map(rows.__getitem__, zip(*columns, strict=True)), np.intp)
 
 
-class _Rows(dict[tuple[str | None, ...], int]):
-    """Where the answer to some values stands in a table; found once for each combination."""
+class _RowCache(dict[tuple[str | None, ...], int]):
+    """Values -> row of the table, computed on first access."""
 
-    def __init__(self, places: Sequence[tuple[int, Mapping[str, int]]]) -> None:
+    def __init__(self, columns: Sequence[tuple[int, Mapping[str, int]]]) -> None:
         super().__init__()
-        self._places = places
+        self._columns = columns
 
     def __missing__(self, values: tuple[str | None, ...]) -> int:
-        index = 0
-        for value, (step, codes) in zip(values, self._places, strict=True):
-            index += 0 if value is None else (codes[value] + 1) * step
-        self[values] = index
-        return index
+        row = 0
+        for value, (stride, codes) in zip(values, self._columns, strict=True):
+            row += 0 if value is None else (codes[value] + 1) * stride
+        self[values] = row
+        return row
 
 
-def normalised(weights: Array) -> Array:
-    """Rows of weights, each divided by its sum; NaN where there is nothing to divide."""
+def normalize_rows(weights: Array) -> Array:
+    """Divide each row by its sum; rows with a sum of (nearly) 0 become NaN."""
     total = weights.sum(axis=1, keepdims=True)
-    total[total < LOST] = 0.0
+    total[total < MIN_EVIDENCE_WEIGHT] = 0.0
     with np.errstate(invalid="ignore", divide="ignore"):
         rows: Array = weights / total
     rows[total[:, 0] == 0] = np.nan

@@ -1,4 +1,4 @@
-"""From a program to a circuit: walk through its states once, then multiply out all that was not asked for."""
+"""Compile a program: transition system -> decision diagram -> matrices between the observed terms."""
 
 from __future__ import annotations
 
@@ -18,6 +18,12 @@ from lcorpp.reasoning.resolve import resolve_interventions, resolve_term, resolv
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array
 
+MIN_WEIGHT = 1e-60
+"""Weights are scaled up if all of them are below this: only ratios matter, and long products underflow."""
+
+_Entries = Mapping[tuple[int, tuple[int, tuple[int, ...]], int], float]
+"""(outcome of the next observed term, (target state, outcomes of the others), input) -> weight"""
+
 
 @gc_paused()
 def compile_program(
@@ -26,7 +32,7 @@ def compile_program(
     """Compile a program.
 
     Args:
-        inputs: the terms that evidence may name; an attribute with arguments stands for all its terms.
+        inputs: the terms that evidence may name; an attribute with arguments is short for all its terms.
         query: a term, or several.
         do: interventions, term -> value.
 
@@ -39,146 +45,146 @@ def compile_program(
             f"{program.file}: a program with cr-rules cannot be compiled: an observation may create worlds;"
             " ask for one posterior at a time"
         )
-    names = list(dict.fromkeys(found for name in inputs for found in resolve_terms(program, name)))
+    names = list(dict.fromkeys(term for name in inputs for term in resolve_terms(program, name)))
     queries = canonical_text(resolve_term(program, query)) if isinstance(query, str) else [
         canonical_text(resolve_term(program, name)) for name in query
     ]  # fmt: skip
     do = resolve_interventions(program, do)
     observed = dict.fromkeys((*names, *((queries,) if isinstance(queries, str) else queries)))
-    built: Trellis = build_trellis(build_transition_system(program, do, wanted=observed))
-    layers, ending = labelled_layers(built, list(observed))
-    circuit = Circuit(program, names, queries, do, layers, ending, WorldQueries(built))
+    trellis = build_trellis(build_transition_system(program, do, queried=observed))
+    layers, ending = build_layers(trellis, list(observed))
+    circuit = Circuit(program, names, queries, do, layers, ending, WorldQueries(trellis))
     circuit.prepare()
     return circuit
 
 
-def labelled_layers(built: Trellis, names: Sequence[str]) -> tuple[list[Layer], Array]:
-    """The layers for some terms; a term that no rule speaks of never has a value, which is a layer too."""
-    index = built.plan.index
-    labels = {index[name]: i for i, name in enumerate(names) if name in index}
-    layers, ending = multiply_out(built, labels)
-    missing = [i for i, name in enumerate(names) if name not in index]
-    never = [
-        Layer.never(i, len(built.plan.ground.source.attributes[names[i].partition("(")[0]].values))
-        for i in missing
+def build_layers(trellis: Trellis, names: Sequence[str]) -> tuple[list[Layer], Array]:
+    """Build the layers for the observed terms; a term that no rule names has no value in any world."""
+    numbers = trellis.system.term_numbers
+    variables = {numbers[name]: i for i, name in enumerate(names) if name in numbers}
+    layers, ending = multiply_out(trellis, variables)
+    attributes = trellis.system.program.source.attributes
+    undefined = [
+        Layer.constant(i, len(attributes[name.partition("(")[0]].values))
+        for i, name in enumerate(names)
+        if name not in numbers
     ]
-    return [*never, *layers], ending
+    return [*undefined, *layers], ending
 
 
-TINY = 1e-60
-"""Weights below this are scaled up: only their ratios matter, and a long product would vanish."""
-
-
-def multiply_out(paths: Trellis, labels: Mapping[int, int]) -> tuple[list[Layer], Array]:
-    """Multiply out everything between the observed terms.
+def multiply_out(trellis: Trellis, variables: Mapping[int, int]) -> tuple[list[Layer], Array]:
+    """Sum out all terms but the observed ones.
 
     Args:
-        labels: term -> its position among the observed ones.
+        variables: observed term -> its index among the observed terms.
 
     Returns:
         (layers, ending): the layers in order, applied to the column [1], and the row that ends the product.
     """
-    weights, asked = paths.floats(), set(labels)
+    weights, observed = trellis.compute_weights(), set(variables)
     layers: list[Layer] = []
-    width = 1
-    carried: list[dict[int, float]] = [{0: 1.0}] if paths.layers[0] else []  # state -> input -> weight
-    spent = 0
-    for position, (sources, targets, moves) in enumerate(paths.edges):
-        terms = paths.plan.order[position]
-        count = paths.layers[position + 1]
-        own = [] if asked.isdisjoint(terms) else [i for i, term in enumerate(terms) if term in asked]
-        spent += len(sources)
+    width = 1  # inputs of the next layer
+    # state -> input -> weight: the product since the last layer, row by row
+    product: list[dict[int, float]] = [{0: 1.0}] if trellis.level_sizes[0] else []
+    n_multiplied = 0  # arcs in the product
+    for step, (sources, targets, outcomes) in enumerate(trellis.arcs):
+        terms = trellis.system.order[step]
+        n_targets = trellis.level_sizes[step + 1]
+        own = [] if observed.isdisjoint(terms) else [i for i, term in enumerate(terms) if term in observed]
+        n_multiplied += len(sources)
         if own:
-            nodes = [
-                tuple([paths.moves[m][0][i] for i in own[1:]]) for m in moves
-            ]  # what the labels after the first one still have to tell apart
+            # the outcomes of the observed terms after the first, which later layers distinguish
+            others = [tuple([trellis.outcomes[o][0][i] for i in own[1:]]) for o in outcomes]
             entries: dict[tuple[int, tuple[int, tuple[int, ...]], int], float] = {}
-            for source, target, move, rest in zip(sources, targets, moves, nodes, strict=True):
-                weight, value = weights[move], paths.moves[move][0][own[0]]
-                for start, carry in carried[source].items():
+            for source, target, outcome, rest in zip(sources, targets, outcomes, others, strict=True):
+                weight, value = weights[outcome], trellis.outcomes[outcome][0][own[0]]
+                for start, factor in product[source].items():
                     key = (value, (target, rest), start)
-                    entries[key] = entries.get(key, 0.0) + carry * weight
-            width = _labelled(layers, entries, [labels[terms[i]] for i in own], width, count)
-            carried, spent = [{i: 1.0} for i in range(count)], 0
+                    entries[key] = entries.get(key, 0.0) + factor * weight
+            width = _append_observed(layers, entries, [variables[terms[i]] for i in own], width, n_targets)
+            product, n_multiplied = [{i: 1.0} for i in range(n_targets)], 0
             continue
-        carried = _carried_on(carried, width, count, zip(sources, targets, moves, strict=True), weights)
-        if not position % 16:
-            _scale(carried)
-        if width > 1 and sum(map(len, carried)) > 4 * spent + 64:
-            layers.append(_plain(carried, width))
-            width = count
-            carried, spent = [{i: 1.0} for i in range(count)], 0
+        arcs = zip(sources, targets, outcomes, strict=True)
+        product = _multiply_step(product, width, n_targets, arcs, weights)
+        if not step % 16:
+            _rescale(product)
+        if width > 1 and sum(map(len, product)) > 4 * n_multiplied + 64:  # the product becomes dense
+            layers.append(_build_product(product, width))
+            width = n_targets
+            product, n_multiplied = [{i: 1.0} for i in range(n_targets)], 0
     ending = np.zeros(width)
-    for row in carried:
-        for start, carry in row.items():
-            ending[start] += carry
+    for row in product:
+        for start, factor in row.items():
+            ending[start] += factor
     return layers, ending
 
 
-def _carried_on(
-    carried: Sequence[Mapping[int, float]],
+def _multiply_step(
+    product: Sequence[Mapping[int, float]],
     width: int,
-    count: int,
-    edges: Iterable[tuple[int, int, int]],
+    n_targets: int,
+    arcs: Iterable[tuple[int, int, int]],
     weights: Sequence[float],
 ) -> list[dict[int, float]]:
-    """The weights from each input to each state, one step further."""
+    """Multiply the product by the matrix of one step."""
     if width == 1:
-        plain = [row.get(0, 0.0) for row in carried]
-        sums = [0.0] * count
-        for source, target, move in edges:
-            sums[target] += plain[source] * weights[move]
+        column = [row.get(0, 0.0) for row in product]
+        sums = [0.0] * n_targets
+        for source, target, outcome in arcs:
+            sums[target] += column[source] * weights[outcome]
         return [{0: weight} for weight in sums]
-    following: list[dict[int, float]] = [{} for _ in range(count)]
-    for source, target, move in edges:
-        weight, into = weights[move], following[target]
-        for start, carry in carried[source].items():
-            if start in into:
-                into[start] += carry * weight
+    following: list[dict[int, float]] = [{} for _ in range(n_targets)]
+    for source, target, outcome in arcs:
+        weight, row = weights[outcome], following[target]
+        for start, factor in product[source].items():
+            if start in row:
+                row[start] += factor * weight
             else:
-                into[start] = carry * weight
+                row[start] = factor * weight
     return following
 
 
-def _labelled(
-    layers: list[Layer],
-    entries: Mapping[tuple[int, tuple[int, tuple[int, ...]], int], float],
-    labels: Sequence[int],
-    width: int,
-    count: int,
+def _append_observed(
+    layers: list[Layer], entries: _Entries, variables: Sequence[int], width: int, n_targets: int
 ) -> int:
-    """Append a layer for each label of one step; nodes between them remember the values still to be told."""
-    for number, label in enumerate(labels):
-        last = number == len(labels) - 1
+    """Append a layer for each observed term of one step; return the width of the next layer.
+
+    The nodes between these layers are pairs of a target state and the outcomes of the remaining terms.
+    """
+    for number, variable in enumerate(variables):
+        is_last = number == len(variables) - 1
         nodes: dict[tuple[int, tuple[int, ...]], int] = {}
-        split: dict[int, dict[tuple[int, int], float]] = {}
+        by_outcome: dict[int, dict[tuple[int, int], float]] = {}
         for (value, node, start), weight in entries.items():
-            target = node[0] if last else nodes.setdefault(node, len(nodes))
-            part = split.setdefault(value, {})
-            part[target, start] = part.get((target, start), 0.0) + weight
-        height = count if last else max(len(nodes), 1)
-        layers.append(_layer(label, split, (height, width)))
+            target = node[0] if is_last else nodes.setdefault(node, len(nodes))
+            own = by_outcome.setdefault(value, {})
+            own[target, start] = own.get((target, start), 0.0) + weight
+        height = n_targets if is_last else max(len(nodes), 1)
+        layers.append(_build_observed(variable, by_outcome, (height, width)))
         width = height
         entries = {(rest[0], (target, rest[1:]), i): 1.0 for (target, rest), i in nodes.items()}
     return width
 
 
-def _layer(label: int, split: Mapping[int, Mapping[tuple[int, int], float]], shape: tuple[int, int]) -> Layer:
-    every: dict[tuple[int, int], float] = {}
-    for part in split.values():
-        for key, weight in part.items():
-            every[key] = every.get(key, 0.0) + weight
-    return Layer(label, {v: Matrix.of(shape, split[v]) for v in sorted(split)}, Matrix.of(shape, every))
+def _build_observed(
+    variable: int, by_outcome: Mapping[int, Mapping[tuple[int, int], float]], shape: tuple[int, int]
+) -> Layer:
+    total: dict[tuple[int, int], float] = {}
+    for entries in by_outcome.values():
+        for key, weight in entries.items():
+            total[key] = total.get(key, 0.0) + weight
+    matrices = {value: Matrix.from_entries(shape, by_outcome[value]) for value in sorted(by_outcome)}
+    return Layer(variable, matrices, Matrix.from_entries(shape, total))
 
 
-def _plain(carried: Sequence[Mapping[int, float]], width: int) -> Layer:
-    entries = {(target, start): w for target, row in enumerate(carried) for start, w in row.items()}
-    return Layer(-1, {}, Matrix.of((len(carried), width), entries))
+def _build_product(product: Sequence[Mapping[int, float]], width: int) -> Layer:
+    entries = {(target, start): w for target, row in enumerate(product) for start, w in row.items()}
+    return Layer(-1, {}, Matrix.from_entries((len(product), width), entries))
 
 
-def _scale(carried: list[dict[int, float]]) -> None:
-    largest = max((weight for row in carried for weight in row.values()), default=0.0)
-    if 0 < largest < TINY:
-        for row in carried:
+def _rescale(product: list[dict[int, float]]) -> None:
+    largest = max((weight for row in product for weight in row.values()), default=0.0)
+    if 0 < largest < MIN_WEIGHT:
+        for row in product:
             for start in row:
                 row[start] /= largest

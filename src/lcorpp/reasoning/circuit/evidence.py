@@ -1,4 +1,4 @@
-"""What evidence for a circuit may say, and its numbers."""
+"""Check evidence for a circuit and encode it as integers."""
 
 from __future__ import annotations
 
@@ -17,27 +17,31 @@ _Column = TypeVar("_Column")
 
 
 class EvidenceEncoder:
-    """The terms that evidence may name.
+    """The inputs of a circuit: the terms that evidence may name.
 
-    names: they, in their order.
-    values: the range of each.
-    sizes: how many codes each has; the first, -1, is for not observed.
-    columns: the position of each.
+    names: the terms, in the order of the columns of encoded evidence.
+    values: term -> range.
+    sizes: the number of codes of each input; the first code, -1, is for not observed.
+    columns: term -> column.
     """
 
     def __init__(self, program: Program, names: Sequence[str]) -> None:
         self._program, self.names = program, tuple(names)
         self.values = {name: program.attributes[name.partition("(")[0]].values for name in self.names}
-        self._numbers = {n: {v: i for i, v in enumerate(self.values[n])} for n in self.names}
+        self._codes = {n: {v: i for i, v in enumerate(self.values[n])} for n in self.names}
         self.sizes = [len(self.values[name]) + 1 for name in self.names]
         self.columns = {name: i for i, name in enumerate(self.names)}
 
-    def numbers(self, name: str) -> Mapping[str, int]:
+    def codes_of(self, name: str) -> Mapping[str, int]:
         """The code of each value of an input."""
-        return self._numbers[name]
+        return self._codes[name]
 
-    def canonical(self, evidence: Mapping[str, _Column]) -> dict[str, _Column]:
-        """Evidence under the names of the inputs, which may be written in other ways: ``f( 1, 2 )``."""
+    def canonicalize(self, evidence: Mapping[str, _Column]) -> dict[str, _Column]:
+        """Replace the names by those of the inputs: ``f( 1, 2 )`` by ``f(1,2)``.
+
+        Raises:
+            ProgramError: a name is not an input, or occurs twice.
+        """
         found: dict[str, _Column] = {}
         for name, value in evidence.items():
             try:
@@ -51,43 +55,43 @@ class EvidenceEncoder:
         return found
 
     def check_names(self, evidence: Iterable[object]) -> None:
-        """Check that all are inputs.
+        """Check that all names are inputs.
 
         Raises:
-            ProgramError: one is not.
+            ProgramError: a name is not an input.
         """
         for name in evidence:
-            if name not in self._numbers:
+            if name not in self._codes:
                 raise ProgramError(f"{name!r} is not an input of the circuit; {expected_one_of(self.names)}")
 
     def check(self, evidence: Mapping[str, object]) -> None:
-        """Check that evidence has inputs and values of them.
+        """Check the names and the values of evidence.
 
         Raises:
-            ProgramError: it has not.
+            ProgramError: a name is not an input, or a value is not in its range.
         """
         self.check_names(evidence)
         for name, value in evidence.items():
-            self.code(name, value)
+            self.encode_value(name, value)
 
-    def code(self, name: str, value: object, where: str = "") -> int:
-        """The position of a value in the range of an input.
+    def encode_value(self, name: str, value: object, where: str = "") -> int:
+        """Return the code of a value of an input.
 
         Raises:
-            ProgramError: it is none of its values; the message begins with `where`.
+            ProgramError: the value is not in the range; the message begins with `where`.
         """
-        found = self._numbers[name].get(value) if isinstance(value, str) else None
-        if found is None:
+        code = self._codes[name].get(value) if isinstance(value, str) else None
+        if code is None:
             raise ProgramError(
                 f"{where}{value!r} is not a value of {name}; {expected_one_of(self.values[name])}"
             )
-        return found
+        return code
 
-    def codes(self, evidence: Mapping[str, str | Sequence[str]]) -> Codes:
-        """(B, inputs) the codes of a batch of evidence.
+    def encode(self, evidence: Mapping[str, str | Sequence[str]]) -> Codes:
+        """(B, inputs) Encode a batch of evidence.
 
         Args:
-            evidence: input -> B values, None for not observed; or one value for all.
+            evidence: input -> B values, None for not observed; or one value for all rows.
 
         Raises:
             ProgramError: an input or value is unknown, or the columns have different lengths.
@@ -95,7 +99,7 @@ class EvidenceEncoder:
         self.check_names(evidence)
         for name, column in evidence.items():
             if not hasattr(column, "__len__"):
-                self.code(name, column)
+                self.encode_value(name, column)
         sizes = {len(column) for column in evidence.values() if not isinstance(column, str)}
         if len(sizes) != 1:
             raise ProgramError(f"the columns of a batch have one length, not {sorted(sizes) or 'none'}")
@@ -103,20 +107,20 @@ class EvidenceEncoder:
         codes = np.full((size, len(self.names)), -1, dtype=np.intp)
         for name, column in evidence.items():
             values: list[str | None] = [column] * size if isinstance(column, str) else list(column)
-            table: dict[str | None, int] = {None: -1}
-            table.update(self._numbers[name])
+            code_of: dict[str | None, int] = {None: -1}
+            code_of.update(self._codes[name])
             try:
-                found = np.fromiter(map(table.__getitem__, values), np.intp, size)
+                encoded = np.fromiter(map(code_of.__getitem__, values), np.intp, size)
             except (KeyError, TypeError):
                 for row, value in enumerate(values):
                     if value is not None:
-                        self.code(name, value, f"row {row}: ")
+                        self.encode_value(name, value, f"row {row}: ")
                 raise
-            codes[:, self.columns[name]] = found
+            codes[:, self.columns[name]] = encoded
         return codes
 
-    def checked(self, codes: Codes) -> Codes:
-        """The codes (B, inputs) that a user gave.
+    def check_codes(self, codes: Codes) -> Codes:
+        """Check an array of codes (B, inputs) and return it with the index type.
 
         Raises:
             ProgramError: the array has another shape or type, or a code is out of range.
@@ -133,4 +137,4 @@ class EvidenceEncoder:
                 f"row {row}: code {codes[row, column]} of {self.names[column]};"
                 f" expected -1 to {self.sizes[column] - 2}"
             )
-        return codes.astype(np.intp, copy=False)  # small integers would overflow
+        return codes.astype(np.intp, copy=False)  # small integer types would overflow

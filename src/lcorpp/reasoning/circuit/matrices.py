@@ -1,17 +1,21 @@
-"""The arithmetic circuit: one sparse matrix for each value of each observed term, all else multiplied out.
+"""Steps 4 and 5: the layered arithmetic circuit, a product of sparse matrices, and its evaluation.
 
-Let t1, ..., tn be the terms that evidence may name or a query may ask for, in the order in which they are
-decided. The probability that they have the values v1, ..., vn is ending . M_n[vn] ... M_1[v1] . beginning.
-To leave a term open is to take the sum of its matrices, which is the circuit with its evidence indicators
-set to 1.
+Let t1, ..., tn be the terms that evidence may name or a query may read, in elimination order; all other terms
+are summed out. The probability of t1=v1, ..., tn=vn is
 
-Source: Darwiche, "A differential approach to inference in Bayesian networks", J. ACM 50(3), 2003, for
-circuits with indicators and for marginals as derivatives.
+    ending . M_n[vn] ... M_2[v2] . M_1[v1] . [1]
+
+with one matrix for each value of each term. A term without evidence contributes the sum of its matrices,
+which is the circuit with all evidence indicators of the term set to 1. A forward and a backward pass give the
+joint
+probability of the evidence and each value of any term: the derivatives with respect to the indicators.
+
+Source: Darwiche, "A differential approach to inference in Bayesian networks", J. ACM 50(3), 2003.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,18 +26,21 @@ from lcorpp.values import Array
 
 Index = npt.NDArray[np.intp]
 
-DENSE = 4096
-"""Matrices with at most this many entries, zeros counted, are kept dense: it is faster."""
+MAX_DENSE_ENTRIES = 4096
+"""Matrices with at most this many entries, zeros included, are dense, which is faster."""
+
+MAX_CHUNK_NUMBERS = 4_000_000
+"""A pass over a batch keeps at most this many numbers in memory."""
 
 
 @dataclass(frozen=True, eq=False)
 class Matrix:
-    """A matrix of non-negative numbers that is applied to columns.
+    """A non-negative matrix that multiplies columns; dense if it is small, otherwise sparse by rows.
 
     shape: (outputs, inputs).
-    dense: (outputs, inputs), or None.
-    source, weight: (entries,) sorted by target.
-    target, start: (rows,) the rows with entries, and where the entries of each begin.
+    dense: (outputs, inputs), None if the matrix is sparse.
+    source, weight: (entries,) the input and the weight of each entry, sorted by output.
+    target, start: (rows,) the outputs with entries, and the index of the first entry of each.
     """
 
     shape: tuple[int, int]
@@ -44,31 +51,34 @@ class Matrix:
     start: Index
 
     @classmethod
-    def of(cls, shape: tuple[int, int], entries: Mapping[tuple[int, int], float]) -> Matrix:
-        """From (target, source) -> weight."""
+    def from_entries(cls, shape: tuple[int, int], entries: Mapping[tuple[int, int], float]) -> Matrix:
+        """Build a matrix from (output, input) -> weight."""
         none = np.zeros(0, dtype=np.intp)
-        if shape[0] * shape[1] <= DENSE:
+        if shape[0] * shape[1] <= MAX_DENSE_ENTRIES:
             dense = np.zeros(shape)
             for place, weight in entries.items():
                 dense[place] = weight
             return cls(shape, dense, none, np.zeros(0), none, none)
         keys = sorted(entries)
-        targets = np.array([key[0] for key in keys], dtype=np.intp)
-        rows, begins = np.unique(targets, return_index=True)
+        outputs = np.array([key[0] for key in keys], dtype=np.intp)
+        target, start = np.unique(outputs, return_index=True)
         source = np.array([key[1] for key in keys], dtype=np.intp)
-        return cls(
-            shape, None, source, np.array([entries[key] for key in keys]), rows, begins.astype(np.intp)
-        )
+        weights = np.array([entries[key] for key in keys])
+        return cls(shape, None, source, weights, target, start.astype(np.intp))
+
+    def __repr__(self) -> str:
+        n_entries = np.count_nonzero(self.dense) if self.dense is not None else len(self.source)
+        return f"Matrix({self.shape[0]} x {self.shape[1]}, {n_entries} entries)"
 
     def entries(self) -> dict[tuple[int, int], float]:
-        """(target, source) -> weight, for those that are not zero."""
+        """The entries that are not zero, (output, input) -> weight."""
         if self.dense is not None:
-            targets, sources = np.nonzero(self.dense)
-            weights = self.dense[targets, sources]
+            outputs, inputs = np.nonzero(self.dense)
+            weights = self.dense[outputs, inputs]
         else:
             counts = np.diff(np.append(self.start, len(self.source)))
-            targets, sources, weights = np.repeat(self.target, counts), self.source, self.weight
-        pairs = zip(targets.tolist(), sources.tolist(), strict=True)
+            outputs, inputs, weights = np.repeat(self.target, counts), self.source, self.weight
+        pairs = zip(outputs.tolist(), inputs.tolist(), strict=True)
         return dict(zip(pairs, weights.tolist(), strict=True))
 
     def forward(self, columns: Array) -> Array:
@@ -92,84 +102,81 @@ class Matrix:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """The part of the circuit at one observed term.
+    """The matrices of one observed term, or a product of matrices without observed terms.
 
-    label: the position of the term among the observed ones, -1 where only a product is taken.
-    matrices: outcome -> its matrix; outcomes that cannot be are missing.
-    every: the sum of the matrices.
+    variable: the index of the term among the observed terms, -1 for a product.
+    matrices: outcome -> matrix; impossible outcomes are missing.
+    total: the sum of the matrices, or the product.
     """
 
-    label: int
+    variable: int
     matrices: Mapping[int, Matrix]
-    every: Matrix
+    total: Matrix
 
     @classmethod
-    def never(cls, label: int, outcome: int) -> Layer:
-        """The layer of a term that always has the same outcome, at the beginning."""
-        one = Matrix.of((1, 1), {(0, 0): 1.0})
-        return cls(label, {outcome: one}, one)
-
-
-CHUNK = 4_000_000
-"""How many numbers one pass over a batch may keep in memory."""
+    def constant(cls, variable: int, outcome: int) -> Layer:
+        """The first layer of a circuit, for a term that has the same outcome in all worlds."""
+        one = Matrix.from_entries((1, 1), {(0, 0): 1.0})
+        return cls(variable, {outcome: one}, one)
 
 
 def forward_backward(
-    layers: Sequence[Layer], ending: Array, codes: Codes, asked: Mapping[int, int]
+    layers: Sequence[Layer], ending: Array, codes: Codes, queries: Mapping[int, int]
 ) -> dict[int, Array]:
-    """The joint weights of the evidence and each outcome of the terms asked for, chunk by chunk.
+    """Compute the joint weights of the evidence and each outcome of the queried terms.
 
     Args:
-        codes: (B, observed) the outcome of each observed term, -1 where it is left open.
-        asked: position of the term -> how many outcomes it has.
+        codes: (B, observed terms) the outcome of each observed term, -1 for no evidence.
+        queries: index of a queried term -> the number of its outcomes.
 
     Returns:
-        Position -> (B, outcomes) weights; only the ratios within a row mean something. A row of zeros says
-        that the evidence is impossible.
+        index -> (B, outcomes) weights; only the ratios within a row matter. A row is 0 for impossible
+        evidence.
     """
-    width = sum(layer.every.shape[1] for layer in layers) + 1
-    size = max(1, CHUNK // width)
+    width = sum(layer.total.shape[1] for layer in layers) + 1
+    size = max(1, MAX_CHUNK_NUMBERS // width)
     chunks = [
-        _evaluate(layers, ending, codes[i : i + size], asked) for i in range(0, max(len(codes), 1), size)
+        _run_passes(layers, ending, codes[i : i + size], queries) for i in range(0, max(len(codes), 1), size)
     ]
-    return {label: np.concatenate([chunk[label] for chunk in chunks]) for label in asked}
+    return {variable: np.concatenate([chunk[variable] for chunk in chunks]) for variable in queries}
 
 
-def _evaluate(
-    layers: Sequence[Layer], ending: Array, codes: Codes, asked: Mapping[int, int]
+def _run_passes(
+    layers: Sequence[Layer], ending: Array, codes: Codes, queries: Mapping[int, int]
 ) -> dict[int, Array]:
-    """One pass up and one down."""
-    up = [np.ones((1, len(codes)))]
+    """One forward and one backward pass over one chunk of a batch."""
+    forward = [np.ones((1, len(codes)))]
     for layer in layers:
-        up.append(_normal(_apply(layer, codes, up[-1], Matrix.forward)))
-    found: dict[int, Array] = {}
-    down = np.repeat(ending[:, None], len(codes), axis=1)
-    wanted = set(asked)
+        forward.append(_normalize_columns(_apply(layer, codes, forward[-1], Matrix.forward)))
+    weights: dict[int, Array] = {}
+    backward = np.repeat(ending[:, None], len(codes), axis=1)
+    missing = set(queries)
     for number in range(len(layers) - 1, -1, -1):
         layer = layers[number]
-        if layer.label in wanted:
-            found[layer.label] = _joint(layer, codes, up[number], down, asked[layer.label])
-            wanted.discard(layer.label)
-        if not wanted:
+        if layer.variable in missing:
+            n_outcomes = queries[layer.variable]
+            weights[layer.variable] = _compute_joint(layer, codes, forward[number], backward, n_outcomes)
+            missing.discard(layer.variable)
+        if not missing:
             break
-        down = _normal(_apply(layer, codes, down, Matrix.backward))
-    return found
+        backward = _normalize_columns(_apply(layer, codes, backward, Matrix.backward))
+    return weights
 
 
-def _apply(layer: Layer, codes: Codes, columns: Array, product) -> Array:  # type: ignore[no-untyped-def]
-    """The product with the matrices that the evidence chooses, column by column."""
-    if layer.label < 0:
-        return product(layer.every, columns)  # type: ignore[no-any-return]
-    own = codes[:, layer.label]
+def _apply(layer: Layer, codes: Codes, columns: Array, multiply: Callable[[Matrix, Array], Array]) -> Array:
+    """Multiply each column by the matrix that its evidence selects."""
+    if layer.variable < 0:
+        return multiply(layer.total, columns)
+    own = codes[:, layer.variable]
     values = np.unique(own) if len(own) > 1 else own
-    parts = []
+    parts: list[tuple[int, Array | None]] = []
     for value in values.tolist():
-        matrix = layer.every if value < 0 else layer.matrices.get(value)
-        here = columns if len(values) == 1 else columns[:, own == value]
-        parts.append((value, product(matrix, here) if matrix else None))
-    height = layer.every.shape[0 if product is Matrix.forward else 1]
+        matrix = layer.total if value < 0 else layer.matrices.get(value)
+        selected = columns if len(values) == 1 else columns[:, own == value]
+        parts.append((value, multiply(matrix, selected) if matrix else None))
+    height = layer.total.shape[0 if multiply is Matrix.forward else 1]
     if len(parts) == 1 and parts[0][1] is not None:
-        return parts[0][1]  # type: ignore[no-any-return]
+        return parts[0][1]
     result = np.zeros((height, len(codes)))
     for value, part in parts:
         if part is not None:
@@ -177,18 +184,18 @@ def _apply(layer: Layer, codes: Codes, columns: Array, product) -> Array:  # typ
     return result
 
 
-def _joint(layer: Layer, codes: Codes, above: Array, below: Array, outcomes: int) -> Array:
-    own = codes[:, layer.label]
-    weights = np.zeros((len(codes), outcomes))
+def _compute_joint(layer: Layer, codes: Codes, forward: Array, backward: Array, n_outcomes: int) -> Array:
+    own = codes[:, layer.variable]
+    weights = np.zeros((len(codes), n_outcomes))
     for value, matrix in layer.matrices.items():
-        weights[:, value] = (matrix.forward(above) * below).sum(axis=0)
-    others = own[:, None] != np.arange(outcomes)
+        weights[:, value] = (matrix.forward(forward) * backward).sum(axis=0)
+    others = own[:, None] != np.arange(n_outcomes)
     weights[(own >= 0)[:, None] & others] = 0.0
     return weights
 
 
-def _normal(columns: Array) -> Array:
-    """Columns scaled to a sum of 1, so that no product vanishes; those of zeros stay."""
+def _normalize_columns(columns: Array) -> Array:
+    """Scale columns in place to a sum of 1, so that long products do not underflow; columns of zeros stay."""
     total = columns.sum(axis=0)
     total[total == 0] = 1.0
     columns /= total

@@ -1,9 +1,8 @@
-"""A compiled circuit in one file: numbers, JSON and the text of the program, nothing that runs when it is
-loaded.
+"""Store a compiled circuit in one file: numbers, JSON and the program's text, no code.
 
 The file is a numpy archive (.npz). Its entry `circuit` is JSON: format and version, the program's text,
-inputs, queries and interventions, and of each layer the label and the shape; `ending` and
-`<layer>/<outcome>/...` are the matrices.
+inputs, queries and interventions, and for each layer its variable (key `label`), shape and outcomes. The
+entries `<layer>/<outcome>` and `<layer>/every` are the matrices, `ending` is the last row.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ from lcorpp.reasoning.resolve import resolve_interventions, resolve_term
 
 FORMAT, VERSION = "lcorpp circuit", 1
 
-DAMAGED = (
+DECODING_ERRORS = (
     *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError),
     *(EOFError, OSError, zipfile.BadZipFile, zlib.error, struct.error),
-    *(SyntaxError, tokenize.TokenError),  # numpy reads the heads of arrays as Python
+    *(SyntaxError, tokenize.TokenError),  # numpy parses the headers of arrays as Python
 )
-"""What numpy, zipfile and json raise when bytes are not what they seem."""
+"""The exceptions of numpy, zipfile and json for damaged files."""
 
 
 def save_circuit(circuit: Circuit, path: str | Path) -> None:
@@ -51,11 +50,11 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
     layers = []
     for number, layer in enumerate(circuit.layers):
         outcomes = sorted(layer.matrices)
-        layers.append({"label": layer.label, "shape": list(layer.every.shape), "outcomes": outcomes})
+        layers.append({"label": layer.variable, "shape": list(layer.total.shape), "outcomes": outcomes})
         for outcome in outcomes:
-            arrays[f"{number}/{outcome}"] = _table(layer.matrices[outcome])
+            arrays[f"{number}/{outcome}"] = _make_table(layer.matrices[outcome])
         if not outcomes:
-            arrays[f"{number}/every"] = _table(layer.every)
+            arrays[f"{number}/every"] = _make_table(layer.total)
     head = {
         "format": FORMAT,
         "version": VERSION,
@@ -74,11 +73,11 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
 
 
 def load_circuit(path: str | Path) -> Circuit:
-    """Read what `save_circuit` wrote; it answers exactly as the one that was saved.
+    """Read the file of `save_circuit`; the circuit gives exactly the same answers as the one that was saved.
 
     Raises:
         FileError: the file is missing or unreadable.
-        DataError: it is not such a file, is damaged, or of a newer version.
+        DataError: the file has another format, is damaged, or is of a newer version.
     """
     content = read_bytes(path)
     try:
@@ -89,11 +88,11 @@ def load_circuit(path: str | Path) -> Circuit:
             raise DataError(f"its format is {head['format']!r}")
         if head["version"] != VERSION:
             raise DataError(f"its version is {head['version']!r}; this lcorpp reads version {VERSION}")
-        program = _program(head)
+        program = _parse_program(head)
         layers = []
         width = 1
         for number, layer in enumerate(head["layers"]):
-            layers.append(_layer(layer, number, arrays))
+            layers.append(_read_layer(layer, number, arrays))
             if layer["shape"][1] != width:
                 raise DataError(f"layer {number} takes {layer['shape'][1]} inputs, not {width}")
             width = layer["shape"][0]
@@ -104,16 +103,16 @@ def load_circuit(path: str | Path) -> Circuit:
             raise DataError("its ending has numbers that are no weights")
         query = head["queries"][0] if head["single"] else head["queries"]
         circuit = Circuit(program, head["inputs"], query, head["do"], layers, ending)
-        _check_labels(circuit)
+        _check_layers(circuit)
         return circuit
     except LcorppError as error:
         raise DataError(f"{path}: not a circuit that can be used: {error}") from None
-    except DAMAGED as error:
+    except DECODING_ERRORS as error:
         raise DataError(f"{path}: not a stored circuit, or a damaged one: {error}") from None
 
 
-def _program(head: dict[str, Any]) -> Program:
-    """The program, which must know all the terms of the circuit."""
+def _parse_program(head: dict[str, Any]) -> Program:
+    """Parse the program and check that it knows all terms of the circuit."""
     if head["semantics"] not in ("2009", "2018") or not isinstance(head["file"], str):
         raise DataError(f"its program is {head['file']!r} of {head['semantics']!r}")
     program = parse_plog(head["program"], file=head["file"], semantics=head["semantics"])
@@ -122,44 +121,44 @@ def _program(head: dict[str, Any]) -> Program:
         if terms != head[key] or (key == "inputs" and len(set(terms)) < len(terms)):
             raise DataError(f"its {key} are {head[key]}")
     if not head["queries"]:
-        raise DataError("it asks for nothing")
+        raise DataError("it has no queries")
     resolve_interventions(program, head["do"])
     return program
 
 
-def _check_labels(circuit: Circuit) -> None:
-    """Each term has one layer, with outcomes that it may have."""
+def _check_layers(circuit: Circuit) -> None:
+    """Check that each term has one layer, with outcomes in its range."""
     names = dict.fromkeys((*circuit.inputs, *circuit.queries))
-    labels = sorted(layer.label for layer in circuit.layers if layer.label != -1)
-    if labels != list(range(len(names))):
-        raise DataError(f"its layers are those of {labels}, not of the {len(names)} terms")
-    outcomes = [len(circuit.values[name]) for name in names]
+    variables = sorted(layer.variable for layer in circuit.layers if layer.variable != -1)
+    if variables != list(range(len(names))):
+        raise DataError(f"its layers are those of {variables}, not of the {len(names)} terms")
+    no_value = [len(circuit.values[name]) for name in names]
     for layer in circuit.layers:
-        if any(not 0 <= o <= outcomes[layer.label] or layer.label < 0 for o in layer.matrices):
+        if any(not 0 <= o <= no_value[layer.variable] or layer.variable < 0 for o in layer.matrices):
             raise DataError(f"a layer has the outcomes {sorted(layer.matrices)}")
 
 
-def _table(matrix: Matrix) -> npt.NDArray[np.float64]:
-    """(entries, 3) target, source, weight."""
+def _make_table(matrix: Matrix) -> npt.NDArray[np.float64]:
+    """(entries, 3) output, input, weight."""
     return np.array([(*key, weight) for key, weight in matrix.entries().items()]).reshape(-1, 3)
 
 
-def _matrix(table: npt.NDArray[np.float64], shape: tuple[int, int]) -> Matrix:
+def _read_table(table: npt.NDArray[np.float64], shape: tuple[int, int]) -> Matrix:
     entries = {(int(t), int(s)): float(w) for t, s, w in table}
     if not all(0 <= t < shape[0] and 0 <= s < shape[1] and 0 <= w < inf for (t, s), w in entries.items()):
         raise DataError(f"a matrix has entries outside of {shape}, or negative ones")
-    return Matrix.of(shape, entries)
+    return Matrix.from_entries(shape, entries)
 
 
-def _layer(head: dict[str, Any], number: int, arrays: dict[str, Any]) -> Layer:
+def _read_layer(head: dict[str, Any], number: int, arrays: dict[str, Any]) -> Layer:
     shape = int(head["shape"][0]), int(head["shape"][1])
     if not all(0 <= size <= MAX_ARCS for size in shape):
         raise DataError(f"layer {number} has the shape {shape}")
-    matrices = {int(o): _matrix(arrays[f"{number}/{o}"], shape) for o in head["outcomes"]}
+    matrices = {int(o): _read_table(arrays[f"{number}/{o}"], shape) for o in head["outcomes"]}
     if not matrices:
-        return Layer(int(head["label"]), {}, _matrix(arrays[f"{number}/every"], shape))
-    every: dict[tuple[int, int], float] = {}
+        return Layer(int(head["label"]), {}, _read_table(arrays[f"{number}/every"], shape))
+    total: dict[tuple[int, int], float] = {}
     for matrix in matrices.values():
         for key, weight in matrix.entries().items():
-            every[key] = every.get(key, 0.0) + weight
-    return Layer(int(head["label"]), matrices, Matrix.of(shape, every))
+            total[key] = total.get(key, 0.0) + weight
+    return Layer(int(head["label"]), matrices, Matrix.from_entries(shape, total))

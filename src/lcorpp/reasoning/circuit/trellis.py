@@ -1,8 +1,14 @@
-"""All worlds of a program as paths through layers of states.
+"""Step 3: expand a transition system to a decision diagram (a trellis) whose paths are the possible worlds.
 
-Each step decides a term. An edge carries the probability of the outcome, so that the measure of a world is
-the product along its path and sums over worlds are sums over paths. The trellis is the raw form of the
-arithmetic circuit.
+Level k contains the states before step k. Each arc of step k leads to level k + 1 and carries an outcome of
+the step's terms with its probability. The measure of a world is the product along its path, and sums over
+worlds are sums over paths. Example: two fair coins that do not both show tails (c1 and c2, values heads and
+tails):
+
+    level_sizes  [1, 2, 1]
+    arcs[0]      ([0, 0], [0, 1], [0, 1])           sources, targets, outcomes: c1=heads, c1=tails
+    arcs[1]      ([0, 0, 1], [0, 0, 0], [2, 3, 2])  after tails (state 1) only c2=heads
+    outcomes     [((0,), 1/2), ((1,), 1/2), ((0,), 1/2), ((1,), 1/2)]
 """
 
 from __future__ import annotations
@@ -16,197 +22,209 @@ from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.transitions.selection import ConditionViolation
 from lcorpp.reasoning.transitions.transition import Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
+from lcorpp.reasoning.world import format_world
 
 MAX_ARCS = 2_000_000
-"""How many edges a trellis may have."""
+"""A trellis has at most this many arcs."""
 
-MOST_BITS = 2**32
-"""How many bits the states of one layer may take together, half a gigabyte."""
+MAX_LEVEL_BITS = 2**32
+"""The states of one level have at most this many bits together: half a gigabyte."""
 
 
-Edges = tuple[list[int], list[int], list[int]]
-"""The edges of a step, three lists of equal length: source, target, move."""
+Arcs = tuple[list[int], list[int], list[int]]
+"""The arcs of a step, three lists of equal length: source state, target state, index of the outcome."""
 
-_Way = tuple[int, int, int, Mapping[int, int], int]
+_Choice = tuple[int, int, int, Mapping[int, int], int]
+"""The effect of an outcome on the state (`transition.Effect`) and the index of the outcome."""
 
 
 @dataclass(slots=True, eq=False)
 class Trellis:
-    """Layers of states, one layer before each step and one after the last.
+    """A decision diagram: one level of states before each step and one after the last.
 
-    layers: how many states each layer has; states are numbered within their layer.
-    edges: those of each step; steps that are the same share theirs.
-    moves: for each move the outcomes of the terms of its step, and its probability.
+    level_sizes: the number of states of each level; states are numbered within their level.
+    arcs: the arcs of each step; steps with equal arcs share them.
+    outcomes: the labels of the arcs: (outcome of each term of the step, probability).
     """
 
-    plan: TransitionSystem
-    layers: list[int]
-    edges: list[Edges]
-    moves: list[tuple[Sequence[int], Fraction]]
+    system: TransitionSystem
+    level_sizes: list[int]
+    arcs: list[Arcs]
+    outcomes: list[tuple[Sequence[int], Fraction]]
 
-    def floats(self) -> list[float]:
-        """The probability of each move in floating point."""
-        known: dict[int, float] = {}  # by identity, as moves share their numbers
-        found = []
-        for _, weight in self.moves:
-            number = known.get(id(weight))
-            if number is None:
-                number = known[id(weight)] = float(weight)
-            found.append(number)
-        return found
+    def __repr__(self) -> str:
+        n_arcs = sum(len(sources) for sources, _, _ in self.arcs)
+        file = self.system.program.source.file
+        return f"Trellis({file}: {len(self.arcs)} steps, {sum(self.level_sizes)} states, {n_arcs} arcs)"
+
+    def compute_weights(self) -> list[float]:
+        """Convert the probabilities of the outcomes to floating point."""
+        known: dict[int, float] = {}  # by id, as outcomes share their fractions
+        weights = []
+        for _, probability in self.outcomes:
+            weight = known.get(id(probability))
+            if weight is None:
+                weight = known[id(probability)] = float(probability)
+            weights.append(weight)
+        return weights
 
 
-def build_trellis(prepared: TransitionSystem, limit: int = MAX_ARCS) -> Trellis:
-    """Go through all states of a program.
+def build_trellis(system: TransitionSystem, limit: int = MAX_ARCS) -> Trellis:
+    """Expand the reachable states of a transition system, and drop states that lead to no world.
 
     Raises:
-        TooLargeError: there are more than `limit` edges.
-        ProgramError: a condition of the language is broken in a world, or a circle has too many models.
+        TooLargeError: there are more than `limit` arcs.
+        ProgramError: a world breaks a condition of the language, or a component has too many stable models.
     """
     with gc_paused():
-        built, violations = _forward(prepared, limit)
-        _prune(built)
-    if violations:  # those that no world meets were pruned
-        for step, (_, _, moves) in enumerate(built.edges):
-            for number, move in enumerate(moves):
-                if move in violations:
-                    raise _broken(built, step, number, violations[move])
-    return built
+        trellis, violations = _expand(system, limit)
+        _prune(trellis)
+    if violations:  # a violation on a path to no world was pruned
+        for step, (_, _, outcomes) in enumerate(trellis.arcs):
+            for arc, outcome in enumerate(outcomes):
+                if outcome in violations:
+                    raise _make_error(trellis, step, arc, violations[outcome])
+    return trellis
 
 
-def _forward(prepared: TransitionSystem, limit: int) -> tuple[Trellis, dict[int, ConditionViolation]]:
-    layers: list[int] = [1 if prepared.consistent else 0]
-    edges: list[Edges] = []
-    states: tuple[int, ...] = (0,) if prepared.consistent else ()
-    walk = _Walk()
-    known: dict[tuple[Transition, tuple[int, ...]], tuple[Edges, tuple[int, ...]]] = {}
+def _expand(system: TransitionSystem, limit: int) -> tuple[Trellis, dict[int, ConditionViolation]]:
+    """Expand level by level; return the trellis and the conditions that outcomes break."""
+    level_sizes: list[int] = [1 if system.consistent else 0]
+    arcs: list[Arcs] = []
+    states: tuple[int, ...] = (0,) if system.consistent else ()
+    expander = _Expander()
+    known: dict[tuple[Transition, tuple[int, ...]], tuple[Arcs, tuple[int, ...]]] = {}
     total = 0
-    for step in prepared.steps:
-        most = min(limit - total, MOST_BITS // max(step.keep.bit_length(), 1))
-        found = known.get((step, states)) if step.again else None
-        if found is None:
-            found = walk.on(step, states, most)
-            if step.again:
-                known[step, states] = found
-        if len(found[0][0]) > most:
+    for transition in system.transitions:
+        max_arcs = min(limit - total, MAX_LEVEL_BITS // max(transition.live_mask.bit_length(), 1))
+        expanded = known.get((transition, states)) if transition.is_shared else None
+        if expanded is None:
+            expanded = expander.expand(transition, states, max_arcs)
+            if transition.is_shared:
+                known[transition, states] = expanded
+        if len(expanded[0][0]) > max_arcs:
             raise TooLargeError(
-                f"{prepared.ground.source.file}: more than {total + most} edges in the circuit"
+                f"{system.program.source.file}: more than {total + max_arcs} edges in the circuit"
             )
-        edges.append(found[0])
-        states = found[1]
-        layers.append(len(states))
-        total += len(found[0][0])
-    return Trellis(prepared, layers, edges, walk.moves), walk.violations
+        arcs.append(expanded[0])
+        states = expanded[1]
+        level_sizes.append(len(states))
+        total += len(expanded[0][0])
+    return Trellis(system, level_sizes, arcs, expander.outcomes), expander.violations
 
 
-class _Walk:
-    """From the states before a step to those after it."""
+class _Expander:
+    """Computes the arcs from the states of one level, and the states that they lead to."""
 
     def __init__(self) -> None:
-        self.moves: list[tuple[Sequence[int], Fraction]] = []
+        self.outcomes: list[tuple[Sequence[int], Fraction]] = []
         self.violations: dict[int, ConditionViolation] = {}
-        self._known: dict[Transition, dict[int, list[_Way]]] = {}
+        self._choices: dict[Transition, dict[int, list[_Choice]]] = {}
 
-    def on(self, step: Transition, states: Sequence[int], most: int) -> tuple[Edges, tuple[int, ...]]:
-        """The edges of a step and the states that they lead to; it stops soon after the limit on edges."""
-        mask, keep, absorb = step.mask, step.keep, step.absorb
-        ways = self._ways(step, {state & mask for state in states})
-        following: dict[int, int] = {}
+    def expand(
+        self, transition: Transition, states: Sequence[int], max_arcs: int
+    ) -> tuple[Arcs, tuple[int, ...]]:
+        """Return the arcs and the states of the next level; stop soon after `max_arcs` arcs."""
+        input_mask, live_mask = transition.input_mask, transition.live_mask
+        absorptions = transition.absorptions
+        choices = self._list_choices(transition, {state & input_mask for state in states})
+        numbers: dict[int, int] = {}  # state of the next level -> its number
         sources: list[int] = []
         targets: list[int] = []
-        taken: list[int] = []
-        for number, state in enumerate(states):
-            for sets, must, finished, true_of, move in ways[state & mask]:
-                if must and state & must != must:
+        outcomes: list[int] = []
+        for source, state in enumerate(states):
+            for sets, requires, completes, satisfied_of, outcome in choices[state & input_mask]:
+                if requires and state & requires != requires:
                     continue
                 reached = state | sets
-                if finished:
-                    open_bodies = finished & ~state
-                    while open_bodies:
-                        lowest = open_bodies & -open_bodies
-                        reached |= true_of[lowest]
-                        open_bodies ^= lowest
-                for true, pending in absorb:
+                if completes:
+                    satisfied = completes & ~state
+                    while satisfied:
+                        lowest = satisfied & -satisfied
+                        reached |= satisfied_of[lowest]
+                        satisfied ^= lowest
+                for true, redundant in absorptions:
                     if reached & true:
-                        reached |= pending
-                reached &= keep
-                target = following.get(reached)
+                        reached |= redundant
+                reached &= live_mask
+                target = numbers.get(reached)
                 if target is None:
-                    target = following[reached] = len(following)
-                sources.append(number)
+                    target = numbers[reached] = len(numbers)
+                sources.append(source)
                 targets.append(target)
-                taken.append(move)
-            if len(taken) > most:
+                outcomes.append(outcome)
+            if len(outcomes) > max_arcs:
                 break
-        return (sources, targets, taken), tuple(following)
+        return (sources, targets, outcomes), tuple(numbers)
 
-    def _ways(self, step: Transition, bits: set[int]) -> Mapping[int, list[_Way]]:
-        """What a step may do under some bits: its `Effect` on a state and the number of the move."""
-        ways = self._known.get(step, {})
-        if not ways.keys() >= bits:
-            for own, outcomes in step.decision.outcomes(bits.difference(ways)).items():
-                found: list[_Way] = []
+    def _list_choices(self, transition: Transition, inputs: set[int]) -> Mapping[int, list[_Choice]]:
+        """List the outcomes with their effects, for each state of the input bits."""
+        choices = self._choices.get(transition, {})
+        if not choices.keys() >= inputs:
+            missing = inputs.difference(choices)
+            for bits, outcomes in transition.distribution.list_outcomes(missing).items():
+                own: list[_Choice] = []
                 for outcome in outcomes:
-                    effect = step.effect(outcome.values)
+                    effect = transition.find_effect(outcome.values)
                     if effect is not None:
                         if outcome.violation:
-                            self.violations[len(self.moves)] = outcome.violation
-                        found.append((*effect, len(self.moves)))
-                        self.moves.append((outcome.values, outcome.weight))
-                ways[own] = found
-            if step.again:
-                self._known[step] = ways
-        return ways
+                            self.violations[len(self.outcomes)] = outcome.violation
+                        own.append((*effect, len(self.outcomes)))
+                        self.outcomes.append((outcome.values, outcome.weight))
+                choices[bits] = own
+            if transition.is_shared:
+                self._choices[transition] = choices
+        return choices
 
 
-def _prune(built: Trellis) -> None:
-    """Drop the states from which no path leads to the end, and number the others anew."""
-    numbers: list[int] | None = None  # state -> its new number, -1 if dropped; None while nothing was
-    for position in range(len(built.edges) - 1, -1, -1):
-        sources, targets, moves = built.edges[position]
+def _prune(trellis: Trellis) -> None:
+    """Drop the states from which no path leads to the last level, and renumber the others."""
+    numbers: list[int] | None = None  # state -> new number, -1 if dropped; None if the level is unchanged
+    for step in range(len(trellis.arcs) - 1, -1, -1):
+        sources, targets, outcomes = trellis.arcs[step]
         if numbers is not None:
             kept = [i for i, target in enumerate(targets) if numbers[target] >= 0]
-            sources, moves = [sources[i] for i in kept], [moves[i] for i in kept]
+            sources, outcomes = [sources[i] for i in kept], [outcomes[i] for i in kept]
             targets = [numbers[targets[i]] for i in kept]
         alive = set(sources)
-        if len(alive) == built.layers[position]:
+        if len(alive) == trellis.level_sizes[step]:
             numbers = None
         else:
-            numbers = [-1] * built.layers[position]
+            numbers = [-1] * trellis.level_sizes[step]
             for number, source in enumerate(sorted(alive)):
                 numbers[source] = number
             sources = [numbers[source] for source in sources]
-            built.layers[position] = len(alive)
-        built.edges[position] = sources, targets, moves
+            trellis.level_sizes[step] = len(alive)
+        trellis.arcs[step] = sources, targets, outcomes
 
 
-def _broken(built: Trellis, step: int, edge: int, violation: ConditionViolation) -> ProgramError:
-    """The error that names a world in which a condition is broken."""
-    sources, targets, moves = built.edges[step]
-    chosen = {step: moves[edge]}
-    state = sources[edge]
-    for position in range(step - 1, -1, -1):
-        sources_, targets_, moves_ = built.edges[position]
-        found = targets_.index(state)
-        chosen[position], state = moves_[found], sources_[found]
-    state = targets[edge]
-    for position in range(step + 1, len(built.edges)):
-        sources_, targets_, moves_ = built.edges[position]
-        found = sources_.index(state)
-        chosen[position], state = moves_[found], targets_[found]
-    world = decode_world(built.plan, [built.moves[chosen[i]][0] for i in range(len(built.edges))])
-    shown = ", ".join(f"{term}={value}" for term, value in world.items())
-    names = [built.plan.ground.names[term] for term in built.plan.order[step]]
-    told = violation.told(built.plan.ground.source.statements, names)
-    return ProgramError(f"{told}, in the world {{{shown}}}")
+def _make_error(trellis: Trellis, step: int, arc: int, violation: ConditionViolation) -> ProgramError:
+    """The error for a violated condition, with a world that contains the arc."""
+    sources, targets, outcomes = trellis.arcs[step]
+    path = {step: outcomes[arc]}
+    state = sources[arc]
+    for before in range(step - 1, -1, -1):
+        own_sources, own_targets, own_outcomes = trellis.arcs[before]
+        incoming = own_targets.index(state)
+        path[before], state = own_outcomes[incoming], own_sources[incoming]
+    state = targets[arc]
+    for after in range(step + 1, len(trellis.arcs)):
+        own_sources, own_targets, own_outcomes = trellis.arcs[after]
+        outgoing = own_sources.index(state)
+        path[after], state = own_outcomes[outgoing], own_targets[outgoing]
+    world = decode_world(trellis.system, [trellis.outcomes[path[i]][0] for i in range(len(trellis.arcs))])
+    program = trellis.system.program
+    names = [program.names[term] for term in trellis.system.order[step]]
+    message = violation.format(program.source.statements, names)
+    return ProgramError(f"{message}, in the world {format_world(world)}")
 
 
-def decode_world(prepared: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
-    """The terms and values of a world, given the outcomes of all steps, sorted by term."""
-    ground = prepared.ground
-    found = {}
-    for terms, values in zip(prepared.order, outcomes, strict=True):
+def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
+    """Convert the outcomes of all steps to term -> value, sorted by term."""
+    program = system.program
+    world = {}
+    for terms, values in zip(system.order, outcomes, strict=True):
         for term, value in zip(terms, values, strict=True):
-            if value < len(ground.values[term]):
-                found[ground.names[term]] = ground.values[term][value]
-    return dict(sorted(found.items()))
+            if value < len(program.values[term]):
+                world[program.names[term]] = program.values[term][value]
+    return dict(sorted(world.items()))

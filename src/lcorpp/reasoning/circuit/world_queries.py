@@ -1,6 +1,6 @@
-"""Questions about whole worlds: exact sums, the most probable worlds, worlds drawn at random.
+"""Queries about whole worlds on the decision diagram: exact sums, the most probable worlds, samples.
 
-Each path through the trellis is one world, and each world one path.
+Each path through the trellis is one world, and each world is one path.
 """
 
 from __future__ import annotations
@@ -23,95 +23,105 @@ if TYPE_CHECKING:
 _Number = TypeVar("_Number", float, Fraction)
 
 SAMPLER_CACHE_SIZE = 100
-"""For how many sets of evidence the tables to draw from are kept."""
+"""The tables to sample from are cached for at most this many sets of evidence."""
 
-_Draw = list[dict[int, tuple[list[float], list[tuple[int, int]]]]]
+MIN_WEIGHT = 1e-100
+"""Weights are scaled up if all of them are below this."""
+
+_Allowed = Mapping[int, list[tuple[int, int]]]
+"""step -> (index of the term in the step, outcome) for each observed term that the step decides"""
+
+_Sampler = list[dict[int, tuple[list[float], list[tuple[int, int]]]]]
+"""For each step: state -> (cumulative probabilities, (target, outcome) of each arc)"""
 
 
 class WorldQueries:
-    """The worlds of a trellis.
+    """Queries about the worlds of a trellis.
 
-    Evidence is a mapping from terms to values, as text; the terms must be known to the program.
+    Evidence is a mapping from terms to values, as text; the program must know the terms.
     """
 
     def __init__(self, trellis: Trellis) -> None:
         self.trellis = trellis
-        self._draws: dict[frozenset[tuple[str, str]], _Draw | None] = {}
+        self._samplers: dict[frozenset[tuple[str, str]], _Sampler | None] = {}
+
+    def __repr__(self) -> str:
+        return f"WorldQueries({self.trellis!r})"
 
     @cached_property
-    def _place(self) -> dict[int, tuple[int, int]]:
-        """Term -> the step that decides it, and which of its terms it is."""
+    def _places(self) -> dict[int, tuple[int, int]]:
+        """Term -> (step that decides it, index in the step)."""
         return {
-            term: (position, i)
-            for position, terms in enumerate(self.trellis.plan.order)
+            term: (step, i)
+            for step, terms in enumerate(self.trellis.system.order)
             for i, term in enumerate(terms)
         }
 
-    def _allowed(self, evidence: Mapping[str, str]) -> dict[int, list[tuple[int, int]]] | None:
-        """Step -> (which of its terms, outcome); None where a term never has a value."""
+    def _encode(self, evidence: Mapping[str, str]) -> _Allowed | None:
+        """Encode evidence by steps; None if a term has no value in any world."""
+        system = self.trellis.system
         allowed: dict[int, list[tuple[int, int]]] = {}
         for name, value in evidence.items():
-            term = self.trellis.plan.index.get(name)
+            term = system.term_numbers.get(name)
             if term is None:
                 return None
-            position, i = self._place[term]
-            allowed.setdefault(position, []).append((i, self.trellis.plan.ground.values[term].index(value)))
+            step, i = self._places[term]
+            allowed.setdefault(step, []).append((i, system.program.values[term].index(value)))
         return allowed
 
-    def _edges(
-        self, position: int, allowed: Mapping[int, list[tuple[int, int]]]
-    ) -> list[tuple[int, int, int]]:
-        """The edges (source, target, move) of a step that agree with the evidence."""
-        edges = zip(*self.trellis.edges[position], strict=True)
-        given = allowed.get(position)
-        if not given:
-            return list(edges)
-        moves = self.trellis.moves
-        return [edge for edge in edges if all(moves[edge[2]][0][i] == value for i, value in given)]
+    def _list_arcs(self, step: int, allowed: _Allowed) -> list[tuple[int, int, int]]:
+        """List the arcs (source, target, outcome) of a step that agree with the evidence."""
+        arcs = zip(*self.trellis.arcs[step], strict=True)
+        observed = allowed.get(step)
+        if not observed:
+            return list(arcs)
+        outcomes = self.trellis.outcomes
+        return [arc for arc in arcs if all(outcomes[arc[2]][0][i] == value for i, value in observed)]
 
-    def exact(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
-        """The weight of each value of a term together with the evidence; "" stands for no value."""
-        return self._sums(query, evidence, [number for _, number in self.trellis.moves], Fraction(1))
+    def exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
+        """Sum the measures of the worlds with the evidence, by the value of a term; "" is for no value."""
+        return self._sum(query, evidence, [number for _, number in self.trellis.outcomes], Fraction(1))
 
-    def weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, float]:
-        """The same as `exact` in floating point; only the ratios mean something."""
-        return self._sums(query, evidence, self.trellis.floats(), 1.0)
+    def float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, float]:
+        """Sum as `exact_weights` in floating point; only the ratios matter."""
+        return self._sum(query, evidence, self.trellis.compute_weights(), 1.0)
 
-    def _sums(
+    def _sum(
         self, query: str, evidence: Mapping[str, str], numbers: Sequence[_Number], one: _Number
     ) -> dict[str, _Number]:
-        allowed = self._allowed(evidence)
-        if allowed is None or not self.trellis.layers[0]:
+        allowed = self._encode(evidence)
+        if allowed is None or not self.trellis.level_sizes[0]:
             return {}
-        asked = self.trellis.plan.index.get(query)
-        at, which = self._place[asked] if asked is not None else (-1, 0)
-        moves = self.trellis.moves
-        by_outcome: dict[int, dict[int, _Number]] = {-1: {0: one}}  # outcome of the query -> state -> weight
-        for position in range(len(self.trellis.edges)):
-            edges = self._edges(position, allowed)
+        queried = self.trellis.system.term_numbers.get(query)
+        query_step, index = self._places[queried] if queried is not None else (-1, 0)
+        outcomes = self.trellis.outcomes
+        by_value: dict[int, dict[int, _Number]] = {-1: {0: one}}  # outcome of the query -> state -> weight
+        for step in range(len(self.trellis.arcs)):
+            arcs = self._list_arcs(step, allowed)
             following: dict[int, dict[int, _Number]] = {}
-            for value, current in by_outcome.items():
-                for source, target, move in edges:
+            for value, current in by_value.items():
+                for source, target, outcome in arcs:
                     weight = current.get(source)
                     if weight is not None:
-                        into = following.setdefault(moves[move][0][which] if position == at else value, {})
-                        gained = weight * numbers[move]
-                        into[target] = into[target] + gained if target in into else gained
+                        key = outcomes[outcome][0][index] if step == query_step else value
+                        sums = following.setdefault(key, {})
+                        product = weight * numbers[outcome]
+                        sums[target] = sums[target] + product if target in sums else product
             if isinstance(one, float):
-                _scale(following.values())
-            by_outcome = following
-        names = self.trellis.plan.ground.values[asked] if asked is not None else ()
-        found: dict[str, _Number] = {}
-        for value, current in by_outcome.items():
+                _rescale(following.values())
+            by_value = following
+        names = self.trellis.system.program.values[queried] if queried is not None else ()
+        weights: dict[str, _Number] = {}
+        for value, current in by_value.items():
             for weight in current.values():
                 name = names[value] if 0 <= value < len(names) else ""
-                found[name] = found[name] + weight if name in found else weight
-        return found
+                weights[name] = weights[name] + weight if name in weights else weight
+        return weights
 
     def count(self) -> int:
-        """How many possible worlds there are."""
-        current = {0: 1} if self.trellis.layers[0] else {}
-        for sources, targets, _ in self.trellis.edges:
+        """Count the possible worlds."""
+        current = {0: 1} if self.trellis.level_sizes[0] else {}
+        for sources, targets, _ in self.trellis.arcs:
             following: dict[int, int] = {}
             for source, target in zip(sources, targets, strict=True):
                 following[target] = following.get(target, 0) + current[source]
@@ -119,119 +129,122 @@ class WorldQueries:
         return sum(current.values())
 
     def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[World, ...]:
-        """The most probable worlds with the evidence, best first; none if it is impossible.
+        """Find the most probable worlds with the evidence, best first; none if the evidence is impossible.
 
-        Source: the k-best form of Viterbi's algorithm, on logarithms, as products of thousands vanish.
+        Source: the k-best form of Viterbi's algorithm, on logarithms, as long products underflow.
         """
-        allowed = self._allowed(evidence)
-        if allowed is None or not self.trellis.layers[0]:
+        trellis = self.trellis
+        allowed = self._encode(evidence)
+        if allowed is None or not trellis.level_sizes[0]:
             return ()
-        weights = [log(n.numerator) - log(n.denominator) if n else None for _, n in self.trellis.moves]
-        best: list[list[tuple[float, int, int, int]]] = [[(0.0, -1, -1, -1)]]  # log, source, rank, move
+        weights = [log(n.numerator) - log(n.denominator) if n else None for _, n in trellis.outcomes]
+        # state -> best partial paths: (log weight, source, rank of the path at the source, outcome)
+        best: list[list[tuple[float, int, int, int]]] = [[(0.0, -1, -1, -1)]]
         history = []
         total = {0: Fraction(1)}
-        for position in range(len(self.trellis.edges)):
+        for step in range(len(trellis.arcs)):
             arriving: dict[int, list[tuple[float, int, int, int]]] = {}
             sums: dict[int, Fraction] = {}
-            for source, target, move in self._edges(position, allowed):
-                weight = weights[move]
+            for source, target, outcome in self._list_arcs(step, allowed):
+                weight = weights[outcome]
                 if weight is None or not best[source]:
                     continue
                 arriving.setdefault(target, []).extend(
-                    (entry[0] + weight, source, rank, move) for rank, entry in enumerate(best[source])
+                    (path[0] + weight, source, rank, outcome) for rank, path in enumerate(best[source])
                 )
                 if source in total:
-                    number = self.trellis.moves[move][1]
+                    number = trellis.outcomes[outcome][1]
                     sums[target] = sums.get(target, Fraction(0)) + total[source] * number
             history.append(best)
             total = sums
             best = [
-                nlargest(count, arriving.get(i, ()), key=lambda entry: entry[0])
-                for i in range(self.trellis.layers[position + 1])
+                nlargest(count, arriving.get(i, ()), key=lambda path: path[0])
+                for i in range(trellis.level_sizes[step + 1])
             ]
         history.append(best)
         mass = total.get(0, Fraction(0))
         if not mass:
             return ()
-        found = []
-        for rank in range(len(best[0])):
-            moves: list[int] = []
-            state, place = 0, rank
-            for layer in range(len(history) - 1, 0, -1):
-                _, source, before, move = history[layer][state][place]
-                moves.append(move)
-                state, place = source, before
-            moves.reverse()
+        worlds = []
+        for final_rank in range(len(best[0])):
+            path: list[int] = []
+            state, rank = 0, final_rank
+            for level in range(len(history) - 1, 0, -1):
+                _, source, source_rank, outcome = history[level][state][rank]
+                path.append(outcome)
+                state, rank = source, source_rank
+            path.reverse()
             measure = Fraction(1)
-            for move in moves:
-                measure *= self.trellis.moves[move][1]
-            values = decode_world(self.trellis.plan, [self.trellis.moves[move][0] for move in moves])
-            found.append(World(values, measure / mass))
-        return tuple(found)
+            for outcome in path:
+                measure *= trellis.outcomes[outcome][1]
+            values = decode_world(trellis.system, [trellis.outcomes[outcome][0] for outcome in path])
+            worlds.append(World(values, measure / mass))
+        return tuple(worlds)
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str] | None:
-        """Draw a world with its probability given some evidence; None if that is impossible."""
+        """Draw a world with its probability given evidence; None if the evidence is impossible."""
         key = frozenset(given.items())
-        if key not in self._draws:
-            if len(self._draws) >= SAMPLER_CACHE_SIZE:
-                self._draws.clear()
-            self._draws[key] = self._tables(given)
-        tables = self._draws[key]
-        if tables is None:
+        if key not in self._samplers:
+            if len(self._samplers) >= SAMPLER_CACHE_SIZE:
+                self._samplers.clear()
+            self._samplers[key] = self._build_sampler(given)
+        sampler = self._samplers[key]
+        if sampler is None:
             return None
         state, outcomes = 0, []
-        uniform = rng.random(len(tables)).tolist()
-        for table, number in zip(tables, uniform, strict=True):
-            cumulative, ways = table[state]
-            state, move = ways[min(bisect_right(cumulative, number), len(ways) - 1)]
-            outcomes.append(self.trellis.moves[move][0])
-        return decode_world(self.trellis.plan, outcomes)
+        uniform = rng.random(len(sampler)).tolist()
+        for step, number in zip(sampler, uniform, strict=True):
+            cumulative, choices = step[state]
+            state, outcome = choices[min(bisect_right(cumulative, number), len(choices) - 1)]
+            outcomes.append(self.trellis.outcomes[outcome][0])
+        return decode_world(self.trellis.system, outcomes)
 
-    def _tables(self, given: Mapping[str, str]) -> _Draw | None:
-        """For each step and state, what to draw from: cumulative probabilities and (target, move)."""
-        allowed = self._allowed(given)
-        if allowed is None or not self.trellis.layers[0]:
+    def _build_sampler(self, given: Mapping[str, str]) -> _Sampler | None:
+        allowed = self._encode(given)
+        if allowed is None or not self.trellis.level_sizes[0]:
             return None
-        alive = self._reached(allowed)  # what cannot be reached must not make the rest look negligible
-        below = {0: 1.0}
-        tables: _Draw = []
-        for position in range(len(self.trellis.edges) - 1, -1, -1):
-            ways: dict[int, list[tuple[float, int, int]]] = {}
-            for source, target, move in self._edges(position, allowed):
-                if source not in alive[position]:
+        reachable = self._find_reachable(allowed)  # weights of unreachable states would distort the scaling
+        below = {0: 1.0}  # state -> weight of the paths from it to the end
+        sampler: _Sampler = []
+        for step in range(len(self.trellis.arcs) - 1, -1, -1):
+            choices: dict[int, list[tuple[float, int, int]]] = {}
+            for source, target, outcome in self._list_arcs(step, allowed):
+                if source not in reachable[step]:
                     continue
-                weight = float(self.trellis.moves[move][1]) * below.get(target, 0.0)
+                weight = float(self.trellis.outcomes[outcome][1]) * below.get(target, 0.0)
                 if weight > 0:
-                    ways.setdefault(source, []).append((weight, target, move))
-            sums = {source: sum(way[0] for way in found) for source, found in ways.items()}
-            tables.append(
+                    choices.setdefault(source, []).append((weight, target, outcome))
+            sums = {source: sum(choice[0] for choice in own) for source, own in choices.items()}
+            sampler.append(
                 {
                     source: (
-                        list(accumulate(way[0] / sums[source] for way in found)),
-                        [way[1:] for way in found],
+                        list(accumulate(choice[0] / sums[source] for choice in own)),
+                        [choice[1:] for choice in own],
                     )
-                    for source, found in ways.items()
+                    for source, own in choices.items()
                 }
             )
             largest = max(sums.values(), default=1.0)
             below = {source: total / largest for source, total in sums.items()}
-        tables.reverse()
-        return tables if 0 in below else None
+        sampler.reverse()
+        return sampler if 0 in below else None
 
-    def _reached(self, allowed: Mapping[int, list[tuple[int, int]]]) -> list[set[int]]:
-        """For each step, the states in which it may be met."""
-        reached = [{0}]
-        for position in range(len(self.trellis.edges) - 1):
-            before = reached[-1]
-            edges = self._edges(position, allowed)
-            reached.append({t for s, t, move in edges if s in before and self.trellis.moves[move][1]})
-        return reached
+    def _find_reachable(self, allowed: _Allowed) -> list[set[int]]:
+        """The states before each step that have a path of positive weight."""
+        reachable = [{0}]
+        for step in range(len(self.trellis.arcs) - 1):
+            before = reachable[-1]
+            arcs = self._list_arcs(step, allowed)
+            reachable.append(
+                {target for source, target, o in arcs if source in before and self.trellis.outcomes[o][1]}
+            )
+        return reachable
 
 
-def _scale(parts: Collection[dict[int, float]]) -> None:
-    """Weights that became tiny are scaled up together: only their ratios matter."""
+def _rescale(parts: Collection[dict[int, float]]) -> None:
+    """Scale tiny weights up together: only their ratios matter."""
     largest = max((weight for part in parts for weight in part.values()), default=1.0)
-    if 0 < largest < 1e-100:
+    if 0 < largest < MIN_WEIGHT:
         for part in parts:
             for state in part:
                 part[state] /= largest

@@ -1,9 +1,10 @@
-"""In which order the terms of a ground program are decided, so that as little as possible stays undecided
-in between.
+"""Step 2a: order the components of a ground program so that the frontier stays small.
 
-Terms that depend on each other in a circle form one component. Components are taken greedily, each time the
-one that leaves the smallest frontier: the terms already decided that something still to be decided asks
-for.
+A component is a strongly connected set of terms of the dependency graph (usually one term); each comes after
+the components that its clauses name. The frontier after a component consists of the decided terms that
+clauses of undecided components or open constraints still name. The order is greedy: next is the component
+that enlarges the frontier least (in bits), as in min-size heuristics for variable elimination and path
+decompositions.
 """
 
 from __future__ import annotations
@@ -16,18 +17,18 @@ from lcorpp.reasoning.grounding.ground_program import Clause
 
 
 def order_components(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list[tuple[int, ...]]:
-    """The components in the order in which they are decided.
+    """Compute the elimination order.
 
     Args:
         clauses: the simplified clauses.
-        outcomes: the outcomes of each term, as bits.
+        outcomes: the mask of the possible outcomes of each term.
 
     Returns:
-        The terms of each component; a component comes after all that it depends on.
+        The terms of each component, in the order of elimination.
     """
-    count = len(outcomes)
-    needs: list[set[int]] = [set() for _ in range(count)]
-    joint: set[frozenset[int]] = set()  # the terms of a constraint stay on the frontier until all are decided
+    n_terms = len(outcomes)
+    needs: list[set[int]] = [set() for _ in range(n_terms)]  # term -> the terms in the bodies of its clauses
+    joint: set[frozenset[int]] = set()  # the terms of a constraint are on the frontier until all are decided
     for clause in clauses:
         body = clause.body
         if clause.term >= 0:
@@ -37,88 +38,103 @@ def order_components(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list
             joint.add(frozenset([literal[0] for literal in body]))
     for term, needed in enumerate(needs):
         needed.discard(term)
-    found: list[tuple[int, ...]] = [(term,) for term in range(count)]
-    inner = needs
-    groups: Iterable[frozenset[int]] = joint
-    if any(needed and max(needed) > term for term, needed in enumerate(needs)):  # there may be circles
-        parts = strongly_connected_components(needs)
-        if len(parts) < count:
-            found = sorted(parts)
-            of = {term: i for i, terms in enumerate(found) for term in terms}
-            inner = [
-                {of[need] for term in terms for need in needs[term]} - {i} for i, terms in enumerate(found)
+    components: list[tuple[int, ...]] = [(term,) for term in range(n_terms)]
+    component_needs = needs
+    constraints: Iterable[frozenset[int]] = joint
+    if any(needed and max(needed) > term for term, needed in enumerate(needs)):  # cycles are possible
+        strong = strongly_connected_components(needs)
+        if len(strong) < n_terms:
+            components = sorted(strong)
+            component_of = {term: i for i, terms in enumerate(components) for term in terms}
+            component_needs = [
+                {component_of[need] for term in terms for need in needs[term]} - {i}
+                for i, terms in enumerate(components)
             ]
-            groups = {frozenset([of[term] for term in group]) for group in joint}
-    size = {bits: log2(bits.bit_count() or 1) for bits in set(outcomes)}
-    sizes = [sum([size[outcomes[term]] for term in terms]) for terms in found]
-    return [found[i] for i in _greedy(inner, sorted([sorted(g) for g in groups if len(g) > 1]), sizes)]
+            constraints = {frozenset([component_of[term] for term in group]) for group in joint}
+    bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
+    sizes = [sum([bits[outcomes[term]] for term in terms]) for terms in components]
+    groups = sorted([sorted(group) for group in constraints if len(group) > 1])
+    return [components[i] for i in _order_greedily(component_needs, groups, sizes)]
 
 
-def _greedy(needs: Sequence[set[int]], groups: Sequence[Sequence[int]], sizes: Sequence[float]) -> list[int]:
+def _order_greedily(
+    needs: Sequence[set[int]], groups: Sequence[Sequence[int]], sizes: Sequence[float]
+) -> list[int]:
+    """Order components.
+
+    Args:
+        needs: component -> the components that must come before it.
+        groups: the components of each constraint.
+        sizes: the bits of each component on the frontier.
+    """
     count = len(needs)
     users: list[list[int]] = [[] for _ in range(count)]
     for user, needed in enumerate(needs):
         for need in needed:
             users[need].append(user)
-    joint: dict[int, list[int]] = {}
+    groups_of: dict[int, list[int]] = {}
     for number, group in enumerate(groups):
         for member in group:
-            joint.setdefault(member, []).append(number)
-    open_groups = [len(group) for group in groups]
-    waits = [len(needed) for needed in needs]
-    wanted = [
-        len(users[i]) + len(joint.get(i, ())) for i in range(count)
-    ]  # how much keeps it on the frontier
+            groups_of.setdefault(member, []).append(number)
+    undecided = [len(group) for group in groups]  # members of each constraint
+    missing = [len(needed) for needed in needs]  # undecided needs of each component
+    n_references = [  # to each component, from undecided components and open constraints
+        len(users[i]) + len(groups_of.get(i, ())) for i in range(count)
+    ]
 
-    def score(i: int) -> float:
-        grows = sizes[i] if wanted[i] else 0.0
+    def compute_growth(i: int) -> float:
+        """The bits that deciding a component adds to the frontier."""
+        growth = sizes[i] if n_references[i] else 0.0
         for need in needs[i]:
-            if wanted[need] == 1:
-                grows -= sizes[need]
-        for number in joint.get(i, ()):
-            if open_groups[number] == 1:  # deciding i closes the constraint
-                grows -= sum([sizes[m] for m in groups[number] if m != i and wanted[m] == 1])
-        return grows
+            if n_references[need] == 1:
+                growth -= sizes[need]
+        for number in groups_of.get(i, ()):
+            if undecided[number] == 1:  # deciding i closes the constraint
+                growth -= sum([sizes[m] for m in groups[number] if m != i and n_references[m] == 1])
+        return growth
 
-    heap = [(score(i), i) for i in range(count) if not waits[i]]
+    heap = [(compute_growth(i), i) for i in range(count) if not missing[i]]
     heapify(heap)
     done = [False] * count
     order: list[int] = []
     while heap:
-        given, i = heappop(heap)
+        growth, i = heappop(heap)
         if done[i]:
             continue
-        if groups:  # without constraints a score only gets better, and is then given anew
-            now = score(i)
-            if now > given + 1e-9:
-                heappush(heap, (now, i))
+        if groups:  # without constraints the growth only decreases, and each decrease pushes a new entry
+            current = compute_growth(i)
+            if current > growth + 1e-9:
+                heappush(heap, (current, i))
                 continue
         done[i] = True
         order.append(i)
-        better: list[int] = []
-        for number in joint.get(i, ()):
-            open_groups[number] -= 1
-            if not open_groups[number]:
+        changed: list[int] = []
+        for number in groups_of.get(i, ()):
+            undecided[number] -= 1
+            if not undecided[number]:
                 for member in groups[number]:
-                    wanted[member] -= 1
-            elif open_groups[number] == 1:
-                better.extend(m for m in groups[number] if not done[m])
+                    n_references[member] -= 1
+            elif undecided[number] == 1:
+                changed.extend(m for m in groups[number] if not done[m])
         for need in needs[i]:
-            wanted[need] -= 1
-            if wanted[need] == 1:
-                better.extend([user for user in users[need] if not done[user]])
+            n_references[need] -= 1
+            if n_references[need] == 1:
+                changed.extend([user for user in users[need] if not done[user]])
         for user in users[i]:
-            waits[user] -= 1
-            if not waits[user]:
-                heappush(heap, (score(user), user))
-        for other in better:
-            if not waits[other] and not done[other]:
-                heappush(heap, (score(other), other))
+            missing[user] -= 1
+            if not missing[user]:
+                heappush(heap, (compute_growth(user), user))
+        for other in changed:
+            if not missing[other] and not done[other]:
+                heappush(heap, (compute_growth(other), other))
     return order
 
 
 def strongly_connected_components(needs: Sequence[Iterable[int]]) -> list[tuple[int, ...]]:
-    """The strongly connected components, each after those it needs.
+    """Return the strongly connected components of a graph, each after the components it points to.
+
+    Args:
+        needs: node -> its successors.
 
     Source: Tarjan, SIAM J. Comput. 1(2), 1972, without recursion.
     """
@@ -126,7 +142,7 @@ def strongly_connected_components(needs: Sequence[Iterable[int]]) -> list[tuple[
     low = [0] * len(needs)
     on_stack = [False] * len(needs)
     stack: list[int] = []
-    found: list[tuple[int, ...]] = []
+    components: list[tuple[int, ...]] = []
     counter = 0
     for root in range(len(needs)):
         if index[root]:
@@ -160,5 +176,5 @@ def strongly_connected_components(needs: Sequence[Iterable[int]]) -> list[tuple[
                         members.append(member)
                         if member == node:
                             break
-                    found.append(tuple(sorted(members)))
-    return found
+                    components.append(tuple(sorted(members)))
+    return components

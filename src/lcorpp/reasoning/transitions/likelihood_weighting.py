@@ -1,8 +1,7 @@
-"""Answers by likelihood weighting, with error bars, for programs that have too many states to be compiled.
+"""Likelihood weighting: estimates with standard errors, for programs with too many states to be compiled.
 
-Worlds are drawn term by term in the order of the plan. A term that is observed is not drawn: the world is
-weighted with the probability of what was observed instead. A world that breaks a constraint on its way has
-the weight 0.
+A sampler decides the components in elimination order. It does not draw observed terms but multiplies the
+weight of the world by the probability of the observed value. A world that violates a constraint has weight 0.
 
 Source: Fung and Chang, "Weighing and integrating evidence for stochastic simulation in Bayesian networks",
 UAI 1989; Shachter and Peot, UAI 1989. The standard error is that of a ratio of two means (Owen, "Monte
@@ -23,19 +22,20 @@ from lcorpp.reasoning.transitions.selection import Outcome
 from lcorpp.reasoning.transitions.transition import Effect
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 
-SAMPLES = 20_000
-"""How many worlds are drawn if nobody says otherwise."""
+DEFAULT_SAMPLES = 20_000
+"""The default number of worlds."""
 
-_Way = tuple[float, Effect, Outcome]
+_Choice = tuple[float, Effect, Outcome]
+"""(probability, effect on the state, outcome)"""
 
 
 @dataclass(frozen=True)
 class SampleEstimates:
     """Estimated probabilities.
 
-    values: value -> (probability, standard error); "" stands for no value.
-    samples: how many worlds were drawn.
-    effective: how many equally weighted worlds would tell as much (Kish).
+    values: value -> (probability, standard error); the key "" is for no value.
+    samples: the number of worlds drawn.
+    effective: the effective sample size (Kish).
     """
 
     values: Mapping[str, tuple[float, float]]
@@ -44,95 +44,103 @@ class SampleEstimates:
 
 
 def estimate(
-    prepared: TransitionSystem, query: str, evidence: Mapping[str, str], samples: int = SAMPLES, seed: int = 0
+    system: TransitionSystem,
+    query: str,
+    evidence: Mapping[str, str],
+    samples: int = DEFAULT_SAMPLES,
+    seed: int = 0,
 ) -> SampleEstimates:
     """Estimate the distribution of a term given evidence.
 
     Raises:
-        ProgramError: a condition of the language is broken in a world that was met.
-        UndefinedError: no world with the evidence was met.
+        ProgramError: a drawn world breaks a condition of the language.
+        UndefinedError: no drawn world agrees with the evidence.
     """
-    drawn = _Draws(prepared, evidence, Random(seed))
-    ground = prepared.ground
-    asked = prepared.index.get(query)
-    names = ground.values[asked] if asked is not None else ()
+    sampler = _WorldSampler(system, evidence, Random(seed))
+    program = system.program
+    queried = system.term_numbers.get(query)
+    names = program.values[queried] if queried is not None else ()
     weights: dict[str, list[float]] = {}
     for _ in range(samples):
-        found = drawn.world(asked)
-        if found:
-            weight, value = found
+        world = sampler.draw(queried)
+        if world:
+            weight, value = world
             weights.setdefault(names[value] if 0 <= value < len(names) else "", []).append(weight)
     total = sum(map(sum, weights.values()))
-    file = ground.source.file
+    file = program.source.file
     if total == 0:
         raise UndefinedError(f"{file}: none of {samples} worlds drawn at random has the evidence")
-    squares = {value: sum(w * w for w in found) for value, found in weights.items()}
-    every = sum(squares.values())
+    squares = {value: sum(w * w for w in own) for value, own in weights.items()}
+    all_squares = sum(squares.values())
     values = {}
     for name in (*names, ""):
         p = sum(weights.get(name, ())) / total
-        own = squares.get(name, 0.0)
-        values[name] = p, sqrt(own * (1 - p) ** 2 + (every - own) * p**2) / total
-    return SampleEstimates(values, samples, total * total / every)
+        own_squares = squares.get(name, 0.0)
+        values[name] = p, sqrt(own_squares * (1 - p) ** 2 + (all_squares - own_squares) * p**2) / total
+    return SampleEstimates(values, samples, total * total / all_squares)
 
 
-class _Draws:
-    """Worlds drawn at random that have some evidence."""
+class _WorldSampler:
+    """Draws weighted worlds that agree with the evidence."""
 
-    def __init__(self, prepared: TransitionSystem, evidence: Mapping[str, str], random: Random) -> None:
-        self._plan, self._random = prepared, random
-        self._known: list[dict[int, tuple[list[float], list[_Way]]]] = [{} for _ in prepared.steps]
-        given: dict[int, int] = {}
-        self._possible = prepared.consistent
+    def __init__(self, system: TransitionSystem, evidence: Mapping[str, str], random: Random) -> None:
+        self._system, self._random = system, random
+        # step -> state of the input bits -> (cumulative probabilities, choices)
+        self._choices: list[dict[int, tuple[list[float], list[_Choice]]]] = [{} for _ in system.transitions]
+        observed: dict[int, int] = {}
+        self._possible = system.consistent
         for name, value in evidence.items():
-            term = prepared.index.get(name)
+            term = system.term_numbers.get(name)
             if term is None:
                 self._possible = False
             else:
-                given[term] = prepared.ground.values[term].index(value)
-        self._given = [
-            [(i, given[term]) for i, term in enumerate(terms) if term in given] for terms in prepared.order
+                observed[term] = system.program.values[term].index(value)
+        self._observed = [
+            [(i, observed[term]) for i, term in enumerate(terms) if term in observed]
+            for terms in system.order
         ]
 
-    def world(self, asked: int | None) -> tuple[float, int] | None:
-        """The weight of a drawn world and the outcome of a term in it; None if it broke a constraint."""
+    def draw(self, queried: int | None) -> tuple[float, int] | None:
+        """Draw a world: its weight and the outcome of a term; None if the world violates a constraint."""
         if not self._possible:
             return None
         state, weight, value = 0, 1.0, -1
-        for position, (step, terms) in enumerate(zip(self._plan.steps, self._plan.order, strict=True)):
-            bits = state & step.mask
-            known = self._known[position].get(bits)
+        steps = zip(self._system.transitions, self._system.order, strict=True)
+        for step, (transition, terms) in enumerate(steps):
+            bits = state & transition.input_mask
+            known = self._choices[step].get(bits)
             if known is None:
-                known = self._known[position][bits] = self._ways(position, bits)
-            cumulative, ways = known
-            if not ways or cumulative[-1] == 0:
+                known = self._choices[step][bits] = self._list_choices(step, bits)
+            cumulative, choices = known
+            if not choices or cumulative[-1] == 0:
                 return None
-            at = bisect_right(cumulative, self._random.random() * cumulative[-1]) if len(ways) > 1 else 0
-            _, (sets, must, finished, true_of), outcome = ways[min(at, len(ways) - 1)]
+            at = bisect_right(cumulative, self._random.random() * cumulative[-1]) if len(choices) > 1 else 0
+            _, (sets, requires, completes, satisfied_of), outcome = choices[min(at, len(choices) - 1)]
             weight *= cumulative[-1]
-            if must and state & must != must:
+            if requires and state & requires != requires:
                 return None
-            reached = state | sets
-            open_bodies = finished & ~state
-            while open_bodies:
-                lowest = open_bodies & -open_bodies
-                reached |= true_of[lowest]
-                open_bodies ^= lowest
-            state = reached & step.keep
-            if asked is not None and asked in terms:
-                value = outcome.values[terms.index(asked)]
+            following = state | sets
+            satisfied = completes & ~state
+            while satisfied:
+                lowest = satisfied & -satisfied
+                following |= satisfied_of[lowest]
+                satisfied ^= lowest
+            state = following & transition.live_mask
+            if queried is not None and queried in terms:
+                value = outcome.values[terms.index(queried)]
         return weight, value
 
-    def _ways(self, position: int, bits: int) -> tuple[list[float], list[_Way]]:
-        step = self._plan.steps[position]
-        ways: list[_Way] = []
-        for outcome in step.decision.outcomes((bits,))[bits]:
+    def _list_choices(self, step: int, bits: int) -> tuple[list[float], list[_Choice]]:
+        transition = self._system.transitions[step]
+        program = self._system.program
+        choices: list[_Choice] = []
+        for outcome in transition.distribution.list_outcomes((bits,))[bits]:
             if outcome.violation:
-                names = [self._plan.ground.names[term] for term in self._plan.order[position]]
-                told = outcome.violation.told(self._plan.ground.source.statements, names)
-                raise ProgramError(f"{told}, in a world drawn at random")
-            if all(outcome.values[i] == value for i, value in self._given[position]):
-                effect = step.effect(outcome.values)
+                names = [program.names[term] for term in self._system.order[step]]
+                message = outcome.violation.format(program.source.statements, names)
+                raise ProgramError(f"{message}, in a world drawn at random")
+            if all(outcome.values[i] == value for i, value in self._observed[step]):
+                effect = transition.find_effect(outcome.values)
                 if effect is not None:
-                    ways.append((float(outcome.weight), effect, outcome))
-        return list(accumulate(way[0] for way in ways)), ways
+                    choices.append((float(outcome.weight), effect, outcome))
+        return list(accumulate(choice[0] for choice in choices)), choices

@@ -1,8 +1,14 @@
-"""Heads: all that is said about a term, in a form that it shares with the terms about which the same is said.
+"""Step 2b: group the clauses of a component by structure, so that equal components share all later work.
 
-A program that repeats itself says the same of most of its terms. A head knows the terms that its bodies ask
-for only by the order in which they are decided, and the bits of a state only as slots, to be filled anew for
-each term; so whatever follows from it has to be found once.
+Relational programs say the same of most terms: ``x(T+1)`` depends on ``x(T)`` for each T. A `RuleGroup`
+therefore refers to the terms in its bodies only by the rank of the step that decides them, and to the bits of
+the state only by slots; `transition_builder` assigns bits to the slots of each component. For
+
+    x(5)=true :- x(4)=true, y(2)=true.      x(5)=true :- z(1)=true.
+
+decided in the order z(1), y(2), x(4), there are three dependencies (ranks 0, 1, 2) and one clause group with
+two bodies. One slot records that a body is satisfied; another that the first body, which spans ranks 1 to 2,
+is falsified.
 """
 
 from __future__ import annotations
@@ -12,111 +18,119 @@ from dataclasses import dataclass, field
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram, Literal
 
-DERIVE, ASSIGN, FORBID = (
+DERIVE, ASSIGN, FORBID = (  # local names: the attribute access of Enum members is slow
     ClauseKind.DERIVE,
     ClauseKind.ASSIGN,
     ClauseKind.FORBID,
-)  # to look up a member of an Enum takes time
+)
 
 Conditions = tuple[tuple[int, int], ...]
-"""Which of the terms of a step, and the outcomes of it that make a literal true."""
+"""(index of a term in its component, mask of the outcomes that satisfy the literal), for each literal."""
 
 BodyUpdate = tuple[Conditions, int, bool, int]
-"""What a step can do to a body: the conditions on its terms, the slot of *denied* (-1 if no other step has
-to do with the body), whether this is the last such step, and the slot of *true* (-1 for a constraint)."""
+"""How a step updates a body: the conditions on its terms, the slot of *falsified* (-1 if only this step
+matters for the body), whether this is the last step of the body, and the slot of *satisfied* (-1 for a
+constraint)."""
 
 
 @dataclass(slots=True, eq=False)
 class ClauseGroup:
-    """Clauses with one head: that one of their bodies is true is all that matters.
+    """Clauses with the same head; only whether one of their bodies is true matters.
 
-    always: whether one of the bodies is true in any case.
-    true: the slot of its bit, -1 if it needs none.
+    clause: the head, and those literals of the body that are about the component itself.
+    always: whether one of the bodies is always true.
+    satisfied: the slot of the bit for "a body is satisfied", -1 if `always`.
     """
 
     clause: Clause
     always: bool = False
-    true: int = -1
+    satisfied: int = -1
     bodies: list[Body] = field(default_factory=list)
 
 
 @dataclass(slots=True, eq=False)
 class Body:
-    """A body on its way: the stages of the head at which it is touched, and the slot of *denied*."""
+    """The literals of a body by the ranks of the steps that decide their terms.
 
-    touched: Sequence[tuple[int, Conditions]]
+    conditions: (rank, conditions on the terms of that step), sorted by rank.
+    first, last: the lowest and highest rank.
+    falsified: the slot of the bit for "a literal is false", -1 if `first` is `last`.
+    """
+
+    conditions: Sequence[tuple[int, Conditions]]
     first: int
     last: int
-    denied: int = -1
+    falsified: int = -1
 
 
 @dataclass(slots=True, eq=False)
 class Dependency:
-    """What a head has to do with one of the steps that come before its own.
+    """The dependency of a rule group on one earlier step.
 
-    takes, frees: the slots of the bits that come into use there, and of those that no longer matter after it.
-    groups: those touched there that have several bodies.
+    rank: the position of the step among those that the rule group depends on.
+    allocates, releases: the slots whose bits this step uses first, and last.
+    updates: the bodies that the step can satisfy or falsify.
+    groups: the clause groups with several bodies among them.
     """
 
     rank: int
-    takes: list[int] = field(default_factory=list)
-    frees: list[int] = field(default_factory=list)
-    touches: list[BodyUpdate] = field(default_factory=list)
+    allocates: list[int] = field(default_factory=list)
+    releases: list[int] = field(default_factory=list)
+    updates: list[BodyUpdate] = field(default_factory=list)
     groups: list[ClauseGroup] = field(default_factory=list)
 
-    def slots(self) -> list[int]:
-        """The slots of all bits that matter there."""
-        found = {slot for _, denied, _, true in self.touches for slot in (denied, true)}
-        found.update([body.denied for group in self.groups for body in group.bodies])
-        return sorted(found)
+    def list_slots(self) -> list[int]:
+        """Return the slots of all bits that the step reads or writes."""
+        slots = {slot for _, falsified, _, satisfied in self.updates for slot in (falsified, satisfied)}
+        slots.update([body.falsified for group in self.groups for body in group.bodies])
+        return sorted(slots)
 
 
 @dataclass(slots=True, eq=False)
 class RuleGroup:
-    """What is said about one component, or what constraints say of the same terms.
+    """The clauses of one component, or constraints over the same terms, without the names of other terms.
 
-    terms: those of the component, or of the first that has this head; none for constraints.
-    always: the positions of the groups that need no bit.
-    stages: one for each step that the bodies ask for, in their order.
-    slots: how many bits are needed; those for *true* come first, in the order of the groups.
-    circular: whether a term depends on itself, or several on each other.
-    again: whether it is that of more than one component.
+    terms: the terms of the first component with this rule group; none for constraints.
+    always: the indexes of the clause groups with a body that is always true.
+    dependencies: one for each step that decides a term of the bodies, in the order of the steps.
+    n_slots: the number of bits; those for *satisfied* come first, in the order of the clause groups.
+    recursive: whether a term depends on itself, or several terms on each other.
+    is_shared: whether several components have this rule group.
     """
 
     terms: tuple[int, ...]
     groups: list[ClauseGroup]
     always: list[int]
-    stages: list[Dependency]
-    slots: int = 0
-    circular: bool = False
-    again: bool = False
+    dependencies: list[Dependency]
+    n_slots: int = 0
+    recursive: bool = False
+    is_shared: bool = False
 
     @classmethod
-    def of(
+    def from_clauses(
         cls,
         terms: tuple[int, ...],
         clauses: Sequence[Clause],
-        asked: Mapping[int, tuple[int, int]],
+        needed: Mapping[int, tuple[int, int]],
         outcomes: Sequence[int],
     ) -> RuleGroup:
-        """Gather the clauses of a component, or constraints.
+        """Group the clauses of a component, or constraints.
 
         Args:
-            asked: each term outside of the component that a body asks for -> its stage, and which of the
-                terms of that step it is.
-            outcomes: the outcomes of each term, as bits.
+            needed: term of a body outside of the component -> (rank of its step, index in its component).
+            outcomes: the mask of the possible outcomes of each term.
         """
         groups: dict[object, ClauseGroup] = {}
         constraints: list[Body] = []
-        circular = len(terms) > 1
+        recursive = len(terms) > 1
         for number, clause in enumerate(clauses):
-            inner, body = _body(clause, asked, outcomes)
+            own_literals, body = _split_body(clause, needed, outcomes)
             if not terms:
                 constraints.append(body)
                 continue
             kind, key = clause.kind, None  # type: ClauseKind, object
-            if inner:
-                key, circular = number, True
+            if own_literals:
+                key, recursive = number, True
             elif kind is ASSIGN:
                 key = number
             elif kind is DERIVE:
@@ -125,125 +139,126 @@ class RuleGroup:
                 key = kind, clause.term, clause.value, clause.statement, clause.instance
             group = groups.get(key)
             if group is None:
-                group = groups[key] = ClauseGroup(_alone(clause, inner))
-            if body.touched:
+                group = groups[key] = ClauseGroup(_with_body(clause, own_literals))
+            if body.conditions:
                 group.bodies.append(body)
             else:
                 group.always = True
-        count = 1 + max([rank for rank, _ in asked.values()], default=-1)
+        count = 1 + max([rank for rank, _ in needed.values()], default=-1)
         always = [number for number, group in enumerate(groups.values()) if group.always]
-        head = cls(terms, list(groups.values()), always, [Dependency(rank) for rank in range(count)])
-        head.circular = circular
-        for group in head.groups:
+        result = cls(terms, list(groups.values()), always, [Dependency(rank) for rank in range(count)])
+        result.recursive = recursive
+        for group in result.groups:
             if group.always:
                 group.bodies = []
             else:
-                group.true = head._slot()
-                head.stages[min([body.last for body in group.bodies])].takes.append(group.true)
-        for group in head.groups:
-            head._place(group.bodies, group.true)
+                group.satisfied = result._new_slot()
+                first_end = min([body.last for body in group.bodies])
+                result.dependencies[first_end].allocates.append(group.satisfied)
+        for group in result.groups:
+            result._register(group.bodies, group.satisfied)
             if len(group.bodies) > 1:
-                for rank in {rank for body in group.bodies for rank, _ in body.touched}:
-                    head.stages[rank].groups.append(group)
-        head._place(constraints, -1)
-        head.stages = [stage for stage in head.stages if stage.touches]
-        return head
+                for rank in {rank for body in group.bodies for rank, _ in body.conditions}:
+                    result.dependencies[rank].groups.append(group)
+        result._register(constraints, -1)
+        result.dependencies = [dependency for dependency in result.dependencies if dependency.updates]
+        return result
 
-    def _place(self, bodies: Iterable[Body], true: int) -> None:
-        """Tell the stages of bodies that lead to one bit."""
-        stages = self.stages
+    def _register(self, bodies: Iterable[Body], satisfied: int) -> None:
+        """Add the updates of bodies that satisfy the same slot to the dependencies."""
+        dependencies = self.dependencies
         for body in bodies:
             if body.last > body.first:
-                body.denied = self._slot()
-                stages[body.first].takes.append(body.denied)
-                stages[body.last].frees.append(body.denied)
-            for rank, conditions in body.touched:
-                stages[rank].touches.append((conditions, body.denied, rank == body.last, true))
+                body.falsified = self._new_slot()
+                dependencies[body.first].allocates.append(body.falsified)
+                dependencies[body.last].releases.append(body.falsified)
+            for rank, conditions in body.conditions:
+                dependencies[rank].updates.append((conditions, body.falsified, rank == body.last, satisfied))
 
-    def _slot(self) -> int:
-        self.slots += 1
-        return self.slots - 1
+    def _new_slot(self) -> int:
+        self.n_slots += 1
+        return self.n_slots - 1
 
 
-def _body(
-    clause: Clause, asked: Mapping[int, tuple[int, int]], outcomes: Sequence[int]
+def _split_body(
+    clause: Clause, needed: Mapping[int, tuple[int, int]], outcomes: Sequence[int]
 ) -> tuple[list[Literal], Body]:
-    """The literals of the component itself, and the others, of which those of one term hold together."""
-    inner: list[Literal] = []
-    outer: dict[int, int] = {}
+    """Split a body into literals about the component itself and conditions on earlier steps."""
+    own_literals: list[Literal] = []
+    masks: dict[int, int] = {}
     for literal in clause.body:
         term = literal[0]
-        if term not in asked:
-            inner.append(literal)
-        elif term in outer:
-            outer[term] &= literal[1]
+        if term not in needed:
+            own_literals.append(literal)
+        elif term in masks:
+            masks[term] &= literal[1]
         else:
-            outer[term] = literal[1] & outcomes[term]
-    if not outer:
-        return inner, Body((), 0, 0)
-    touched: list[tuple[int, Conditions]] = []
-    for term, allowed in outer.items():
-        rank, which = asked[term]
-        touched.append((rank, ((which, allowed),)))
-    if len(touched) > 1:
-        touched.sort()
-        if len({rank for rank, _ in touched}) < len(touched):
-            touched = _together(touched)
-    return inner, Body(touched, touched[0][0], touched[-1][0])
+            masks[term] = literal[1] & outcomes[term]
+    if not masks:
+        return own_literals, Body((), 0, 0)
+    conditions: list[tuple[int, Conditions]] = []
+    for term, mask in masks.items():
+        rank, index = needed[term]
+        conditions.append((rank, ((index, mask),)))
+    if len(conditions) > 1:
+        conditions.sort()
+        if len({rank for rank, _ in conditions}) < len(conditions):
+            conditions = _join_by_rank(conditions)
+    return own_literals, Body(conditions, conditions[0][0], conditions[-1][0])
 
 
-def _together(touched: Iterable[tuple[int, Conditions]]) -> list[tuple[int, Conditions]]:
-    """The conditions on the terms of one step in one."""
-    found: dict[int, Conditions] = {}
-    for rank, conditions in touched:
-        found[rank] = found.get(rank, ()) + conditions
-    return list(found.items())
+def _join_by_rank(conditions: Iterable[tuple[int, Conditions]]) -> list[tuple[int, Conditions]]:
+    joined: dict[int, Conditions] = {}
+    for rank, own in conditions:
+        joined[rank] = joined.get(rank, ()) + own
+    return list(joined.items())
 
 
-def _alone(clause: Clause, inner: Sequence[Literal]) -> Clause:
-    """A clause with what is decided together with its head; only that is left to decide there."""
-    if len(inner) == len(clause.body):
+def _with_body(clause: Clause, body: Sequence[Literal]) -> Clause:
+    """Return the clause with another body."""
+    if len(body) == len(clause.body):
         return clause
     return Clause(
-        clause.kind, clause.term, clause.value, tuple(inner),
+        clause.kind, clause.term, clause.value, tuple(body),
         clause.statement, clause.label, clause.instance, clause.number,
     )  # fmt: skip
 
 
 def describe_structure(
-    ground: GroundProgram, term: int, clauses: Sequence[Clause], outcomes: Sequence[int]
+    program: GroundProgram, term: int, clauses: Sequence[Clause], outcomes: Sequence[int]
 ) -> tuple[list[object] | None, dict[int, int]]:
-    """All that a term's head and what follows from it depend on, but for the order of the terms asked for.
+    """Describe the clauses of a term up to renaming: terms with equal descriptions can share a rule group.
 
     Args:
-        term: -1 for constraints.
+        term: the term, -1 for constraints.
 
     Returns:
-        (look, asked): None if the term is like no other, and the other terms that its clauses ask for,
-        numbered as they are met.
+        (structure, needed): a list of hashable parts, None if the term cannot share a rule group; and the
+        other terms of the bodies, numbered by first occurrence. Their elimination order is not in the
+        structure.
     """
-    # terms of an attribute share their values, clauses of a statement their number
-    parts: list[object] = [id(ground.values[term]) if term >= 0 else -1]
-    asked: dict[int, int] = {}
-    told: dict[object, int] = {}  # labels and instances say only which of them are the same
+    # the terms of an attribute share the tuple of values, the clauses of a statement the number: ids suffice
+    structure: list[object] = [id(program.values[term]) if term >= 0 else -1]
+    needed: dict[int, int] = {}
+    numbers: dict[object, int] = {}  # of labels and instances: only their equality matters
     for clause in clauses:
         kind = clause.kind
         if kind is DERIVE:
-            parts += kind, clause.value
+            structure += kind, clause.value
         elif kind is not FORBID:
-            label = told.setdefault(clause.label, len(told))
-            parts += kind, clause.value, clause.statement, label, id(clause.number)
+            label = numbers.setdefault(clause.label, len(numbers))
+            structure += kind, clause.value, clause.statement, label, id(clause.number)
             if kind is not ASSIGN:
-                parts.append(told.setdefault(clause.instance, len(told)))
+                structure.append(numbers.setdefault(clause.instance, len(numbers)))
         else:
-            parts.append(kind)
-        for need, allowed, negated in clause.body:
-            if need == term:
-                parts += -1, allowed, negated
+            structure.append(kind)
+        for other, allowed, negated in clause.body:
+            if other == term:
+                structure += -1, allowed, negated
                 continue
-            if need in asked:
-                number = asked[need]
+            if other in needed:
+                number = needed[other]
             else:
-                number = asked[need] = len(asked)
-            parts += number, allowed & outcomes[need]
-    return None if term in ground.do else parts, asked
+                number = needed[other] = len(needed)
+            structure += number, allowed & outcomes[other]
+    return None if term in program.do else structure, needed

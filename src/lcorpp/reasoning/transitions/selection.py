@@ -1,4 +1,13 @@
-"""What may come of deciding one term, given the clauses about it whose bodies are true."""
+"""The local distribution of one term: its outcomes and probabilities, given the clauses whose bodies are
+true.
+
+A term is derived by rules, selected at random from its dynamic range, set by an intervention, or has no
+value. A random value has the probability that a pr-atom assigns; the values without a pr-atom share the rest
+evenly.
+
+Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 3.2, equations 3 to 5, Conditions 1 to 3; section
+5.1 for unitarity. Condition 1 of 2018: Balai, Gelfond and Zhang, 2019, section 3.2.
+"""
 
 from __future__ import annotations
 
@@ -11,94 +20,51 @@ from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, Ground
 from lcorpp.reasoning.language.syntax import Probability, Selection, Statement
 from lcorpp.reasoning.transitions.rule_groups import RuleGroup
 
+ONE = Fraction(1)
+
 PrAtom = tuple[int, Fraction, int]
-"""What one pr-atom says: the value, its number, and the position of the statement."""
+"""A pr-atom that applies: the value, its probability, and the index of the statement."""
+
+GuardedClause = tuple[int, Clause]
+"""(bit, clause): the body of the clause is true if the bit is set in the state, or if the bit is 0."""
 
 
 class ConditionViolation(Exception):
-    """A condition of the language is broken; in which world is not known yet, and statements are positions.
+    """A world breaks a condition of P-log; `trellis` finds the world.
 
     Args:
-        statement: the one that breaks it.
-        message: how, in parts between which the name of the term stands: terms of which the same is said
-            share their violations.
-        other: where another statement has part in it, it stands between `message` and `after`.
+        statement: the index of the statement that breaks the condition.
+        message: the parts of the message; the name of the term goes between them, as terms with the same rule
+            group share their violations.
+        other: the index of the other statement involved; its place goes between `message` and `after`.
     """
 
     def __init__(
         self, statement: int, message: tuple[str, ...], other: int | None = None, after: str = ""
     ) -> None:
         self.statement, self.message, self.other, self.after = statement, message, other, after
-        self.which = 0
-        """Which of the terms of its step it is about."""
+        self.term_index = 0
+        """The index of the term in its component."""
         super().__init__(statement)
 
-    def told(self, statements: Sequence[Statement], names: Sequence[str]) -> str:
-        """The message with the places of the statements and the name of its term, one of those of a step."""
+    def format(self, statements: Sequence[Statement], names: Sequence[str]) -> str:
+        """Return the message.
+
+        Args:
+            names: the terms of the component.
+        """
         place = "" if self.other is None else f" {statements[self.other].at}"
-        return f"{statements[self.statement].at}: {names[self.which].join(self.message)}{place}{self.after}"
-
-
-def assign_probabilities(
-    possible: Sequence[int], spoken: Sequence[PrAtom], values: Sequence[str]
-) -> list[Fraction]:
-    """The probability of each possible value, in their order.
-
-    Args:
-        possible: the dynamic range.
-        spoken: the pr-atoms that are about this selection.
-        values: the whole range of the term, for messages.
-
-    Raises:
-        ConditionViolation: two pr-atoms for one value, one outside of the range, or no probabilities.
-    """
-    numbers: dict[int, Fraction] = {}
-    by: dict[int, int] = {}
-    for value, number, statement in spoken:
-        if not 0 <= number <= 1:
-            raise ConditionViolation(statement, (f"the probability {number} is not between 0 and 1",))
-        if value in numbers:
-            same = by[value] == statement
-            raise ConditionViolation(
-                statement,
-                ("Condition 2: ", f"={values[value]} also has a pr-atom at"),
-                by[value],
-                " with other values of its variables" if same else "",
-            )
-        if value not in possible:
-            shown = ", ".join(values[v] for v in possible)
-            raise ConditionViolation(
-                statement,
-                (
-                    "Condition 3: ",
-                    f"={values[value]} has a pr-atom outside of its dynamic range {{{shown}}}",
-                ),
-            )
-        numbers[value], by[value] = number, statement
-    if not numbers:
-        return [Fraction(1, len(possible))] * len(possible)
-    total = sum(numbers.values(), Fraction(0))
-    rest = len(possible) - len(numbers)
-    if total > 1 or (total != 1 and not rest):
-        raise ConditionViolation(
-            min(by.values()),
-            ("not unitary: the probabilities of ", f" sum to {total}, not {'at most ' if rest else ''}1"),
-        )
-    share = (1 - total) / rest if rest else Fraction(0)
-    return [numbers.get(value, share) for value in possible]
-
-
-GuardedClause = tuple[int, Clause]
-"""A clause and its bit, which is set where its body is true; bit 0 stands for a body that is always true."""
+        text = names[self.term_index].join(self.message)
+        return f"{statements[self.statement].at}: {text}{place}{self.after}"
 
 
 @dataclass(slots=True)
 class Outcome:
-    """What may come of a step.
+    """An outcome of a component.
 
-    values: the outcome of each term of the step; a sequence that may be worked out when it is looked at.
-    weight: its probability, where terms are truly random.
-    violation: the condition of the language that it breaks, if it does.
+    values: the outcome of each term; a sequence that may be computed lazily.
+    weight: the product of the probabilities of the terms that are random.
+    violation: the condition of P-log that a world with this outcome breaks, None if there is none.
     """
 
     values: Sequence[int]
@@ -107,103 +73,171 @@ class Outcome:
 
 
 class LocalDistribution(Protocol):
-    """Knows what may come of a step, given the bits of its clauses."""
+    """The outcomes of a component, given the bits of its clauses."""
 
-    def outcomes(self, many: Iterable[int]) -> Mapping[int, list[Outcome]]:
-        """For each of many states of the bits all outcomes; none if there is no world."""
+    def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:
+        """Return the outcomes for each state of the bits; an empty list if the state has no world."""
 
 
-ONE = Fraction(1)
+class AcyclicTerm:
+    """The local distribution of one term that does not depend on itself.
+
+    Args:
+        group: the rule group of the term.
+        bits: the bits in the slots of the rule group.
+        cache: shared by all terms of a program: probabilities, and the outcomes of terms with one rule group.
+    """
+
+    __slots__ = ("_cache", "_clause_numbers", "_group", "_program")
+
+    def __init__(
+        self, program: GroundProgram, group: RuleGroup, bits: Sequence[int], cache: dict[object, Any]
+    ) -> None:
+        self._program, self._group, self._cache = program, group, cache
+        self._clause_numbers = {
+            bits[g.satisfied]: number for number, g in enumerate(group.groups) if not g.always
+        }
+
+    def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:
+        """Return the outcomes of the term for each state of the bits."""
+        found = {}
+        group, cache = self._group, self._cache
+        for state in states:
+            true = self._list_true_groups(state)
+            outcomes = cache.get((group, true))
+            if outcomes is None:
+                outcomes = cache[group, true] = self._compute_outcomes(true)
+            found[state] = outcomes
+        return found
+
+    def _list_true_groups(self, state: int) -> tuple[int, ...]:
+        """The clause groups whose bits are set; a term may have thousands of groups of which few are true."""
+        numbers = self._clause_numbers
+        if state in numbers:
+            return (numbers[state],)
+        true = []
+        while state:
+            lowest = state & -state
+            true.append(numbers[lowest])
+            state ^= lowest
+        true.sort()
+        return tuple(true)
+
+    def _compute_outcomes(self, true: Iterable[int]) -> list[Outcome]:
+        derived: set[int] = set()
+        selections: list[Clause] = []
+        range_members: list[Clause] = []
+        pr_atoms: list[Clause] = []
+        groups = self._group.groups
+        for number in sorted((*self._group.always, *true)):
+            clause = groups[number].clause
+            kind = clause.kind
+            if kind is ClauseKind.DERIVE:
+                derived.add(clause.value)
+            elif kind is ClauseKind.SELECT:
+                selections.append(clause)
+            elif kind is ClauseKind.RANGE:
+                range_members.append(clause)
+            else:
+                pr_atoms.append(clause)
+        term = self._group.terms[0]
+        outcomes = enumerate_outcomes(
+            self._program, term, derived, selections, range_members, pr_atoms, self._cache
+        )
+        return [Outcome((value,), weight, violation) for value, weight, violation in outcomes]
 
 
 def enumerate_outcomes(
-    ground: GroundProgram,
+    program: GroundProgram,
     term: int,
     derived: set[int],
-    selected: Sequence[Clause],
-    ranged: Sequence[Clause],
-    spoken: Sequence[Clause],
-    shared: dict[object, Any],
+    selections: Sequence[Clause],
+    range_members: Sequence[Clause],
+    pr_atoms: Sequence[Clause],
+    cache: dict[object, Any],
 ) -> list[tuple[int, Fraction, ConditionViolation | None]]:
-    """The outcomes of a term, given the clauses about it whose bodies are true.
+    """Enumerate the outcomes of a term from the clauses about it whose bodies are true.
 
     Args:
-        derived: the values that rules give it.
-        selected, ranged, spoken: the clauses of kind SELECT, RANGE, ASSIGN.
-        shared: the distributions met so far, by what they depend on.
+        derived: the values that rules derive.
+        selections, range_members, pr_atoms: the clauses of kind SELECT, RANGE and ASSIGN.
+        cache: the probabilities computed so far, by the range and the pr-atoms.
+
+    Returns:
+        (outcome, probability, violated condition) for each outcome; an empty list if there is no world.
     """
-    do = ground.do.get(term)
-    if do is not None and ground.do_is_fact:
+    do = program.do.get(term)
+    if do is not None and program.do_is_fact:
         return [(do, ONE, None)] if derived <= {do} else []
     if len(derived) > 1:
         return []
-    if not selected:
-        return [(next(iter(derived)) if derived else len(ground.values[term]), ONE, None)]
-    possible = _possible(ground, term, selected, ranged)
+    if not selections:
+        return [(next(iter(derived)) if derived else len(program.values[term]), ONE, None)]
+    possible = _list_dynamic_range(program, term, selections, range_members)
     if do is not None:
         return [(do, ONE, None)] if do in possible and derived <= {do} else []
-    violation = _condition_1(ground, derived, selected) if derived or len(selected) > 1 else None
+    violation = _check_condition_1(program, derived, selections) if derived or len(selections) > 1 else None
     taken = [value for value in possible if value in derived] if derived else possible
     if not taken:
         return []
     if violation is not None:
         return [(value, ONE, violation) for value in taken]
-    about = [clause for clause in spoken if applies_to(ground, clause, selected[0])]
-    # clauses of a statement share their number, so that its identity, quick to compare, is enough
-    key = (tuple(possible), tuple([(c.value, id(c.number), c.statement) for c in about]))
-    numbers = shared.get(key)
-    if numbers is None:
-        said: list[PrAtom] = [(c.value, c.number or Fraction(0), c.statement) for c in about]
+    atoms = [clause for clause in pr_atoms if applies_to(program, clause, selections[0])]
+    # the clauses of a statement share their number, so its id, which compares fast, identifies it
+    key = (tuple(possible), tuple([(c.value, id(c.number), c.statement) for c in atoms]))
+    probabilities = cache.get(key)
+    if probabilities is None:
+        assigned: list[PrAtom] = [(c.value, c.number or Fraction(0), c.statement) for c in atoms]
         try:
-            numbers = assign_probabilities(possible, said, ground.values[term])
+            probabilities = assign_probabilities(possible, assigned, program.values[term])
         except ConditionViolation as found:
             return [(value, ONE, found) for value in taken]
-        shared[key] = numbers
+        cache[key] = probabilities
     if not derived:
-        return [(value, number, None) for value, number in zip(possible, numbers, strict=True)]
-    return [(value, numbers[possible.index(value)], None) for value in taken]
+        return [(value, number, None) for value, number in zip(possible, probabilities, strict=True)]
+    return [(value, probabilities[possible.index(value)], None) for value in taken]
 
 
-def _possible(
-    ground: GroundProgram, term: int, selected: Sequence[Clause], ranged: Sequence[Clause]
+def _list_dynamic_range(
+    program: GroundProgram, term: int, selections: Sequence[Clause], range_members: Sequence[Clause]
 ) -> list[int]:
-    """The dynamic range, in the order of the declaration; that of all selections, should there be several."""
-    possible = list(range(len(ground.values[term])))
-    for clause in selected:
-        statement = ground.source.statements[clause.statement]
-        assert isinstance(statement, Selection)
-        if statement.range:
-            own = {
-                r.value for r in ranged if (r.statement, r.instance) == (clause.statement, clause.instance)
+    """List the dynamic range in the order of the declaration; of several selections, the intersection."""
+    possible = list(range(len(program.values[term])))
+    for clause in selections:
+        if program.has_dynamic_range(clause.statement):
+            members = {
+                member.value
+                for member in range_members
+                if (member.statement, member.instance) == (clause.statement, clause.instance)
             }
-            possible = [value for value in possible if value in own]
+            possible = [value for value in possible if value in members]
     return possible
 
 
-def _condition_1(
-    ground: GroundProgram, derived: set[int], selected: Sequence[Clause]
+def _check_condition_1(
+    program: GroundProgram, derived: set[int], selections: Sequence[Clause]
 ) -> ConditionViolation | None:
-    """Whether more than one selection applies to a term, or (2018) a rule gives a value to a random term."""
-    statements = ground.source.statements
-    modern = not ground.do_is_fact
-    first = selected[0]
-    for clause in selected[1:]:
+    """Check that one selection applies to a term, and (2018) that no rule derives a value of it."""
+    statements = program.source.statements
+    is_2018 = not program.do_is_fact
+    first = selections[0]
+    for clause in selections[1:]:
         here, there = statements[first.statement], statements[clause.statement]
         assert isinstance(here, Selection)
         assert isinstance(there, Selection)
         alike = (first.instance, first.label) == (clause.instance, clause.label)
-        named = [statement.label.name if statement.label else "" for statement in (here, there)]
-        # 2018: random(label, term, range) is an atom, so that rules which give the same one are one selection
-        if alike and (here is there or (modern and named[0] == named[1] and here.range == there.range)):
+        labels = [statement.label.name if statement.label else "" for statement in (here, there)]
+        # 2018: random(label, term, range) is an atom, so rules with the same atom are one selection
+        if alike and (here is there or (is_2018 and labels[0] == labels[1] and here.range == there.range)):
             continue
-        again = " with other values of its variables" if here is there else ""
+        after = " with other values of its variables" if here is there else ""
         return ConditionViolation(
             clause.statement,
             ("Condition 1: ", " is also selected at random by the rule at"),
             first.statement,
-            again,
+            after,
         )
-    if modern and derived:
+    if is_2018 and derived:
         return ConditionViolation(
             first.statement,
             ("Condition 1: ", " is selected at random while a rule derives it"),
@@ -211,79 +245,64 @@ def _condition_1(
     return None
 
 
-def applies_to(ground: GroundProgram, atom: Clause, selected: Clause) -> bool:
-    """Whether a pr-atom speaks of this selection: it has no label, or the label of the selection."""
-    statements = ground.source.statements
-    said, made = statements[atom.statement], statements[selected.statement]
-    if isinstance(said, Probability) and said.label is None:
+def applies_to(program: GroundProgram, atom: Clause, selection: Clause) -> bool:
+    """Whether a pr-atom applies to a selection: it has no label, or the label of the selection."""
+    statements = program.source.statements
+    assigned, selected = statements[atom.statement], statements[selection.statement]
+    if isinstance(assigned, Probability) and assigned.label is None:
         return True
-    assert isinstance(said, Probability)
-    assert isinstance(made, Selection)
-    if made.label is None or said.label is None or made.label.name != said.label.name:
+    assert isinstance(assigned, Probability)
+    assert isinstance(selected, Selection)
+    if selected.label is None or assigned.label is None or selected.label.name != assigned.label.name:
         return False
-    return not said.label.arguments or atom.label == selected.label
+    return not assigned.label.arguments or atom.label == selection.label
 
 
-class AcyclicTerm:
-    """Knows what may come of deciding one term, given the bits of its clauses.
+def assign_probabilities(
+    possible: Sequence[int], atoms: Sequence[PrAtom], values: Sequence[str]
+) -> list[Fraction]:
+    """Compute the probability of each possible value, in their order.
 
     Args:
-        head: that of the term, and of others of which the same is said.
-        bits: the bits in its slots.
-        shared: what terms have in common: distributions and, for terms with one head, whole outcomes.
+        possible: the dynamic range.
+        atoms: the pr-atoms that apply to this selection.
+        values: the range of the term, for messages.
+
+    Raises:
+        ConditionViolation: Condition 2 or 3 is broken, or the probabilities are not unitary.
     """
-
-    __slots__ = ("_ground", "_head", "_numbers", "_shared")
-
-    def __init__(
-        self, ground: GroundProgram, head: RuleGroup, bits: Sequence[int], shared: dict[object, Any]
-    ) -> None:
-        self._ground, self._head, self._shared = ground, head, shared
-        self._numbers = {bits[g.true]: number for number, g in enumerate(head.groups) if not g.always}
-
-    def outcomes(self, many: Iterable[int]) -> Mapping[int, list[Outcome]]:
-        """For each state of the bits, the outcomes of the term."""
-        found = {}
-        head, shared = self._head, self._shared
-        for bits in many:
-            true = self._true(bits)
-            known = shared.get((head, true))
-            if known is None:
-                known = shared[head, true] = self._outcomes(true)
-            found[bits] = known
-        return found
-
-    def _true(self, bits: int) -> tuple[int, ...]:
-        """The clauses whose bits are set; there may be thousands, and few of them true."""
-        numbers = self._numbers
-        if bits in numbers:
-            return (numbers[bits],)
-        true = []
-        while bits:
-            lowest = bits & -bits
-            true.append(numbers[lowest])
-            bits ^= lowest
-        true.sort()
-        return tuple(true)
-
-    def _outcomes(self, true: Iterable[int]) -> list[Outcome]:
-        derived: set[int] = set()
-        selected: list[Clause] = []
-        ranged: list[Clause] = []
-        spoken: list[Clause] = []
-        groups = self._head.groups
-        for number in sorted((*self._head.always, *true)):
-            clause = groups[number].clause
-            kind = clause.kind
-            if kind is ClauseKind.DERIVE:
-                derived.add(clause.value)
-            elif kind is ClauseKind.SELECT:
-                selected.append(clause)
-            elif kind is ClauseKind.RANGE:
-                ranged.append(clause)
-            else:
-                spoken.append(clause)
-        found = enumerate_outcomes(
-            self._ground, self._head.terms[0], derived, selected, ranged, spoken, self._shared
+    numbers: dict[int, Fraction] = {}
+    statement_of: dict[int, int] = {}
+    for value, number, statement in atoms:
+        if not 0 <= number <= 1:
+            raise ConditionViolation(statement, (f"the probability {number} is not between 0 and 1",))
+        if value in numbers:
+            same = statement_of[value] == statement
+            raise ConditionViolation(
+                statement,
+                ("Condition 2: ", f"={values[value]} also has a pr-atom at"),
+                statement_of[value],
+                " with other values of its variables" if same else "",
+            )
+        if value not in possible:
+            members = ", ".join(values[v] for v in possible)
+            raise ConditionViolation(
+                statement,
+                (
+                    "Condition 3: ",
+                    f"={values[value]} has a pr-atom outside of its dynamic range {{{members}}}",
+                ),
+            )
+        numbers[value], statement_of[value] = number, statement
+    if not numbers:
+        return [Fraction(1, len(possible))] * len(possible)
+    total = sum(numbers.values(), Fraction(0))
+    n_unassigned = len(possible) - len(numbers)
+    if total > 1 or (total != 1 and not n_unassigned):
+        bound = "at most " if n_unassigned else ""
+        raise ConditionViolation(
+            min(statement_of.values()),
+            ("not unitary: the probabilities of ", f" sum to {total}, not {bound}1"),
         )
-        return [Outcome((value,), weight, violation) for value, weight, violation in found]
+    share = (1 - total) / n_unassigned if n_unassigned else Fraction(0)
+    return [numbers.get(value, share) for value in possible]

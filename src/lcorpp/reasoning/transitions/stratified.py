@@ -1,7 +1,8 @@
-"""Circles of rules without chance: one stable model, found stratum by stratum, for many states in one go.
+"""Step 2c, deterministic case: the one stable model of stratified rules, for many states at once.
 
-An atom's truth in n states is one integer of n bits, so that a rule is a few operations on integers,
-whatever n is.
+The truth of an atom in n states is one integer of n bits, so a rule costs a few integer operations whatever n
+is. With three states and p true in states 0 and 2, q in state 2: ``r :- p, not q`` gives 0b101 & ~0b100 =
+0b001.
 """
 
 from __future__ import annotations
@@ -14,140 +15,146 @@ from lcorpp.reasoning.transitions.elimination_order import strongly_connected_co
 from lcorpp.reasoning.transitions.selection import ONE, GuardedClause, Outcome
 
 Atom = tuple[int, int]
-"""A term and one of its values."""
+"""(term, value)"""
 
 
 @dataclass(slots=True, eq=False)
 class _Rule:
-    """head :- body; a part of the body is true where one of its atoms is, or, if negated, where none is."""
+    """A rule over numbered atoms.
+
+    head: the atom that the rule derives.
+    bit: the bit of the clause in the state, 0 if the rule applies in each state.
+    positive: for each positive literal the atoms of which one must be true.
+    negative: atoms that must be false.
+    """
 
     head: int
     bit: int
-    parts: tuple[tuple[int, ...], ...]
-    denied: tuple[int, ...]
+    positive: tuple[tuple[int, ...], ...]
+    negative: tuple[int, ...]
 
 
-class _Later(Sequence[int]):
-    """The outcomes of all terms of a circle; what nobody asked for is worked out when it is looked at."""
+class _LazyValues(Sequence[int]):
+    """The outcomes of all terms of a component; others than the queried ones are computed on access."""
 
-    __slots__ = ("_circle", "_known", "_state")
+    __slots__ = ("_component", "_known", "_state")
 
-    def __init__(self, circle: Stratified, state: int, known: dict[int, int]) -> None:
-        self._circle, self._state, self._known = circle, state, known
+    def __init__(self, component: Stratified, state: int, known: dict[int, int]) -> None:
+        self._component, self._state, self._known = component, state, known
 
     def __len__(self) -> int:
-        return len(self._circle.terms)
+        return len(self._component.terms)
 
     def __getitem__(self, i):  # type: ignore[no-untyped-def]
-        if not 0 <= i < len(self._circle.terms):
+        if not 0 <= i < len(self._component.terms):
             raise IndexError(i)
         if i not in self._known:
-            self._known = self._circle.whole(self._state)
+            self._known = self._component.evaluate(self._state)
         return self._known[i]
 
 
 @dataclass(slots=True, eq=False)
 class Stratified:
-    """The decision of terms that depend on each other by stratified rules alone.
+    """The local distribution of a recursive component with stratified rules and no selections.
 
-    atoms: every atom that a rule may derive; strata: the rules in the order of evaluation.
-    wanted: positions (in `terms`) of the terms whose outcomes are worked out at once.
+    atoms: the atoms in the heads of rules. strata: the rules, in the order of evaluation.
+    queried: the indexes (in `terms`) of the terms whose outcomes are computed at once.
     """
 
-    ground: GroundProgram
+    program: GroundProgram
     terms: tuple[int, ...]
     atoms: Sequence[Atom]
     strata: Sequence[Sequence[_Rule]]
-    wanted: tuple[int, ...]
+    queried: tuple[int, ...]
 
     @classmethod
-    def of(
+    def from_clauses(
         cls,
-        ground: GroundProgram,
+        program: GroundProgram,
         terms: tuple[int, ...],
-        entries: Sequence[GuardedClause],
-        wanted: Iterable[int],
+        clauses: Sequence[GuardedClause],
+        queried: Iterable[int],
     ) -> Stratified | None:
-        """Prepare a circle; None if its `not` cannot be stratified."""
-        derives = [(bit, clause) for bit, clause in entries if clause.kind is ClauseKind.DERIVE]
-        number: dict[Atom, int] = {}
-        for _, clause in derives:
-            number.setdefault((clause.term, clause.value), len(number))
+        """Stratify the clauses of a component; None if an atom depends on its own negation."""
+        derivations = [(bit, clause) for bit, clause in clauses if clause.kind is ClauseKind.DERIVE]
+        number_of: dict[Atom, int] = {}
+        for _, clause in derivations:
+            number_of.setdefault((clause.term, clause.value), len(number_of))
         rules: list[_Rule] = []
-        needs: list[set[int]] = [set() for _ in number]
-        denied_by: list[tuple[int, int]] = []
-        for bit, clause in derives:
-            head = number[clause.term, clause.value]
-            parts: list[tuple[int, ...]] = []
-            denied: list[int] = []
-            for term, allowed, negated in clause.body:
-                some = tuple(
-                    [n for v in range(len(ground.values[term])) if (allowed >> v & 1) != negated
-                     and (n := number.get((term, v), -1)) >= 0]
+        needs: list[set[int]] = [set() for _ in number_of]
+        negations: list[tuple[int, int]] = []  # (head, negated atom)
+        for bit, clause in derivations:
+            head = number_of[clause.term, clause.value]
+            positive: list[tuple[int, ...]] = []
+            negative: list[int] = []
+            for term, mask, negated in clause.body:
+                atoms = tuple(
+                    [n for v in range(len(program.values[term])) if (mask >> v & 1) != negated
+                     and (n := number_of.get((term, v), -1)) >= 0]
                 )  # fmt: skip
-                needs[head].update(some)
+                needs[head].update(atoms)
                 if negated:
-                    denied.extend(some)
-                    denied_by.extend((head, n) for n in some)
+                    negative.extend(atoms)
+                    negations.extend((head, n) for n in atoms)
                 else:
-                    parts.append(some)
-            rules.append(_Rule(head, bit, tuple(parts), tuple(denied)))
+                    positive.append(atoms)
+            rules.append(_Rule(head, bit, tuple(positive), tuple(negative)))
         order = strongly_connected_components(needs)
-        stratum = {atom: i for i, atoms in enumerate(order) for atom in atoms}
-        if any(stratum[head] == stratum[atom] for head, atom in denied_by):
+        stratum_of = {atom: i for i, atoms in enumerate(order) for atom in atoms}
+        if any(stratum_of[head] == stratum_of[atom] for head, atom in negations):
             return None
         strata: list[list[_Rule]] = [[] for _ in order]
         for rule in rules:
-            strata[stratum[rule.head]].append(rule)
-        asked = set(wanted)
+            strata[stratum_of[rule.head]].append(rule)
+        asked = set(queried)
         return cls(
-            ground,
+            program,
             terms,
-            tuple(number),
+            tuple(number_of),
             [rules for rules in strata if rules],
             tuple([i for i, term in enumerate(terms) if term in asked]),
         )
 
-    def outcomes(self, many: Iterable[int]) -> Mapping[int, list[Outcome]]:
-        """For each state of the bits the one outcome there is, or none where a term would have two values."""
-        states = list(many)
-        if not states:
+    def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:
+        """Return for each state the one outcome, or none if a term would have two values."""
+        rows = list(states)
+        if not rows:
             return {}
-        truth, dead = self._truth(states)
-        columns = {i: self._column(self.terms[i], truth, len(states)) for i in self.wanted}
-        found: dict[int, list[Outcome]] = {}
-        for row, state in enumerate(states):
+        truth, contradictory = self._compute_fixed_points(rows)
+        columns = {i: self._decode_values(self.terms[i], truth, len(rows)) for i in self.queried}
+        outcomes: dict[int, list[Outcome]] = {}
+        for row, state in enumerate(rows):
             known = {i: column[row] for i, column in columns.items()}
-            found[state] = [Outcome(_Later(self, state, known), ONE)]
-        for row in _ones(dead):
-            found[states[row]] = []
-        return found
+            outcomes[state] = [Outcome(_LazyValues(self, state, known), ONE)]
+        for row in _list_set_bits(contradictory):
+            outcomes[rows[row]] = []
+        return outcomes
 
-    def whole(self, state: int) -> dict[int, int]:
-        """The outcome of every term, by its position, in one state."""
-        truth, _ = self._truth([state])
-        return {i: self._column(term, truth, 1)[0] for i, term in enumerate(self.terms)}
+    def evaluate(self, state: int) -> dict[int, int]:
+        """Compute the outcomes of all terms in one state: index of the term -> outcome."""
+        truth, _ = self._compute_fixed_points([state])
+        return {i: self._decode_values(term, truth, 1)[0] for i, term in enumerate(self.terms)}
 
-    def _truth(self, states: Sequence[int]) -> tuple[dict[Atom, int], int]:
-        everywhere = (1 << len(states)) - 1
-        where = _transposed(states, {rule.bit for rules in self.strata for rule in rules if rule.bit})
-        where[0] = everywhere
+    def _compute_fixed_points(self, states: Sequence[int]) -> tuple[dict[Atom, int], int]:
+        """Compute (atom -> mask of the states in which it is true, mask of the contradictory states)."""
+        applies = _transpose(states, {rule.bit for rules in self.strata for rule in rules if rule.bit})
+        applies[0] = (1 << len(states)) - 1
         truth = [0] * len(self.atoms)
         for rules in self.strata:
             grown = True
             while grown:
                 grown = False
                 for rule in rules:
-                    value = where[rule.bit]
-                    for part in rule.parts:
-                        if len(part) == 1:
-                            value &= truth[part[0]]
+                    value = applies[rule.bit]
+                    for atoms in rule.positive:
+                        if len(atoms) == 1:
+                            value &= truth[atoms[0]]
                         else:
                             either = 0
-                            for atom in part:
+                            for atom in atoms:
                                 either |= truth[atom]
                             value &= either
-                    for atom in rule.denied:
+                    for atom in rule.negative:
                         value &= ~truth[atom]
                     before = truth[rule.head]
                     after = before | value
@@ -155,34 +162,35 @@ class Stratified:
                         truth[rule.head] = after
                         grown = True
         by_atom = dict(zip(self.atoms, truth, strict=True))
-        taken: dict[int, int] = {}
-        twice = 0
+        has_value: dict[int, int] = {}
+        contradictory = 0
         for (term, _), value in by_atom.items():
-            twice |= taken.get(term, 0) & value
-            taken[term] = taken.get(term, 0) | value
-        return by_atom, twice
+            contradictory |= has_value.get(term, 0) & value
+            has_value[term] = has_value.get(term, 0) | value
+        return by_atom, contradictory
 
-    def _column(self, term: int, truth: Mapping[Atom, int], size: int) -> list[int]:
-        column = [len(self.ground.values[term])] * size
-        for value in range(len(self.ground.values[term])):
-            for row in _ones(truth.get((term, value), 0)):
+    def _decode_values(self, term: int, truth: Mapping[Atom, int], n_states: int) -> list[int]:
+        """The outcome of a term in each state."""
+        column = [len(self.program.values[term])] * n_states
+        for value in range(len(self.program.values[term])):
+            for row in _list_set_bits(truth.get((term, value), 0)):
                 column[row] = value
         return column
 
 
-def _ones(number: int) -> list[int]:
-    """The positions of the bits that are set, the lowest first."""
+def _list_set_bits(number: int) -> list[int]:
+    """The positions of the bits that are set, highest first."""
     text = bin(number)
     last = len(text) - 1
     return [last - i for i, digit in enumerate(text) if digit == "1"]
 
 
-def _transposed(states: Sequence[int], bits: Iterable[int]) -> dict[int, int]:
-    """For each bit the states that have it set, as an integer with one bit for each state."""
-    wanted = [bit.bit_length() - 1 for bit in bits]
-    if not wanted:
+def _transpose(states: Sequence[int], bits: Iterable[int]) -> dict[int, int]:
+    """Convert states to columns: bit -> the mask of the states in which it is set."""
+    positions = [bit.bit_length() - 1 for bit in bits]
+    if not positions:
         return {}
-    width = max(wanted) + 1
-    # the digits of all states in one text: those of one bit stand `width` apart
+    width = max(positions) + 1
+    # one string with the binary digits of all states: the digits of one bit are `width` apart
     digits = "".join([f"{state & (1 << width) - 1:0{width}b}" for state in reversed(states)])
-    return {1 << position: int(digits[width - 1 - position :: width], 2) for position in wanted}
+    return {1 << position: int(digits[width - 1 - position :: width], 2) for position in positions}

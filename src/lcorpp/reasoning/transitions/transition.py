@@ -1,10 +1,9 @@
-"""What deciding a component does to the state.
+"""Step 2d: transitions, the effect of deciding one component on the state.
 
-A state says of the clauses that are touched but not finished whether their bodies can still be true. It has
-two kinds of bits: *denied*, for a body of which some literal was found false, and *true*, for a body, or
-one of several bodies that say the same, that was found true. Two ways that lead to the same bits have the
-same future, and are one state from there on; so it does not matter which die showed the six, or which block
-stands where.
+The state is an integer. It describes the bodies whose terms are partly decided, by two kinds of bits:
+*falsified* (a literal of the body is false) and *satisfied* (this body, or one of several bodies with the
+same head, is true). Partial worlds with equal bits have the same future and become one state; so it does not
+matter which die shows the six, or which block is where.
 """
 
 from __future__ import annotations
@@ -16,114 +15,130 @@ from lcorpp.reasoning.transitions.rule_groups import ClauseGroup, Conditions, De
 from lcorpp.reasoning.transitions.selection import LocalDistribution
 
 Effect = tuple[int, int, int, Mapping[int, int]]
-"""What an outcome does to a state: bits that it sets, denied bits without which there is no world, the denied
-bits of the bodies that are finished by it, and the bit to set for each of them that is not denied."""
+"""The effect of an outcome on a state: (sets, requires, completes, satisfied_of).
 
-MAX_ABSORBED_GROUPS = 64
-"""How many groups of clauses a step looks through for bits that no longer matter; beyond, states may be
-told apart needlessly, which costs time and changes no answer."""
+sets: bits to set. requires: falsified bits without which the world is impossible (constraints). completes:
+the falsified bits of the bodies that end here; if such a bit is not set, set its bit in satisfied_of instead.
+"""
 
-_Touched = tuple[int, bool, int]
-"""A body that an outcome does not deny: its bit for *denied* (0 if it needs none), whether it is finished,
-and the bit for *true*, 0 for a constraint."""
+MAX_ABSORBING_GROUPS = 64
+"""A transition looks for redundant bits in at most this many clause groups. Beyond, equivalent states may
+remain distinct, which costs time and does not change answers."""
+
+_Completion = tuple[int, bool, int]
+"""A body that an outcome does not falsify: its falsified bit (0 if none), whether it ends here, and its
+satisfied bit (0 for a constraint)."""
 
 
 class Transition:
-    """The decision of one component, or of several that look the same, and what it does to the state.
+    """The decision of one component, or of several components with equal structure and bits.
 
     Args:
-        count: how many terms are decided.
-        mask: the bits of their clauses.
-        touched: what later heads have to do with it, each with the bits in its slots.
-        keep: the bits that are needed afterwards.
+        n_terms: the number of terms in the component.
+        distribution: the local distribution of the component.
+        input_mask: the bits of the component's clauses, on which the distribution depends.
+        dependents: the dependencies of later rule groups on this step, each with the bits in its slots.
+        live_mask: the bits that later steps need.
 
-    absorb: pairs (true, denied): once a body of a group is true, whether the others are denied is no matter.
-    again: whether more than one position of the plan has this step.
+    absorptions: pairs (satisfied, falsified bits): once a body of a group is satisfied, the others are
+        irrelevant.
+    is_shared: whether several steps of the system have this transition.
     """
 
-    __slots__ = ("_effects", "_met", "_open", "_touching", "_watched", "absorb", "again", "decision", "keep",
-                 "mask")  # fmt: skip
+    __slots__ = ("_all_updates", "_completions", "_effects", "_open", "_relevant", "absorptions",
+                 "distribution", "input_mask", "is_shared", "live_mask")  # fmt: skip
 
     def __init__(
         self,
-        count: int,
-        decision: LocalDistribution,
-        mask: int,
-        touched: Sequence[tuple[Dependency, Sequence[int]]],
-        keep: int,
+        n_terms: int,
+        distribution: LocalDistribution,
+        input_mask: int,
+        dependents: Sequence[tuple[Dependency, Sequence[int]]],
+        live_mask: int,
     ) -> None:
-        self.decision, self.mask, self.keep, self.again = decision, mask, keep, False
-        self.absorb = _absorbed(touched)
-        self._open = 0
+        self.distribution, self.is_shared = distribution, False
+        self.input_mask, self.live_mask = input_mask, live_mask
+        self.absorptions = _find_absorptions(dependents)
+        self._open = 0  # the falsified bits of the bodies that continue
         self._effects: dict[object, Effect | None] = {}
-        self._met: defaultdict[int, list[_Touched]] = defaultdict(list)
-        self._touching: list[tuple[Conditions, _Touched]] = []
-        self._watched: tuple[int, ...] | None = None
-        for stage, bits in touched:
-            for conditions, denied, closes, true in stage.touches:
-                body = bits[denied], closes, bits[true]
-                if not closes:
+        # one term: outcome -> the bodies it does not falsify; several terms: all bodies with their conditions
+        self._completions: defaultdict[int, list[_Completion]] = defaultdict(list)
+        self._all_updates: list[tuple[Conditions, _Completion]] = []
+        self._relevant: tuple[int, ...] | None = None
+        for dependency, bits in dependents:
+            for conditions, falsified, is_last, satisfied in dependency.updates:
+                body = bits[falsified], is_last, bits[satisfied]
+                if not is_last:
                     self._open |= body[0]
-                if count > 1:
-                    self._touching.append((conditions, body))
+                if n_terms > 1:
+                    self._all_updates.append((conditions, body))
                     continue
-                allowed = conditions[0][1]
-                while allowed:
-                    lowest = allowed & -allowed
-                    self._met[lowest.bit_length() - 1].append(body)
-                    allowed ^= lowest
-        if count > 1:
-            self._watched = tuple(sorted({i for conditions, _ in self._touching for i, _ in conditions}))
+                mask = conditions[0][1]
+                while mask:
+                    lowest = mask & -mask
+                    self._completions[lowest.bit_length() - 1].append(body)
+                    mask ^= lowest
+        if n_terms > 1:
+            self._relevant = tuple(sorted({i for conditions, _ in self._all_updates for i, _ in conditions}))
 
-    def effect(self, values: Sequence[int]) -> Effect | None:
-        """What an outcome does to a state; None if a constraint forbids it."""
-        if self._watched is None:
+    def find_effect(self, values: Sequence[int]) -> Effect | None:
+        """Return the effect of an outcome; None if a constraint forbids the outcome in all states.
+
+        Args:
+            values: the outcome of each term of the component.
+        """
+        if self._relevant is None:
             value = values[0]
             if value not in self._effects:
-                self._effects[value] = self._effect(self._met.get(value, ()))
+                self._effects[value] = self._compute_effect(self._completions.get(value, ()))
             return self._effects[value]
-        key = tuple([values[i] for i in self._watched])
+        key = tuple([values[i] for i in self._relevant])
         if key not in self._effects:
-            has = dict(zip(self._watched, key, strict=True))
-            self._effects[key] = self._effect(
+            value_of = dict(zip(self._relevant, key, strict=True))
+            self._effects[key] = self._compute_effect(
                 [
                     body
-                    for conditions, body in self._touching
-                    if all(allowed >> has[i] & 1 for i, allowed in conditions)
+                    for conditions, body in self._all_updates
+                    if all(mask >> value_of[i] & 1 for i, mask in conditions)
                 ]
             )
         return self._effects[key]
 
-    def _effect(self, met: Iterable[_Touched]) -> Effect | None:
-        sets, must, finished = self._open, 0, 0
-        true_of: dict[int, int] = {}
-        for denied, closes, true in met:
-            if not closes:
-                sets &= ~denied
-            elif not true:
-                if not denied:
+    def _compute_effect(self, bodies: Iterable[_Completion]) -> Effect | None:
+        sets, requires, completes = self._open, 0, 0
+        satisfied_of: dict[int, int] = {}
+        for falsified, is_last, satisfied in bodies:
+            if not is_last:
+                sets &= ~falsified
+            elif not satisfied:
+                if not falsified:
                     return None
-                must |= denied
-            elif not denied:
-                sets |= true
+                requires |= falsified
+            elif not falsified:
+                sets |= satisfied
             else:
-                finished |= denied
-                true_of[denied] = true
-        return sets, must, finished, true_of
+                completes |= falsified
+                satisfied_of[falsified] = satisfied
+        return sets, requires, completes, satisfied_of
 
 
-def _absorbed(touched: Sequence[tuple[Dependency, Sequence[int]]]) -> list[tuple[int, int]]:
-    """For the groups that a step touches: the bits of bodies still open, which a true body makes idle."""
-    begun = [(g, stage.rank, bits) for stage, bits in touched for g in stage.groups if bits[g.true]]
-    if len(begun) > MAX_ABSORBED_GROUPS:
+def _find_absorptions(dependents: Sequence[tuple[Dependency, Sequence[int]]]) -> list[tuple[int, int]]:
+    """Pair the satisfied bit of each clause group with the falsified bits of its open bodies."""
+    begun = [
+        (group, dependency.rank, bits)
+        for dependency, bits in dependents
+        for group in dependency.groups
+        if bits[group.satisfied]
+    ]
+    if len(begun) > MAX_ABSORBING_GROUPS:
         return []
-    pairs = [(bits[group.true], _idle(group, rank, bits)) for group, rank, bits in begun]
+    pairs = [(bits[group.satisfied], _find_open_bits(group, rank, bits)) for group, rank, bits in begun]
     return [pair for pair in pairs if pair[1]]
 
 
-def _idle(group: ClauseGroup, rank: int, bits: Sequence[int]) -> int:
-    idle = 0
+def _find_open_bits(group: ClauseGroup, rank: int, bits: Sequence[int]) -> int:
+    mask = 0
     for body in group.bodies:
         if body.first <= rank < body.last:
-            idle |= bits[body.denied]
-    return idle
+            mask |= bits[body.falsified]
+    return mask

@@ -1,4 +1,8 @@
-"""A program made ready to be walked through: its terms in order, and what deciding each does to the state."""
+"""Step 2: a program as a transition system; each step decides one component and updates the state.
+
+program -> grounding -> simplification -> elimination order -> transitions. `circuit.trellis` expands the
+result to all reachable states; `likelihood_weighting` samples paths of it.
+"""
 
 from __future__ import annotations
 
@@ -19,90 +23,90 @@ from lcorpp.reasoning.transitions.transition_builder import build_transitions
 
 @dataclass(slots=True, eq=False)
 class TransitionSystem:
-    """A program made ready.
+    """A program as a sequence of steps over a state of bits; the initial state is 0.
 
-    ground: its terms, without the clauses; `index` finds one by its text.
-    order: the terms that each step decides.
-    steps: what deciding them does to the state.
-    consistent: False where it is plain that there is no world.
+    program: the ground program, without its clauses.
+    order: step -> the terms that it decides.
+    transitions: step -> the outcomes of its terms and their effect on the state.
+    consistent: False if a constraint without body shows that there is no world.
+    term_numbers: term as text -> its number in `program`.
     """
 
-    ground: GroundProgram
+    program: GroundProgram
     order: Sequence[tuple[int, ...]]
-    steps: list[Transition]
+    transitions: list[Transition]
     consistent: bool
-    index: dict[str, int]
+    term_numbers: dict[str, int]
+
+    def __repr__(self) -> str:
+        return (
+            f"TransitionSystem({self.program.source.file}: {len(self.program.names)} terms,"
+            f" {len(self.order)} steps)"
+        )
 
 
 def build_transition_system(
     program: Program,
     do: Mapping[str, str],
     observed: Iterable[SyntaxLiteral] = (),
-    wanted: Iterable[str] = (),
+    queried: Iterable[str] = (),
     asked: Sequence[SyntaxLiteral] = (),
 ) -> TransitionSystem:
-    """Ground a program and order its terms.
+    """Ground a program, simplify it, order its components and build their transitions.
 
     Args:
-        do: interventions beside those in the program, term -> value.
-        observed: literals without which there is no world, beside the observations in the program.
-        wanted: the terms whose outcomes will be asked for.
-        asked: literals for which the term `ASKED` stands.
+        do: interventions besides those in the program, term -> value.
+        observed: literals that are true in every world, besides the observations in the program.
+        queried: the terms whose outcomes queries read.
+        asked: the literals that define the term `QUERY_TERM`.
 
     Raises:
         ProgramError: arithmetic is undefined.
     """
     with gc_paused():
-        return _plan(program, do, observed, wanted, asked)
+        ground = ground_program(program, do, observed, asked)
+        clauses, outcomes = simplify(ground)
+        components = order_components(clauses, outcomes)
+        order = _merge_deterministic_neighbours(ground, clauses, components)
+        term_numbers = {name: term for term, name in enumerate(ground.names)}
+        consistent = not any(c.term < 0 and not c.body for c in clauses)
+        needed = {term_numbers[name] for name in queried if name in term_numbers}
+        transitions = build_transitions(ground, clauses, outcomes, order, needed)
+        if len(order) < len(components) and any(
+            isinstance(transition.distribution, RecursiveComponent) for transition in transitions
+        ):
+            order = components  # a merged component is not stratified
+            transitions = build_transitions(ground, clauses, outcomes, order, needed)
+        ground.clauses = []  # the transitions contain what they need of the clauses
+        return TransitionSystem(ground, order, transitions, consistent, term_numbers)
 
 
-def _plan(
-    program: Program,
-    do: Mapping[str, str],
-    observed: Iterable[SyntaxLiteral],
-    wanted: Iterable[str],
-    asked: Sequence[SyntaxLiteral],
-) -> TransitionSystem:
-    ground = ground_program(program, do, observed, asked)
-    clauses, outcomes = simplify(ground)
-    order = order_components(clauses, outcomes)
-    joined = _joined(ground, clauses, order)
-    index = {name: term for term, name in enumerate(ground.names)}
-    consistent = not any(c.term < 0 and not c.body for c in clauses)
-    needed = {index[name] for name in wanted if name in index}
-    steps = build_transitions(ground, clauses, outcomes, joined, needed)
-    if len(joined) < len(order) and any(isinstance(step.decision, RecursiveComponent) for step in steps):
-        joined = order  # what was joined could not be stratified
-        steps = build_transitions(ground, clauses, outcomes, joined, needed)
-    ground.clauses = []  # the steps have what they need of them
-    return TransitionSystem(ground, joined, steps, consistent, index)
-
-
-def _joined(
+def _merge_deterministic_neighbours(
     ground: GroundProgram, clauses: Sequence[Clause], order: Sequence[tuple[int, ...]]
 ) -> Sequence[tuple[int, ...]]:
-    """The components, where circles without chance are made one with their neighbours without chance.
+    """Merge each deterministic component of several terms with its deterministic neighbours in the order.
 
-    Such a circle is worked out for all states at once, so that what leads to it had better be, too.
+    `Stratified` evaluates such a component for all states at once, so its deterministic inputs should be part
+    of it.
     """
     if all(len(terms) == 1 for terms in order):
         return order
-    chance = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | ground.do.keys()
-    joined: list[tuple[int, ...]] = []
+    random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | ground.do.keys()
+    merged: list[tuple[int, ...]] = []
     run: list[tuple[int, ...]] = []
 
-    def end() -> None:
+    def end_run() -> None:
         if any(len(terms) > 1 for terms in run):
-            joined.append(tuple([term for terms in run for term in terms]))
+            merged.append(tuple([term for terms in run for term in terms]))
         else:
-            joined.extend(run)
+            merged.extend(run)
         run.clear()
 
     for terms in order:
-        if chance.isdisjoint(terms):
+        if random.isdisjoint(terms):
             run.append(terms)
         else:
-            end()
-            joined.append(terms)
-    end()
-    return joined
+            end_run()
+            merged.append(terms)
+    end_run()
+    return merged

@@ -132,7 +132,7 @@ class _Diagram:
         if place[earlier] == ALL:
             diagonal = np.arange(self.cells.sizes[axis])
             both[earlier] = both[axis] = EACH
-            self.cells.put_some(both, (diagonal, diagonal), np.ones(len(diagonal)))
+            self.cells.put_entries(both, (diagonal, diagonal), np.ones(len(diagonal)))
         else:
             both[axis] = place[earlier]
             self.cells.put(both, 1.0)

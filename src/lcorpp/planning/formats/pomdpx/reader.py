@@ -11,12 +11,12 @@ from pathlib import Path
 
 from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.files import read_bytes
-from lcorpp.planning.factored.cpt import distribution
+from lcorpp.planning.factored.cpt import build_table
 from lcorpp.planning.factored.flatten import flatten
 from lcorpp.planning.factored.model import Factored
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.table_builder import TableBuilder
-from lcorpp.planning.factored.variables import AFTER, scope_of
+from lcorpp.planning.factored.variables import AFTER, build_scope
 from lcorpp.planning.formats.pomdpx.decision_diagrams import read_diagram
 from lcorpp.planning.formats.pomdpx.tables import Function, Source, checked, read_entries
 from lcorpp.planning.formats.pomdpx.variables import Declared
@@ -91,7 +91,7 @@ class _Reader:
         before, after = [v.name for v in states], [v.name + AFTER for v in states]
         acts, looks = [v.name for v in actions], [v.name for v in seen]
         try:
-            self.source = Source(document, scope_of(states, actions, seen), declared.names)
+            self.source = Source(document, build_scope(states, actions, seen), declared.names)
             return Factored(
                 states,
                 actions,
@@ -123,7 +123,7 @@ class _Reader:
             return self._tables("InitialStateBelief", names, names)
         if not all(variable.observed for variable in self.declared.states):
             raise self.document.error(self.document.root, "<pomdpx> needs <InitialStateBelief>")
-        return tuple(distribution(self.source.scope, "uniform", (name,), "start") for name in names)
+        return tuple(build_table(self.source.scope, "uniform", (name,), "start") for name in names)
 
     def _tables(self, section: str, children: Sequence[str], parents: Sequence[str]) -> tuple[Table, ...]:
         """The tables of a section, which are to be about these children."""
@@ -180,7 +180,7 @@ class _Reader:
         try:
             cells = TableBuilder(function.source.scope, function.parents, function.children)
             read_entries(function, cells) if kind == "TBL" else read_diagram(function, cells)
-            table = cells.table()
+            table = cells.build()
         except ModelError as error:
             raise document.error(parameter, str(error)) from None
         return checked(function, table) if function.children else table

@@ -10,7 +10,7 @@ from math import prod
 import numpy as np
 
 from lcorpp.errors import ParseError, expected_one_of
-from lcorpp.planning.factored.table import Table, row_name
+from lcorpp.planning.factored.table import Table, format_row
 from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import ALL, EACH, Scope
 from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE
@@ -102,7 +102,7 @@ def _identity(function: Function, cells: TableBuilder, place: Sequence[Selector]
             0,
         )
     diagonal = np.arange(each[0])
-    cells.put_some(place, (diagonal, diagonal), np.ones(each[0]))
+    cells.put_entries(place, (diagonal, diagonal), np.ones(each[0]))
 
 
 def _place(function: Function, instance: Element) -> list[Selector]:
@@ -149,7 +149,7 @@ def checked(function: Function, table: Table) -> Table:
 def _row_error(function: Function, table: Table, row: int, total: float) -> ParseError:
     """What is wrong with a row, at the last entry that speaks of it."""
     document = function.source.document
-    what = f"the row of {' '.join(function.children)}{row_name(table, function.source.scope, row)}"
+    what = f"the row of {' '.join(function.children)}{format_row(table, function.source.scope, row)}"
     heights = table.shape[: len(table.parents)]
     own = np.unravel_index(row, heights) if heights else ()
     for entry in reversed(function.parameter.children):

@@ -1,21 +1,26 @@
-"""The kernels of SARSOP in numpy: what `lcorpp.planning._native` does in C++, to be read and to be changed.
+"""Numpy kernels of SARSOP: the same algorithms as `lcorpp.planning._native` in C++, written to be read and
+changed.
 
-Both have the same classes and functions with the same arguments, keep the same caches and make the same
-choices; tests run them side by side. Where there was no compiler at installation, this one serves.
+Both have the classes and functions of `kernel_protocols.Kernels`, cache the same numbers and make the same
+decisions; tests compare them call by call. These kernels serve if there was no compiler at installation.
 
-model     the problem and its blocks           tree        the beliefs that were met, what the search sees
-outcomes  where one action leads               node        what is kept of each
-bounds    where both bounds start              refresh     what is new is brought to a node
-vectors   the lower bound: alpha vectors       backup      both bounds improved at one belief
-sawtooth  the upper bound, of all points       pruning     what is dropped again
-points    those of one group                   prediction  what a belief may be worth
+Values, each used by those below it:
+model            problem and its blocks            node          belief, its actions and observations
+alpha_vectors    lower bound                       outcomes      belief updates of one action
+sawtooth         upper bound                       search_state  all nodes with the bounds they share
+dependencies     vectors that vectors depend on
+
+Functions on a search state:
+refresh  update a node's bounds    backup  improve both bounds at a belief    pruning  drop useless vectors
+
+bounds (initial bounds), tree (what a search calls) and value_predictor complete the kernels.
 """
 
 from __future__ import annotations
 
 from lcorpp.planning.sarsop.numpy_kernels.bounds import blind_policies, fast_informed_bound, mdp_bound
 from lcorpp.planning.sarsop.numpy_kernels.model import Model
-from lcorpp.planning.sarsop.numpy_kernels.prediction import Prediction
 from lcorpp.planning.sarsop.numpy_kernels.tree import Tree
+from lcorpp.planning.sarsop.numpy_kernels.value_predictor import ValuePredictor
 
-__all__ = ["Model", "Prediction", "Tree", "blind_policies", "fast_informed_bound", "mdp_bound"]
+__all__ = ["Model", "Tree", "ValuePredictor", "blind_policies", "fast_informed_bound", "mdp_bound"]

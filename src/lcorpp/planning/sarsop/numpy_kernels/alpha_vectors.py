@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.sarsop.numpy_kernels.model import Beliefs, Indices
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices
 from lcorpp.values import Array
 
 
 class VectorSet:
-    """Alpha vectors over n states in the order they were found; each has a stamp that outlives pruning.
+    """Alpha vectors over n states in order of creation, each with a stamp that pruning does not change.
 
-    A stamp lets a tree node ask for the vectors since its last visit, and find again the one it liked best.
-    The table is kept state by state: a belief of few states, asked about many vectors, reads few long runs.
+    With stamps a tree node selects the vectors added since its last visit and finds its best vector again.
+    The table is stored by state: the values of many vectors at a sparse belief need few contiguous reads.
     """
 
     def __init__(self, states: int) -> None:
@@ -24,56 +24,56 @@ class VectorSet:
 
     @property
     def table(self) -> Array:
-        """(n, K) the vectors, one in each column."""
+        """(n, K) the vectors, one per column."""
         return self._table[:, : self.count]
 
     @property
     def actions(self) -> npt.NDArray[np.int32]:
-        """(K,) the action each begins with."""
+        """(K,) the first action of each vector's plan."""
         return self._actions[: self.count]
 
     @property
     def stamps(self) -> npt.NDArray[np.int64]:
-        """(K,) rising."""
+        """(K,) stamps, strictly increasing."""
         return self._stamps[: self.count]
 
     def first_since(self, stamp: int) -> int:
-        """The number of the first vector whose stamp is at least `stamp`."""
+        """The column of the first vector whose stamp is at least `stamp`."""
         return int(np.searchsorted(self.stamps, stamp))
 
     def find(self, stamp: int) -> int:
-        """The number of the vector with a stamp, -1 if it was pruned."""
-        found = self.first_since(stamp)
-        return found if found < self.count and self._stamps[found] == stamp else -1
+        """The column of the vector with a stamp, -1 if it was pruned."""
+        column = self.first_since(stamp)
+        return column if column < self.count and self._stamps[column] == stamp else -1
 
-    def values(self, beliefs: Beliefs, first: int = 0) -> Array:
-        """(m, K - first) what the vectors from `first` on are worth at m beliefs."""
-        return np.asarray(beliefs.weights @ self._table[beliefs.places, first : self.count])
+    def values(self, beliefs: BeliefBatch, first: int = 0) -> Array:
+        """(m, K - first) values of the vectors from column `first` on at m beliefs."""
+        return np.asarray(beliefs.weights @ self._table[beliefs.positions, first : self.count])
 
-    def best(self, beliefs: Beliefs, first: int = 0) -> tuple[Indices, Array]:
-        """(m,) the best vectors at m beliefs, and their values, among those from `first` on; there is one."""
+    def best(self, beliefs: BeliefBatch, first: int = 0) -> tuple[Indices, Array]:
+        """(m,) columns and values of the best vectors at m beliefs, among at least one from `first` on."""
         values = self.values(beliefs, first)
         best = values.argmax(axis=1)
         return first + best, values[np.arange(len(best)), best]
 
     def central(self) -> int:
-        """The vector that is best on the average over all states: what to do where nothing is known."""
+        """The vector with the largest mean over all states: the choice if the belief is unknown."""
         return int(self.table.sum(axis=0).argmax())
 
-    def distances(self, number: int) -> Array:
-        """(K,) the Euclidean distances of all vectors from one."""
-        return np.asarray(np.sqrt(((self.table - self.table[:, [number]]) ** 2).sum(axis=0)))
+    def distances(self, column: int) -> Array:
+        """(K,) Euclidean distances of all vectors from one."""
+        return np.asarray(np.sqrt(((self.table - self.table[:, [column]]) ** 2).sum(axis=0)))
 
     def add(self, vector: Array, action: int, stamp: int) -> None:
-        """Append a vector (n,); its stamp is above all others."""
+        """Append a vector (n,); its stamp is larger than all others."""
         if self.count == len(self._stamps):
-            room = max(32, self.count)
-            self._table = np.concatenate([self._table, np.zeros((len(self._table), room))], axis=1)
-            self._actions = np.concatenate([self._actions, np.zeros(room, dtype=np.int32)])
-            self._stamps = np.concatenate([self._stamps, np.zeros(room, dtype=np.int64)])
+            growth = max(32, self.count)
+            self._table = np.concatenate([self._table, np.zeros((len(self._table), growth))], axis=1)
+            self._actions = np.concatenate([self._actions, np.zeros(growth, dtype=np.int32)])
+            self._stamps = np.concatenate([self._stamps, np.zeros(growth, dtype=np.int64)])
         self._table[:, self.count], self._actions[self.count] = vector, action
         self._stamps[self.count] = stamp
-        self.count += 1  # last: an interrupt before this line leaves the set as it was
+        self.count += 1  # last, so that an interrupt before this line leaves the set unchanged
 
     def keep(self, kept: npt.NDArray[np.bool_]) -> None:
         """Drop the vectors whose entry in `kept` (K,) is false."""

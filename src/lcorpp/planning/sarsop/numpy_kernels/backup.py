@@ -1,116 +1,118 @@
-"""BACKUP: both bounds are improved at one belief by one step of looking ahead.
+"""BACKUP: improve both bounds at one belief by one step of look-ahead.
 
 Source: Kurniawati, Hsu and Lee, RSS 2008, Algorithm 3 (BACKUP).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from lcorpp.planning.sarsop.numpy_kernels.model import Beliefs, Indices, entries
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, row_entries
 from lcorpp.planning.sarsop.numpy_kernels.node import Node
-from lcorpp.planning.sarsop.numpy_kernels.outcomes import spread
-from lcorpp.planning.sarsop.numpy_kernels.refresh import forget_lower, refresh, witness
+from lcorpp.planning.sarsop.numpy_kernels.outcomes import predict
+from lcorpp.planning.sarsop.numpy_kernels.refresh import (
+    forget_lower,
+    refresh,
+    update_best_vector,
+    update_upper_bound,
+)
+from lcorpp.planning.sarsop.numpy_kernels.search_state import MIN_GAIN, SearchState
 from lcorpp.values import Array
 
-if TYPE_CHECKING:
-    from lcorpp.planning.sarsop.numpy_kernels.tree import Tree
 
-GAIN = 1e-11
-"""Share of the largest value that a new bound must gain; less is rounding."""
-
-
-def backup(tree: Tree, number: int) -> None:
-    """Add the alpha vector that is best at a node, and lower the upper bound there."""
-    node = tree.nodes[number]
-    refresh(tree, node)
-    action = int(node.lower.argmax())
+def backup(state: SearchState, node: Node) -> None:
+    """Add the best alpha vector at a node and lower the upper bound there."""
+    refresh(state, node)
+    action = int(node.q_lower.argmax())
     branch = node.branches[action]
-    if any(tree.sets[g].find(stamp) < 0 for g, stamp in zip(branch.group, branch.best, strict=True)):
+    if any(state.sets[g].find(stamp) < 0 for g, stamp in zip(branch.group, branch.best_vectors, strict=True)):
         forget_lower(node)
-        refresh(tree, node)
-        action = int(node.lower.argmax())
-    _raise_lower(tree, node, action)
-    _lower_upper(tree, number)
+        refresh(state, node)
+        action = int(node.q_lower.argmax())
+    _raise_lower_bound(state, node, action)
+    _reduce_upper_bound(state, node)
 
 
-def _raise_lower(tree: Tree, node: Node, action: int) -> None:
-    witness(tree, node)
-    if node.lower[action] > node.held + GAIN * tree.scale:
-        vector, origins = _alpha(tree, node, action)
-        # what the vector is worth here, not what looking ahead said: their rounding differs
-        value = float(node.belief.weights[0] @ vector[node.belief.places])
-        if value > node.held:
-            tree.origins_of.note(tree.next_vector, origins)
-            tree.sets[node.belief.group].add(vector, action, tree.next_vector)
-            node.held, node.witness = value, tree.next_vector
-            tree.next_vector += 1
-    node.low = node.held
+def _raise_lower_bound(state: SearchState, node: Node, action: int) -> None:
+    update_best_vector(state, node)
+    if node.q_lower[action] > node.lower_value + MIN_GAIN * state.scale:
+        vector, depends_on = _make_vector(state, node, action)
+        # the value of the vector here, not the look-ahead value: their rounding errors differ
+        value = float(node.belief.weights[0] @ vector[node.belief.positions])
+        if value > node.lower_value:
+            state.dependencies.record(state.next_vector, depends_on)
+            state.sets[node.belief.group].add(vector, action, state.next_vector)
+            node.lower_value, node.best_vector = value, state.next_vector
+            state.next_vector += 1
+    node.lower = node.lower_value
 
 
-def _lower_upper(tree: Tree, number: int) -> None:
-    node = tree.nodes[number]
-    tree.upper_at(number)
-    if node.high < node.surface - GAIN * tree.scale:
-        old = node.point
-        node.point = tree.sawtooth.add(node.belief, node.high)
-        if old >= 0:
-            tree.sawtooth.retire(node.belief.group, old)
+def _reduce_upper_bound(state: SearchState, node: Node) -> None:
+    update_upper_bound(state, node)
+    if node.upper < node.sawtooth_value - MIN_GAIN * state.scale:
+        replaced = node.point_stamp
+        node.point_stamp = state.sawtooth.add(node.belief, node.upper)
+        if replaced >= 0:
+            state.sawtooth.remove(node.belief.group, replaced)
 
 
-def _alpha(tree: Tree, node: Node, action: int) -> tuple[Array, list[int]]:
-    """(n,) R(a) + gamma sum over o of T Z (the best vector at the child of a and o), by state of the group.
+def _make_vector(state: SearchState, node: Node, action: int) -> tuple[Array, list[int]]:
+    """The vector of an action followed by the best vectors of its children.
 
-    Where an observation is impossible from this belief, the vector that is best after the action alone is
-    taken: any vector is right there, this one serves the neighbouring beliefs. Beside it, the stamps of the
-    vectors it goes on with.
+    Returns:
+        (n,) R(a) + gamma sum over o of T Z (the best vector at the child of a and o), over the states of the
+        node's group, and the stamps of the vectors it depends on.
     """
-    model, branch = tree.model, node.branches[action]
+    model, branch = state.model, node.branches[action]
     chosen = np.full(model.observations, -1, dtype=np.intp)
     chosen[branch.observation] = [
-        tree.sets[g].find(stamp) for g, stamp in zip(branch.group, branch.best, strict=True)
+        state.sets[g].find(stamp) for g, stamp in zip(branch.group, branch.best_vectors, strict=True)
     ]
-    states = model.states_of(node.belief.group)
-    index, owner = entries(model.transition, action * model.states + states)
+    states = model.group_states(node.belief.group)
+    index, owner = row_entries(model.transition, action * model.states + states)
     reached, which = np.unique(model.transition.columns[index].astype(np.intp), return_inverse=True)
-    following, usual = _following(tree, node, action, chosen, reached)
-    sums = np.bincount(owner, model.transition.values[index] * following[which], minlength=len(states))
-    made = np.asarray(model.reward[action, states] + model.discount * sums)
-    return made, [*branch.best.tolist(), *usual]
+    next_values, default_stamps = _next_values(state, node, action, chosen, reached)
+    sums = np.bincount(owner, model.transition.values[index] * next_values[which], minlength=len(states))
+    vector = np.asarray(model.reward[action, states] + model.discount * sums)
+    return vector, [*branch.best_vectors.tolist(), *default_stamps]
 
 
-def _following(
-    tree: Tree, node: Node, action: int, chosen: Indices, reached: Indices
+def _next_values(
+    state: SearchState, node: Node, action: int, chosen: Indices, reached: Indices
 ) -> tuple[Array, list[int]]:
-    """(n,) what is to be expected after an action that ended in the states reached (n,).
+    """(n,) expected values after an action that ends in the states `reached` (n,).
 
-    chosen: (O,) by observation the vector of the block where it leads, -1 for one that is impossible: there
-    one of the stamps beside it is taken.
+    For an observation that is impossible at the node any vector is valid; the default vector is used, because
+    it serves the neighbouring beliefs.
+
+    Args:
+        chosen: (O,) by observation the vector of its block, -1 for an impossible observation.
+
+    Returns:
+        The values, and the stamps of the default vectors that were used.
     """
-    model = tree.model
-    index, owner = entries(model.observation, action * model.states + reached)
-    seen, state = model.observation.columns[index], reached[owner]
-    block, worth, taken = model.block[state], np.empty(len(index)), []
+    model = state.model
+    index, owner = row_entries(model.observation, action * model.states + reached)
+    observation, next_state = model.observation.columns[index], reached[owner]
+    block, values, default_stamps = model.block[next_state], np.empty(len(index)), []
     for b in np.unique(block):
         own = np.flatnonzero(block == b)
-        vector = chosen[seen[own]]
+        vector = chosen[observation[own]]
         if (vector < 0).any():
-            usual = _usual(tree, node, action, int(b))
-            vector[vector < 0] = usual
-            taken.append(int(tree.sets[b].stamps[usual]))
-        worth[own] = tree.sets[b].table[model.local[state[own]], vector]
-    sums = np.bincount(owner, model.observation.values[index] * worth, minlength=len(reached))
-    return np.asarray(sums, dtype=np.float64), taken
+            default = _default_vector(state, node, action, int(b))
+            vector[vector < 0] = default
+            default_stamps.append(int(state.sets[b].stamps[default]))
+        values[own] = state.sets[b].table[model.local[next_state[own]], vector]
+    sums = np.bincount(owner, model.observation.values[index] * values, minlength=len(reached))
+    return np.asarray(sums, dtype=np.float64), default_stamps
 
 
-def _usual(tree: Tree, node: Node, action: int, block: int) -> int:
-    """The vector of a block that is best after an action, before anything is observed."""
-    model, vectors = tree.model, tree.sets[block]
-    states, mass = spread(model, node.belief, action)
+def _default_vector(state: SearchState, node: Node, action: int, block: int) -> int:
+    """The best vector of a block after an action, before any observation."""
+    model, vectors = state.model, state.sets[block]
+    states, mass = predict(model, node.belief, action)
     inside = model.block[states] == block
     if not inside.any():
         return vectors.central()
-    held = states[inside]
-    return int(vectors.best(Beliefs(block, held, model.local[held], mass[None, inside]))[0][0])
+    own = states[inside]
+    return int(vectors.best(BeliefBatch(block, own, model.local[own], mass[None, inside]))[0][0])

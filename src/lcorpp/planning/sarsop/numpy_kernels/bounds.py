@@ -1,9 +1,9 @@
-"""Where both bounds start: blind policies below, the fast informed bound above.
+"""Initial bounds: blind policies from below, the MDP and the fast informed bound from above.
 
-An operator F that is monotone and shifts by gamma c when its argument shifts by c (all three below) has its
-fixed point between F(v) + gamma / (1 - gamma) times the least and the largest change F(v) - v. So a sweep
-ends with a shift: where all values change alike, as they do under slow discounts, few sweeps are enough.
-Every sweep is a bound, so that it may stop anywhere.
+Let F be a monotone operator that shifts by gamma c if its argument shifts by c (all three operators below).
+Its fixed point lies between F(v) + gamma / (1 - gamma) times the minimum and the maximum of F(v) - v. Every
+sweep therefore ends with a shift: if all values change by similar amounts, as under slow discounts, few
+sweeps suffice. Every sweep yields a valid bound, so the iteration may stop at any time.
 
 Sources: Hauskrecht, Value-function approximations for POMDPs, JAIR 2000 (blind policies, MDP, fast informed
 bound); MacQueen, A modified dynamic programming method for Markovian decision problems, 1966 (the shift).
@@ -18,22 +18,22 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from lcorpp.planning.sarsop.numpy_kernels.model import Indices, Model, entries
+from lcorpp.planning.sarsop.numpy_kernels.model import Indices, Model, row_entries
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
 
 def blind_policies(model: Model, tolerance: float, seconds: float) -> Array:
-    """(A, S) the value of doing one action for ever, from below, to within `tolerance` if time allows.
+    """(A, S) lower bounds on the value of repeating one action forever.
 
     Args:
-        tolerance: how far below the truth the result may be, in reward units.
+        tolerance: largest error of the result, in reward units, if time suffices.
         seconds: of wall-clock time.
 
     Raises:
-        ValueError: tolerance or seconds are no numbers, or the tolerance is negative.
+        ValueError: tolerance or seconds are NaN, or the tolerance is negative.
     """
-    _check(tolerance, seconds)
+    _check_limits(tolerance, seconds)
     deadline = monotonic() + seconds
     gamma = model.discount
     values = np.empty((model.actions, model.states))
@@ -41,91 +41,92 @@ def blind_policies(model: Model, tolerance: float, seconds: float) -> Array:
         reward = model.reward[a]
         value = np.full(model.states, reward.min() / (1 - gamma))
         while True:
-            following = reward + gamma * (T @ value)
-            rise = following - value
-            least = max(0.0, float(rise.min()))
-            value = following + gamma / (1 - gamma) * least
-            if (float(rise.max()) - least) * gamma / (1 - gamma) <= tolerance or monotonic() >= deadline:
+            backed_up = reward + gamma * (T @ value)
+            change = backed_up - value
+            smallest = max(0.0, float(change.min()))
+            value = backed_up + gamma / (1 - gamma) * smallest
+            if (float(change.max()) - smallest) * gamma / (1 - gamma) <= tolerance or monotonic() >= deadline:
                 break
         values[a] = value
     return values
 
 
 def mdp_bound(model: Model, tolerance: float, seconds: float) -> Array:
-    """(A, S) Q values above those of the fully observed problem; arguments as for `blind_policies`."""
-    _check(tolerance, seconds)
+    """(A, S) upper bounds on the Q values of the fully observable problem; arguments as in
+    `blind_policies`."""
+    _check_limits(tolerance, seconds)
     deadline = monotonic() + seconds
     gamma, matrices = model.discount, _matrices(model.transition)
-    # no policy earns more than the largest reward at every step
+    # no policy earns more than the largest reward in every step
     value = np.full(model.states, model.reward.max() / (1 - gamma))
     while True:
         Q = model.reward + gamma * np.array([T @ value for T in matrices])
-        fall = value - Q.max(axis=0)
-        least = max(0.0, float(fall.min()))
-        shift = gamma / (1 - gamma) * least
+        change = value - Q.max(axis=0)
+        smallest = max(0.0, float(change.min()))
+        shift = gamma / (1 - gamma) * smallest
         value = Q.max(axis=0) - shift
-        if (float(fall.max()) - least) * gamma / (1 - gamma) <= tolerance or monotonic() >= deadline:
+        if (float(change.max()) - smallest) * gamma / (1 - gamma) <= tolerance or monotonic() >= deadline:
             return np.asarray(Q - shift)
 
 
 def fast_informed_bound(model: Model, Q: Array, tolerance: float, seconds: float) -> Array:
-    """(A, S) the fast informed bound, iterated downwards from Q values (A, S) that are above the truth.
+    """(A, S) the fast informed bound, iterated downwards from Q values (A, S) that are upper bounds.
 
     Q(a, s) <- R(a, s) + gamma sum over o of max over a' of sum over s' of P(s', o | s, a) Q(a', s').
-    Arguments as for `blind_policies`.
+    Arguments as in `blind_policies`.
     """
-    _check(tolerance, seconds)
+    _check_limits(tolerance, seconds)
     deadline = monotonic() + seconds
     gamma = model.discount
-    Q = checked_table(model, Q)
+    Q = copy_table(model, Q)
     joint = [_joint(model, a) for a in range(model.actions)]
     while monotonic() < deadline:
         lowered = np.empty_like(Q)
         for a, (matrix, state) in enumerate(joint):
             best = (matrix @ np.ascontiguousarray(Q.T)).max(axis=1)
             lowered[a] = model.reward[a] + gamma * np.bincount(state, best, minlength=model.states)
-        fall = Q - lowered
-        least = max(0.0, float(fall.min()))
-        Q = np.minimum(Q, lowered - gamma / (1 - gamma) * least)
-        if (float(fall.max()) - least) * gamma / (1 - gamma) <= tolerance:
+        change = Q - lowered
+        smallest = max(0.0, float(change.min()))
+        Q = np.minimum(Q, lowered - gamma / (1 - gamma) * smallest)
+        if (float(change.max()) - smallest) * gamma / (1 - gamma) <= tolerance:
             break
     return Q
 
 
-def checked_table(model: Model, table: Array) -> Array:
-    """A copy of a table (A, S).
+def copy_table(model: Model, table: Array) -> Array:
+    """Return a copy of a table (A, S).
 
     Raises:
-        ValueError: the shape is another, or a number is not finite.
+        ValueError: the shape is different, or a number is not finite.
     """
     copy = np.array(table, dtype=np.float64)
     if copy.shape != (model.actions, model.states) or not np.isfinite(copy).all():
-        raise ValueError("expected a table of actions by states, of finite numbers")
+        raise ValueError("expected a table of finite numbers of actions by states")
     return copy
 
 
-def _check(tolerance: float, seconds: float) -> None:
-    # a sweep that may never be near enough must not run for ever because of a number that is none
+def _check_limits(tolerance: float, seconds: float) -> None:
+    # with a NaN the iteration would never terminate
     if not tolerance >= 0 or isnan(seconds):
-        raise ValueError("tolerance and seconds are numbers, the tolerance not negative")
+        raise ValueError("tolerance and seconds must not be NaN, tolerance not negative")
 
 
-def _matrices(rows: SparseTables) -> list[Any]:
-    """Each action's table as a matrix of scipy."""
+def _matrices(table: SparseTables) -> list[Any]:
+    """The table of each action as a scipy matrix."""
     matrices = []
-    for a in range(rows.shape[0]):
-        part = rows.action_slice(a)
-        begins = rows.begins[a * rows.shape[1] : (a + 1) * rows.shape[1] + 1] - part.start
-        matrices.append(csr_array((rows.values[part], rows.columns[part], begins), shape=rows.shape[1:]))
+    for a in range(table.shape[0]):
+        part = table.action_slice(a)
+        begins = table.begins[a * table.shape[1] : (a + 1) * table.shape[1] + 1] - part.start
+        matrices.append(csr_array((table.values[part], table.columns[part], begins), shape=table.shape[1:]))
     return matrices
 
 
 def _joint(model: Model, action: int) -> tuple[Any, Indices]:
-    """P(s', o | s, a) of one action, a row for each (s, o) that can be, a column for each s'; the rows' s."""
+    """P(s', o | s, a) of one action: rows are the possible (s, o), columns the s'; the s of each row."""
     T, Z = model.transition, model.observation
     part = T.action_slice(action)
     reached = T.columns[part].astype(np.intp)
-    index, owner = entries(Z, action * model.states + reached)
+    index, owner = row_entries(Z, action * model.states + reached)
     state = T.rows[part][owner] - action * model.states
     weight = T.values[part][owner] * Z.values[index]
     pair, row = np.unique(state * model.observations + Z.columns[index], return_inverse=True)

@@ -1,4 +1,4 @@
-"""Which vectors each alpha vector was made from: what a policy needs to earn what its vectors promise."""
+"""The vectors that each alpha vector depends on: a policy needs them to earn what its vectors promise."""
 
 from __future__ import annotations
 
@@ -11,81 +11,91 @@ import numpy.typing as npt
 from lcorpp.planning.sarsop.numpy_kernels.alpha_vectors import VectorSet
 from lcorpp.values import Array
 
-FOREIGN = -1
-"""Stands for all vectors that were taken over: one of them may go on with any other."""
+IMPORTED = -1
+"""Stands for all imported vectors: each of them may depend on any other."""
 
 
 @dataclass(frozen=True, eq=False)
-class Retired:
-    """A vector (n,) that no search asks any more, over the states of a group."""
+class PrunedVector:
+    """A pruned vector (n,) that others depend on, over the states of a group; the search does not use it."""
 
     group: int
     action: int
     values: Array
 
 
-class Origins:
-    """Vectors by their stamps, those they go on with, and what became of the pruned ones.
+class VectorDependencies:
+    """For each vector, by stamp, the vectors it depends on, and replacements of the pruned ones.
 
-    A vector promises a value because it goes on with others. Where one of those is pruned, another that is
-    worth as much in every state takes its place; where there is none it is kept here, out of the search's
-    way, until no vector needs it any more.
+    A backup computes a vector from one vector per observation, and the promised value is earned only if the
+    policy continues with those. If one of them is pruned, a vector that dominates it replaces it. If there is
+    none, the pruned vector is kept here until no other vector depends on it.
     """
 
     def __init__(self, blind: int) -> None:
-        """blind: vectors with stamps below go on with themselves and are never pruned."""
+        """
+        Args:
+            blind: vectors with smaller stamps are blind policies: they depend on themselves and always stay.
+        """
         self._blind = blind
-        self._from: dict[int, list[int]] = {}
-        self._instead: dict[int, int] = {}  # what took the place of a pruned vector
-        self._retired: dict[int, Retired] = {}
+        self._depends_on: dict[int, list[int]] = {}
+        self._replaced_by: dict[int, int] = {}
+        self._pruned: dict[int, PrunedVector] = {}
 
-    def note(self, made: int, origins: Sequence[int]) -> None:
-        """A new vector and those it goes on with."""
-        self._from[made] = sorted({stamp for stamp in origins if stamp >= self._blind})
+    def record(self, vector: int, depends_on: Sequence[int]) -> None:
+        """Record a new vector and the vectors it depends on."""
+        self._depends_on[vector] = sorted({stamp for stamp in depends_on if stamp >= self._blind})
 
-    def note_foreign(self, made: int) -> None:
-        """One that was taken over from elsewhere."""
-        self._from.setdefault(FOREIGN, []).append(made)
-        self._from[made] = [FOREIGN]
+    def record_imported(self, vector: int) -> None:
+        """Record a vector that was imported from another search."""
+        self._depends_on.setdefault(IMPORTED, []).append(vector)
+        self._depends_on[vector] = [IMPORTED]
 
-    def retire(self, vectors: VectorSet, group: int, kept: npt.NDArray[np.bool_], slack: float) -> None:
-        """Called before a set drops the vectors whose entry in `kept` is false. Up to `slack` is rounding."""
-        staying = np.flatnonzero(kept)
-        for row in np.flatnonzero(~kept).tolist():
-            stamp, values = int(vectors.stamps[row]), vectors.table[:, row]
-            above = (vectors.table[:, staying] >= values[:, None] - slack).all(axis=0)
-            if above.any():
-                self._instead[stamp] = int(vectors.stamps[staying[above.argmax()]])
+    def record_pruned(
+        self, vectors: VectorSet, group: int, kept: npt.NDArray[np.bool_], slack: float
+    ) -> None:
+        """Record the vectors whose entry in `kept` is false, before the set drops them.
+
+        Args:
+            slack: losses up to this are rounding errors.
+        """
+        remaining = np.flatnonzero(kept)
+        for column in np.flatnonzero(~kept).tolist():
+            stamp, values = int(vectors.stamps[column]), vectors.table[:, column]
+            dominating = (vectors.table[:, remaining] >= values[:, None] - slack).all(axis=0)
+            if dominating.any():
+                self._replaced_by[stamp] = int(vectors.stamps[remaining[dominating.argmax()]])
             else:
-                self._retired[stamp] = Retired(group, int(vectors.actions[row]), values.copy())
+                self._pruned[stamp] = PrunedVector(group, int(vectors.actions[column]), values.copy())
 
-    def collect(self, sets: Sequence[VectorSet]) -> None:
-        """Forget what the vectors in the sets do not go on with."""
-        found = self._reached(sets)  # after which nothing asks `_instead` any more
-        self._from = {stamp: self._from[stamp] for stamp in found if stamp in self._from}
-        self._retired = {stamp: self._retired[stamp] for stamp in found if stamp in self._retired}
-        self._instead = {}
+    def forget_unneeded(self, sets: Sequence[VectorSet]) -> None:
+        """Forget all vectors that the vectors in the sets do not depend on."""
+        needed = self._find_needed(sets)  # it resolves all replacements
+        self._depends_on = {stamp: self._depends_on[stamp] for stamp in needed if stamp in self._depends_on}
+        self._pruned = {stamp: self._pruned[stamp] for stamp in needed if stamp in self._pruned}
+        self._replaced_by = {}
 
-    def needed(self, sets: Sequence[VectorSet]) -> list[Retired]:
-        """The pruned vectors that those in the sets go on with, by rising stamps."""
-        found = sorted(self._reached(sets))
-        return [self._retired[stamp] for stamp in found if stamp in self._retired]
+    def needed(self, sets: Sequence[VectorSet]) -> list[PrunedVector]:
+        """The pruned vectors that the vectors in the sets depend on, by rising stamps."""
+        return [self._pruned[stamp] for stamp in sorted(self._find_needed(sets)) if stamp in self._pruned]
 
-    def _standing_for(self, stamp: int) -> int:
-        while stamp in self._instead:
-            stamp = self._instead[stamp]
+    def _find_replacement(self, stamp: int) -> int:
+        while stamp in self._replaced_by:
+            stamp = self._replaced_by[stamp]
         return stamp
 
-    def _reached(self, sets: Sequence[VectorSet]) -> list[int]:
-        """The stamps of all vectors that those in the sets go on with, now or later, and of themselves."""
-        found = [stamp for vectors in sets for stamp in vectors.stamps.tolist() if stamp >= self._blind]
-        met = set(found)
-        for stamp in found:  # which grows while it is read
-            if stamp in self._from:
-                self._from[stamp] = origins = [self._standing_for(origin) for origin in self._from[stamp]]
-                found.extend(new for new in dict.fromkeys(origins) if self._counts(new) and new not in met)
-                met.update(origins)
-        return found
-
-    def _counts(self, stamp: int) -> bool:
-        return stamp >= self._blind or stamp == FOREIGN
+    def _find_needed(self, sets: Sequence[VectorSet]) -> list[int]:
+        """The stamps of the vectors in the sets and of all vectors they depend on, directly or not."""
+        queue = [stamp for vectors in sets for stamp in vectors.stamps.tolist() if stamp >= self._blind]
+        visited = set(queue)
+        for stamp in queue:  # the loop body appends to the queue
+            if stamp in self._depends_on:
+                stamps = [self._find_replacement(other) for other in self._depends_on[stamp]]
+                self._depends_on[stamp] = stamps
+                queue.extend(
+                    other
+                    for other in dict.fromkeys(stamps)
+                    if (other >= self._blind or other == IMPORTED) and other not in visited
+                )
+                visited.update(stamps)
+        return queue

@@ -1,4 +1,4 @@
-"""A POMDP in compressed rows, and what its observations may leave open."""
+"""A POMDP as sparse tables, and its partition into blocks."""
 
 from __future__ import annotations
 
@@ -16,146 +16,156 @@ from lcorpp.values import Array, Belief
 Indices = npt.NDArray[np.intp]
 
 ROW_TOLERANCE = 1e-6
-"""How far a row may be from summing to 1: a wrong table is found, rounding is not."""
+"""Largest deviation of the sum of a row from 1: detects wrong tables, ignores rounding."""
 
 
 @dataclass(frozen=True, eq=False)
-class Beliefs:
+class BeliefBatch:
     """m beliefs of one group, each times a probability.
 
-    group: their block; one more than the last where they are over several.
-    states: (n,) the states that any of them holds possible, rising.
-    places: (n,) where these are in the group.
+    group: a block, or the number of blocks for beliefs over several blocks.
+    states: (n,) the states with weight in any belief, rising.
+    positions: (n,) positions of these states in the group.
     weights: (m, n) not negative.
     """
 
     group: int
     states: Indices
-    places: Indices
+    positions: Indices
     weights: Array
 
 
 class Model:
     """The problem.
 
-    What an observation may leave open partitions the states into blocks: after every action and observation
-    the belief lies in one block. A model whose parts are observed fully (a MOMDP; Ong, Png, Hsu and Lee,
-    2010) falls into many blocks, and all that is kept of a belief or a vector is its own block.
+    Blocks partition the states: after every action and observation the belief lies within one block. A model
+    with fully observed parts (a MOMDP; Ong, Png, Hsu and Lee, 2010) has many blocks, and beliefs and vectors
+    are stored over their own block only. A group is a block, or (the last one) all states, for beliefs over
+    several blocks.
 
     actions, states, observations: A, S and O.
     transition: (A, S, S) P(s' | s, a). observation: (A, S, O) P(o | a, s'). reward: (A, S). discount: gamma.
-    block: (S,) the block of each state. local: (S,) its place within the block.
-    members: the states of each block, rising.
+    block: (S,) block of each state. local: (S,) position of each state within its block.
+    members: states of each block, rising.
 
     Raises:
-        ValueError: shapes or indices do not fit together, a row is no distribution, a number is not finite.
+        ValueError: shapes or indices do not fit together, a row is not a distribution, or a number is not
+            finite.
     """
 
     def __init__(
         self,
-        actions: int,
-        states: int,
-        observations: int,
-        t_begins: npt.NDArray[np.int64],
-        t_column: npt.NDArray[np.int32],
-        t_value: Array,
-        o_begins: npt.NDArray[np.int64],
-        o_column: npt.NDArray[np.int32],
-        o_value: Array,
+        n_actions: int,
+        n_states: int,
+        n_observations: int,
+        transition_begins: npt.NDArray[np.int64],
+        transition_columns: npt.NDArray[np.int32],
+        transition_values: Array,
+        observation_begins: npt.NDArray[np.int64],
+        observation_columns: npt.NDArray[np.int32],
+        observation_values: Array,
         reward: Array,
         discount: float,
     ) -> None:
         if not 0 < discount < 1:
-            raise ValueError("the discount is between 0 and 1, both excluded")
-        if min(actions, states, observations) < 1:
-            raise ValueError("a model has states, actions and observations")
-        self.actions, self.states, self.observations = actions, states, observations
-        self.transition = _distributions((actions, states, states), t_begins, t_column, t_value)
-        self.observation = _distributions((actions, states, observations), o_begins, o_column, o_value)
+            raise ValueError("the discount must lie strictly between 0 and 1")
+        if min(n_actions, n_states, n_observations) < 1:
+            raise ValueError("a model needs states, actions and observations")
+        self.actions, self.states, self.observations = n_actions, n_states, n_observations
+        self.transition = _check_distributions(
+            (n_actions, n_states, n_states), transition_begins, transition_columns, transition_values
+        )
+        self.observation = _check_distributions(
+            (n_actions, n_states, n_observations), observation_begins, observation_columns, observation_values
+        )
         self.reward = np.array(reward, dtype=np.float64)
-        if self.reward.shape != (actions, states) or not np.isfinite(self.reward).all():
-            raise ValueError("expected a table of actions by states, of finite numbers")
+        if self.reward.shape != (n_actions, n_states) or not np.isfinite(self.reward).all():
+            raise ValueError("expected a table of finite numbers of actions by states")
         self.discount = discount
-        self._everything = np.arange(states)
+        self._all_states = np.arange(n_states)
         self.block = self._find_blocks()
         order = np.argsort(self.block, kind="stable")
         begins = np.searchsorted(self.block[order], np.arange(int(self.block.max()) + 1))
         self.members: list[Indices] = np.split(order, begins[1:])
-        self.local = np.empty(states, dtype=np.intp)
-        self.local[order] = np.arange(states) - np.repeat(begins, [len(block) for block in self.members])
+        self.local = np.empty(n_states, dtype=np.intp)
+        self.local[order] = np.arange(n_states) - np.repeat(begins, [len(block) for block in self.members])
 
     def blocks(self) -> npt.NDArray[np.int32]:
-        """(S,) the block of each state."""
+        """(S,) block of each state."""
         return self.block.astype(np.int32)
 
-    def states_of(self, group: int) -> Indices:
-        """The states of a group: those of a block, or all in the group of beliefs over several."""
-        return self.members[group] if group < len(self.members) else self._everything
+    def group_states(self, group: int) -> Indices:
+        """The states of a group: the members of a block, or all states."""
+        return self.members[group] if group < len(self.members) else self._all_states
 
-    def places(self, group: int, states: Indices) -> Indices:
-        """(n,) where states (n,) are in a group."""
+    def positions(self, group: int, states: Indices) -> Indices:
+        """(n,) positions of states (n,) in a group."""
         return self.local[states] if group < len(self.members) else states
 
-    def _beliefs(self, states: Indices, weights: Array) -> Beliefs:
+    def _make_batch(self, states: Indices, weights: Array) -> BeliefBatch:
         blocks = self.block[states]
         group = int(blocks[0]) if (blocks == blocks[0]).all() else len(self.members)
-        return Beliefs(group, states, self.places(group, states), weights)
+        return BeliefBatch(group, states, self.positions(group, states), weights)
 
-    def belief(self, belief: Belief) -> Beliefs:
-        """One belief (S,).
+    def belief(self, belief: Belief) -> BeliefBatch:
+        """A batch of one belief (S,).
 
         Raises:
-            ValueError: it is no distribution over the states.
+            ValueError: it is not a distribution over the states.
         """
-        given = np.asarray(belief, dtype=np.float64)
-        if given.shape != (self.states,):
-            raise ValueError("a belief has one number for each state")
-        if not (np.isfinite(given).all() and given.min() >= 0):
-            raise ValueError("a belief holds finite numbers, not negative")
-        states = np.flatnonzero(given)
-        return self.sparse_belief(states, given[states])
+        dense = np.asarray(belief, dtype=np.float64)
+        if dense.shape != (self.states,):
+            raise ValueError("a belief needs one number per state")
+        if not (np.isfinite(dense).all() and dense.min() >= 0):
+            raise ValueError("a number of a belief is negative or not finite")
+        states = np.flatnonzero(dense)
+        return self.sparse_belief(states, dense[states])
 
-    def sparse_belief(self, states: npt.NDArray[np.integer], weights: Array) -> Beliefs:
-        """One belief: states (n,) rising, with weights (n,).
+    def sparse_belief(self, states: npt.NDArray[np.integer], weights: Array) -> BeliefBatch:
+        """A batch of one belief: states (n,), strictly increasing, with weights (n,).
 
         Raises:
-            ValueError: it is no distribution over the states.
+            ValueError: it is not a distribution over the states.
         """
         if states.shape != weights.shape or not (weights > 0).all() or abs(weights.sum() - 1) > ROW_TOLERANCE:
-            raise ValueError("a belief has positive weights that sum to 1")
+            raise ValueError("a belief needs positive weights that sum to 1")
         if (np.diff(states) <= 0).any() or states[0] < 0 or states[-1] >= self.states:
-            raise ValueError("a belief has rising states")
-        return self._beliefs(states.astype(np.intp), weights[None].astype(np.float64))
+            raise ValueError("the states of a belief must be strictly increasing")
+        return self._make_batch(states.astype(np.intp), weights[None].astype(np.float64))
 
     def _find_blocks(self) -> Indices:
-        """(S,) states that the same action can reach and the same observation can follow are in one block."""
+        """(S,) block of each state.
+
+        Two states are in one block if the same action reaches both and the same observation can follow.
+        """
         A, S, observations = self.actions, self.states, self.observations
         reached = np.zeros((A, S), dtype=bool)
         reached[self.transition.rows // S, self.transition.columns] = True
         action, state = np.divmod(self.observation.rows, S)
-        sees = reached[action, state]
-        seen = S + action[sees] * observations + self.observation.columns[sees]
+        possible = reached[action, state]
+        seen = S + action[possible] * observations + self.observation.columns[possible]
         size = S + A * observations
-        graph = coo_array((np.ones(len(seen), dtype=bool), (state[sees], seen)), shape=(size, size))
+        graph = coo_array((np.ones(len(seen), dtype=bool), (state[possible], seen)), shape=(size, size))
         label = connected_components(graph, directed=False)[1][:S]
-        # blocks are numbered by their first state
+        # number the blocks by their first state
         first, inverse = np.unique(label, return_index=True, return_inverse=True)[1:]
         return np.argsort(np.argsort(first))[inverse]
 
 
-def entries(rows: SparseTables, wanted: Indices) -> tuple[Indices, Indices]:
-    """Where the entries of the rows `wanted` (n,) are, end to end, and which of the n each belongs to."""
-    return ranges(rows.begins[wanted], rows.begins[wanted + 1])
+def row_entries(table: SparseTables, rows: Indices) -> tuple[Indices, Indices]:
+    """Indices of the entries of the given rows (n,) of a table, concatenated, and the row 0 to n - 1 of
+    each."""
+    return concatenate_ranges(table.begins[rows], table.begins[rows + 1])
 
 
-def ranges(begins: Indices, ends: Indices) -> tuple[Indices, Indices]:
-    """All numbers from begins[i] to before ends[i], end to end, and the i of each."""
+def concatenate_ranges(begins: Indices, ends: Indices) -> tuple[Indices, Indices]:
+    """The ranges begins[i] to before ends[i], concatenated, and the i of each number."""
     counts = ends - begins
     owner = np.repeat(np.arange(len(counts)), counts)
     return np.arange(len(owner)) + np.repeat(begins - (np.cumsum(counts) - counts), counts), owner
 
 
-def _distributions(
+def _check_distributions(
     shape: tuple[int, int, int],
     begins: npt.NDArray[np.int64],
     column: npt.NDArray[np.int32],
@@ -166,7 +176,7 @@ def _distributions(
     except ModelError as error:
         raise ValueError(str(error)) from None
     if not (np.isfinite(rows.values).all() and (rows.values >= 0).all()):
-        raise ValueError("probabilities are finite numbers, not negative")
+        raise ValueError("a probability is negative or not finite")
     if (np.abs(rows.row_sums() - 1) > ROW_TOLERANCE).any():
         raise ValueError("a row of a table does not sum to 1")
     return rows

@@ -1,4 +1,4 @@
-"""A node of the belief tree: a belief, its actions and what may be observed after each."""
+"""A node of the belief tree: a belief, its actions and the observations after each action."""
 
 from __future__ import annotations
 
@@ -7,79 +7,83 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.sarsop.numpy_kernels.model import Beliefs, Indices
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices
 from lcorpp.planning.sarsop.numpy_kernels.outcomes import Outcomes
 from lcorpp.values import Array
+
+PREDICTOR_BINS = 32
+"""Bins of the value predictor, for the initial upper bound and for the entropy."""
 
 
 @dataclass(eq=False, slots=True)
 class Branch:
-    """One action at a belief and its n children, in the order of the observations.
+    """One action at a belief and its n children, by rising observation.
 
-    observation, probability, group: (n,) of each.
-    link: (n,) the node of the next belief, -1 until it was visited.
-    apart: (n,) how far the values of the next belief and of its node may differ: beliefs alike share a node.
+    observation, probability, group: (n,) of each child.
+    child_nodes: (n,) node of the next belief, -1 before the first visit.
+    lipschitz_slack: (n,) largest difference between the values of the next belief and of its node, because
+        nearly equal beliefs share a node.
     lower, upper: (n,) bounds of the next beliefs times their probability.
-    best: (n,) stamps of the vectors that give `lower`.
-    seen_vectors, seen_points: the bounds are up to date with what has an earlier stamp.
-    refreshed: whether the upper bounds were asked for.
-    outcomes: the next beliefs, kept while there is room: most visits need them.
+    best_vectors: (n,) stamps of the vectors that give `lower`.
+    vectors_version, points_version: the bounds include all vectors and points with smaller stamps.
+    refreshed: whether the upper bounds were computed.
+    outcomes: the next beliefs, cached up to MAX_CACHED_OUTCOMES, because most visits need them.
     """
 
     observation: Indices
     probability: Array
     group: Indices
-    link: Indices
-    apart: Array
+    child_nodes: Indices
+    lipschitz_slack: Array
     lower: Array
     upper: Array
-    best: npt.NDArray[np.int64]
-    seen_vectors: int = 0
-    seen_points: int = 0
+    best_vectors: npt.NDArray[np.int64]
+    vectors_version: int = 0
+    points_version: int = 0
     refreshed: bool = False
     outcomes: Outcomes | None = None
 
     @classmethod
-    def of(cls, found: Outcomes) -> Branch:
-        """The children as they are at first: nothing is known of them."""
-        n = len(found.observation)
+    def of(cls, outcomes: Outcomes) -> Branch:
+        """A branch whose children have no bounds yet."""
+        n = len(outcomes.observation)
         return cls(
-            observation=found.observation,
-            probability=found.probability,
-            group=found.group,
-            link=np.full(n, -1, dtype=np.intp),
-            apart=np.zeros(n),
+            observation=outcomes.observation,
+            probability=outcomes.probability,
+            group=outcomes.group,
+            child_nodes=np.full(n, -1, dtype=np.intp),
+            lipschitz_slack=np.zeros(n),
             lower=np.full(n, -np.inf),
             upper=np.full(n, np.inf),
-            best=np.full(n, -1, dtype=np.int64),
+            best_vectors=np.full(n, -1, dtype=np.int64),
         )
 
 
 @dataclass(eq=False, slots=True)
 class Node:
-    """A belief and what is known of it.
+    """A belief and its bounds.
 
-    belief: itself, in a table of one. immediate: (A,) expected reward of each action.
-    lower, upper: (A,) bounds on the value of each action. low, high: bounds on the value of the belief.
-    branches: the actions that were looked at.
-    witness, held: stamp of the vector that is best here, and its value; seen_vectors as in a branch.
-    surface: the upper bound here when last asked, with the points before stamp seen_surface.
-    point: stamp of this belief in the upper bound, -1 for none.
-    informed, entropy: the initial upper bound, and a bin: what `Prediction` goes by.
+    belief: a batch of one. expected_rewards: (A,) of each action.
+    q_lower, q_upper: (A,) bounds on the value of each action. lower, upper: the best bounds so far.
+    branches: the expanded actions.
+    best_vector, lower_value: stamp and value of the best vector; vectors_version as in a branch.
+    sawtooth_value: upper bound by the points with stamps before sawtooth_version.
+    point_stamp: stamp of this belief's point in the upper bound, -1 for none.
+    informed_value, entropy_bin: the initial upper bound and a bin, the inputs of `ValuePredictor`.
     """
 
-    belief: Beliefs
-    immediate: Array
-    lower: Array
-    upper: Array
-    high: float
-    surface: float
-    seen_surface: int
-    informed: float
-    entropy: int
+    belief: BeliefBatch
+    expected_rewards: Array
+    q_lower: Array
+    q_upper: Array
+    upper: float
+    sawtooth_value: float
+    sawtooth_version: int
+    informed_value: float
+    entropy_bin: int
     branches: dict[int, Branch] = field(default_factory=dict)
-    low: float = -np.inf
-    held: float = -np.inf
-    witness: int = -1
-    seen_vectors: int = 0
-    point: int = -1
+    lower: float = -np.inf
+    lower_value: float = -np.inf
+    best_vector: int = -1
+    vectors_version: int = 0
+    point_stamp: int = -1

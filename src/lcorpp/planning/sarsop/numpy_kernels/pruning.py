@@ -1,4 +1,4 @@
-"""PRUNE: vectors that serve no belief which an optimal policy may reach, and points that were replaced.
+"""PRUNE: drop alpha vectors that are useless at all beliefs that an optimal policy may reach.
 
 Source: Kurniawati, Hsu and Lee, RSS 2008, section III-D (pruning, delta-dominance).
 """
@@ -6,98 +6,98 @@ Source: Kurniawati, Hsu and Lee, RSS 2008, section III-D (pruning, delta-dominan
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcorpp.planning.sarsop.numpy_kernels.backup import GAIN
 from lcorpp.planning.sarsop.numpy_kernels.node import Node
-from lcorpp.planning.sarsop.numpy_kernels.refresh import witness
+from lcorpp.planning.sarsop.numpy_kernels.refresh import update_best_vector
+from lcorpp.planning.sarsop.numpy_kernels.search_state import MIN_GAIN, SearchState
 from lcorpp.values import Array
 
-if TYPE_CHECKING:
-    from lcorpp.planning.sarsop.numpy_kernels.tree import Tree
+MAX_SAMPLED_BELIEFS = 2000
+"""Largest number of beliefs at which nearly best vectors are searched; best vectors are searched at all."""
 
-LOOKED = 2000
-"""Beliefs that are looked at for vectors that are nearly the best; all are looked at for the best."""
-
-FEW = 100
-"""So many vectors more are never too many."""
+MIN_GROWTH = 100
+"""A set is never pruned before it has this many vectors more than after its last pruning."""
 
 
-def prune(tree: Tree, roots: Sequence[int], delta: float, cap: float, growth: float) -> None:
-    """Keep the vectors that are best, or nearly, at a belief that matters.
+def prune(state: SearchState, roots: Sequence[int], radius: float, max_ratio: float, growth: float) -> None:
+    """Keep the vectors that are best, or nearly best, at a belief that matters.
 
     Args:
         roots: nodes from which the others are reached.
-        delta: radius in the space of beliefs, see `_prune_set`.
-        cap: at most this many times the vectors that are best somewhere are kept.
-        growth: a set is looked at when it has grown by this factor, and a few, since the last time.
+        radius: in the space of beliefs, see `_prune_set`.
+        max_ratio: at most this many times the vectors that are best at a belief are kept.
+        growth: a set is pruned if it has this many times the vectors of its last pruning, plus MIN_GROWTH.
     """
-    tree.sawtooth.compact()
-    grown = [g for g, held in enumerate(tree.sets) if held.count > growth * tree.kept[g] + FEW]
+    state.sawtooth.compact()
+    grown = [
+        g
+        for g, vectors in enumerate(state.sets)
+        if vectors.count > growth * state.sizes_after_pruning[g] + MIN_GROWTH
+    ]
     if not grown:
         return
-    at: dict[int, list[Node]] = {}
-    for number in reachable(tree, roots):
-        node = tree.nodes[number]
-        at.setdefault(node.belief.group, []).append(node)
+    by_group: dict[int, list[Node]] = {}
+    for number in find_reachable(state, roots):
+        node = state.nodes[number]
+        by_group.setdefault(node.belief.group, []).append(node)
     for g in grown:
-        if g in at:
-            _prune_set(tree, g, at[g], delta, cap)
-        tree.kept[g] = tree.sets[g].count
-    tree.origins_of.collect(tree.sets)
+        if g in by_group:
+            _prune_set(state, g, by_group[g], radius, max_ratio)
+        state.sizes_after_pruning[g] = state.sets[g].count
+    state.dependencies.forget_unneeded(state.sets)
 
 
-def reachable(tree: Tree, roots: Sequence[int]) -> list[int]:
-    """The nodes that the roots reach by actions that may still be optimal.
+def find_reachable(state: SearchState, roots: Sequence[int]) -> list[int]:
+    """The nodes that the roots reach by actions that may be optimal.
 
     An action whose upper bound is below another's lower bound at the same belief is never taken again.
     """
-    found = list(dict.fromkeys(roots))
-    met = set(found)
-    for number in found:  # which grows while it is read
-        node = tree.nodes[number]
-        low = node.lower.max()
+    queue = list(dict.fromkeys(roots))
+    visited = set(queue)
+    for number in queue:  # the loop body appends to the queue
+        node = state.nodes[number]
+        lower = node.q_lower.max()
         for action, branch in sorted(node.branches.items()):
-            if node.upper[action] >= low:
-                new = [link for link in branch.link.tolist() if link >= 0 and link not in met]
-                found.extend(dict.fromkeys(new))
-                met.update(new)
-    return found
+            if node.q_upper[action] >= lower:
+                new = [child for child in branch.child_nodes.tolist() if child >= 0 and child not in visited]
+                queue.extend(dict.fromkeys(new))
+                visited.update(new)
+    return queue
 
 
-def _prune_set(tree: Tree, group: int, at: list[Node], delta: float, cap: float) -> None:
-    """A vector survives at b when the best one there does not beat it all around, as far as delta.
+def _prune_set(state: SearchState, group: int, nodes: list[Node], radius: float, max_ratio: float) -> None:
+    """Keep a vector at b if the best vector there does not dominate it within a radius around b.
 
-    That is when (best - vector).b < delta |best - vector|. Too tight a rule freezes the search, for vectors
-    that would be best between the beliefs are lost; too loose a one slows it.
+    That is if (best - vector).b < radius |best - vector|. Too small a radius loses vectors that are best
+    between the beliefs and stops the search; too large a radius slows it down.
     """
-    vectors = tree.sets[group]
-    for node in at:
-        witness(tree, node)
-    winners = {vectors.find(node.witness) for node in at}
-    radius = np.full(vectors.count, np.inf)  # the least delta with which a vector survives
+    vectors = state.sets[group]
+    for node in nodes:
+        update_best_vector(state, node)
+    winners = {vectors.find(node.best_vector) for node in nodes}
+    min_radius = np.full(vectors.count, np.inf)  # the smallest radius with which a vector survives
     distances: dict[int, Array] = {}
-    for node in at[:: max(1, len(at) // LOOKED)]:
-        champion = vectors.find(node.witness)
-        if champion not in distances:
-            distances[champion] = vectors.distances(champion)
-        values = vectors.values(node.belief)[0]
-        # The same vector twice has distance 0: the copy goes unless it is itself a winner.
-        away = distances[champion]
-        ratio = np.divide(values[champion] - values, away, out=np.full(vectors.count, np.inf), where=away > 0)
-        np.minimum(radius, ratio, out=radius)
+    for node in nodes[:: max(1, len(nodes) // MAX_SAMPLED_BELIEFS)]:
+        winner = vectors.find(node.best_vector)
+        if winner not in distances:
+            distances[winner] = vectors.distances(winner)
+        values, distance = vectors.values(node.belief)[0], distances[winner]
+        # a duplicate has distance 0: it is dropped unless it is itself a winner
+        ratio = np.divide(
+            values[winner] - values, distance, out=np.full(vectors.count, np.inf), where=distance > 0
+        )
+        np.minimum(min_radius, ratio, out=min_radius)
     best = np.array(sorted(winners))
-    radius[best] = -1.0
-    # They go on with themselves.
-    blind = vectors.stamps < tree.model.actions
-    radius[blind] = -1.0
-    allowed = int(min(cap * len(best), vectors.count))
-    if allowed < vectors.count:
-        delta = min(delta, float(np.partition(radius, allowed)[allowed]))
-    kept = radius < delta
+    min_radius[best] = -1.0
+    blind = vectors.stamps < state.model.actions  # blind policies depend on themselves and always stay
+    min_radius[blind] = -1.0
+    max_kept = int(min(max_ratio * len(best), vectors.count))
+    if max_kept < vectors.count:
+        radius = min(radius, float(np.partition(min_radius, max_kept)[max_kept]))
+    kept = min_radius < radius
     kept[best] = True
     kept[blind] = True
-    tree.origins_of.retire(vectors, group, kept, GAIN * tree.scale)
+    state.dependencies.record_pruned(vectors, group, kept, MIN_GAIN * state.scale)
     vectors.keep(kept)

@@ -1,131 +1,156 @@
-"""The bounds of a node are brought up to date with the vectors and points added since the last visit.
+"""Updates of a node's bounds with the vectors and points that were added since its last visit.
 
-An action is worked out when it is looked at first: until then the informed bound stands for its upper bound.
+An action is expanded at its first update: until then the informed bound is its upper bound.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch
 from lcorpp.planning.sarsop.numpy_kernels.node import Branch, Node
-from lcorpp.planning.sarsop.numpy_kernels.outcomes import Outcomes, outcomes
-
-if TYPE_CHECKING:
-    from lcorpp.planning.sarsop.numpy_kernels.tree import Tree
+from lcorpp.planning.sarsop.numpy_kernels.outcomes import Outcomes, compute_outcomes
+from lcorpp.planning.sarsop.numpy_kernels.search_state import SearchState
 
 
-def refresh(tree: Tree, node: Node) -> None:
-    """From above the action that is best, from below all that may be best."""
-    action, _ = best_above(tree, node)
-    low = float(node.lower.max())
-    refresh_lower(tree, node, action)
-    low = max(low, float(node.lower[action]))
-    for a in range(tree.model.actions):
-        if a != action and node.upper[a] > low:
-            refresh_lower(tree, node, a)
-            low = max(low, float(node.lower[a]))
-    witness(tree, node)
-    node.low = max(node.low, low, node.held)
+def refresh(state: SearchState, node: Node) -> None:
+    """Update the upper bound of the best action and the lower bounds of all actions that may be the best."""
+    action, _ = refresh_best_upper(state, node)
+    lower = float(node.q_lower.max())
+    refresh_lower(state, node, action)
+    lower = max(lower, float(node.q_lower[action]))
+    for a in range(state.model.actions):
+        if a != action and node.q_upper[a] > lower:
+            refresh_lower(state, node, a)
+            lower = max(lower, float(node.q_lower[a]))
+    update_best_vector(state, node)
+    node.lower = max(node.lower, lower, node.lower_value)
 
 
-def look(tree: Tree, node: Node, below: bool) -> int:
-    """The action to follow, best in the upper or the lower bound, with both its bounds up to date."""
-    action, fresh = best_above(tree, node)
-    witness(tree, node)
-    if below:
-        action = int(node.lower.argmax())
-        if node.lower[action] < node.held:
-            vectors = tree.sets[node.belief.group]
-            action = int(vectors.actions[vectors.find(node.witness)])
-        if action not in fresh:
-            refresh_upper(tree, node, action)
-    refresh_lower(tree, node, action)
-    node.low = max(node.low, float(node.lower[action]), node.held)
+def select_action(state: SearchState, node: Node, use_lower_bound: bool) -> int:
+    """The best action by the upper or lower bound, after an update of that action's bounds."""
+    action, updated = refresh_best_upper(state, node)
+    update_best_vector(state, node)
+    if use_lower_bound:
+        action = int(node.q_lower.argmax())
+        if node.q_lower[action] < node.lower_value:
+            vectors = state.sets[node.belief.group]
+            action = int(vectors.actions[vectors.find(node.best_vector)])
+        if action not in updated:
+            refresh_upper(state, node, action)
+    refresh_lower(state, node, action)
+    node.lower = max(node.lower, float(node.q_lower[action]), node.lower_value)
     return action
 
 
-def best_above(tree: Tree, node: Node) -> tuple[int, set[int]]:
-    """The action that is best in the upper bound, and those that are up to date with the points.
+def refresh_best_upper(state: SearchState, node: Node) -> tuple[int, set[int]]:
+    """Update upper bounds until the best action by the upper bound is up to date.
 
-    Only the action that looks best need be: the others' old bounds are bounds still.
+    The older bounds of the other actions stay valid.
+
+    Returns:
+        The best action, and all actions that were updated.
     """
-    fresh: set[int] = set()
-    while (action := int(node.upper.argmax())) not in fresh:
-        refresh_upper(tree, node, action)
-        fresh.add(action)
-    node.high = min(node.high, float(node.upper[action]))
-    return action, fresh
+    updated: set[int] = set()
+    while (action := int(node.q_upper.argmax())) not in updated:
+        refresh_upper(state, node, action)
+        updated.add(action)
+    node.upper = min(node.upper, float(node.q_upper[action]))
+    return action, updated
 
 
-def refresh_lower(tree: Tree, node: Node, action: int) -> None:
-    """One action's lower bound."""
+def refresh_lower(state: SearchState, node: Node, action: int) -> None:
+    """Update the lower bound of one action."""
     branch = node.branches.get(action)
-    if branch is not None and branch.seen_vectors == tree.next_vector:
+    if branch is not None and branch.vectors_version == state.next_vector:
         return
-    branch, found = open_branch(tree, node, action)
-    for children, beliefs in found.parts:
-        vectors = tree.sets[beliefs.group]
-        first = vectors.first_since(branch.seen_vectors)
+    branch, outcomes = expand(state, node, action)
+    for children, beliefs in outcomes.batches:
+        vectors = state.sets[beliefs.group]
+        first = vectors.first_since(branch.vectors_version)
         if first < vectors.count:
             best, value = vectors.best(beliefs, first)
             better = value > branch.lower[children]
             branch.lower[children[better]] = value[better]
-            branch.best[children[better]] = vectors.stamps[best[better]]
-    node.lower[action] = node.immediate[action] + tree.discount * branch.lower.sum()
-    branch.seen_vectors = tree.next_vector
+            branch.best_vectors[children[better]] = vectors.stamps[best[better]]
+    node.q_lower[action] = node.expected_rewards[action] + state.model.discount * branch.lower.sum()
+    branch.vectors_version = state.next_vector
 
 
-def refresh_upper(tree: Tree, node: Node, action: int) -> None:
-    """One action's upper bound."""
-    branch = node.branches.get(action)
-    if branch is not None and branch.refreshed and branch.seen_points == tree.sawtooth.next_stamp:
+def refresh_upper(state: SearchState, node: Node, action: int) -> None:
+    """Update the upper bound of one action."""
+    branch, sawtooth = node.branches.get(action), state.sawtooth
+    if branch is not None and branch.refreshed and branch.points_version == sawtooth.next_stamp:
         return
-    branch, found = open_branch(tree, node, action)
-    for children, beliefs in found.parts:
-        bound = tree.sawtooth.bound(beliefs, branch.seen_points)
+    branch, outcomes = expand(state, node, action)
+    for children, beliefs in outcomes.batches:
+        bound = sawtooth.bound(beliefs, branch.points_version)
         branch.upper[children] = np.minimum(branch.upper[children], bound)
-    for c in np.flatnonzero(branch.link >= 0).tolist():
-        above = tree.nodes[branch.link[c]].high + branch.apart[c]
-        branch.upper[c] = min(branch.upper[c], branch.probability[c] * above)
-    look_ahead = node.immediate[action] + tree.discount * branch.upper.sum()
-    node.upper[action] = min(node.upper[action], look_ahead)
-    branch.seen_points = tree.sawtooth.next_stamp
+    for c in np.flatnonzero(branch.child_nodes >= 0).tolist():
+        of_node = state.nodes[branch.child_nodes[c]].upper + branch.lipschitz_slack[c]
+        branch.upper[c] = min(branch.upper[c], branch.probability[c] * of_node)
+    look_ahead = node.expected_rewards[action] + state.model.discount * branch.upper.sum()
+    node.q_upper[action] = min(node.q_upper[action], look_ahead)
+    branch.points_version = sawtooth.next_stamp
     branch.refreshed = True
 
 
-def witness(tree: Tree, node: Node) -> None:
-    """The vector that is best at a node, and its value."""
-    vectors = tree.sets[node.belief.group]
-    if node.witness >= 0 and vectors.find(node.witness) < 0:  # it was pruned
-        node.seen_vectors, node.held = 0, -np.inf
-    first = vectors.first_since(node.seen_vectors)
+def update_best_vector(state: SearchState, node: Node) -> float:
+    """Update the best vector at a node; return its value."""
+    vectors = state.sets[node.belief.group]
+    if node.best_vector >= 0 and vectors.find(node.best_vector) < 0:  # it was pruned
+        node.vectors_version, node.lower_value = 0, -np.inf
+    first = vectors.first_since(node.vectors_version)
     if first < vectors.count:
         best, value = vectors.best(node.belief, first)
-        if value[0] > node.held:
-            node.held, node.witness = float(value[0]), int(vectors.stamps[best[0]])
-    node.seen_vectors = tree.next_vector
+        if value[0] > node.lower_value:
+            node.lower_value, node.best_vector = float(value[0]), int(vectors.stamps[best[0]])
+    node.vectors_version = state.next_vector
+    return node.lower_value
+
+
+def update_upper_bound(state: SearchState, node: Node) -> float:
+    """Update the sawtooth value at a node; return the smaller of it and the node's own upper bound."""
+    newer = float(state.sawtooth.bound(node.belief, node.sawtooth_version)[0])
+    node.sawtooth_value = min(node.sawtooth_value, newer)
+    node.sawtooth_version = state.sawtooth.next_stamp
+    return min(node.sawtooth_value, node.upper)
 
 
 def forget_lower(node: Node) -> None:
-    """Make the next visit look at all vectors: a remembered one was pruned."""
-    node.lower[:] = -np.inf
+    """Discard the lower bounds of all actions, because a remembered vector was pruned."""
+    node.q_lower[:] = -np.inf
     for branch in node.branches.values():
         branch.lower[:] = -np.inf
-        branch.seen_vectors = 0
+        branch.vectors_version = 0
 
 
-def open_branch(tree: Tree, node: Node, action: int) -> tuple[Branch, Outcomes]:
-    """An action's children and the beliefs they stand for."""
+def expand(state: SearchState, node: Node, action: int) -> tuple[Branch, Outcomes]:
+    """The branch of an action, created if necessary, and its next beliefs."""
     branch = node.branches.get(action)
     if branch is not None and branch.outcomes is not None:
         return branch, branch.outcomes
-    found = outcomes(tree.model, node.belief, action)
+    outcomes = compute_outcomes(state.model, node.belief, action)
     if branch is None:
-        branch = Branch.of(found)
-        if found.size <= tree.room:
-            tree.room -= found.size
-            branch.outcomes = found
+        branch = Branch.of(outcomes)
+        if outcomes.size <= state.cache_left:
+            state.cache_left -= outcomes.size
+            branch.outcomes = outcomes
         node.branches[action] = branch
-    return branch, found
+    return branch, outcomes
+
+
+def add_child(state: SearchState, node: Node, action: int, child: int) -> int:
+    """Return the node of a child of an expanded action, created if necessary."""
+    branch = node.branches[action]
+    if branch.child_nodes[child] < 0:
+        states, weights = expand(state, node, action)[1].belief(child)
+        group = int(branch.group[child])
+        positions = state.model.positions(group, states)
+        number = state.add_node(BeliefBatch(group, states, positions, weights[None]))
+        # the values of two beliefs differ by at most the largest value times their distance
+        difference = state.dense_belief(number)
+        difference[states] -= weights
+        branch.lipschitz_slack[child] = state.scale * float(np.abs(difference).sum())
+        branch.child_nodes[child] = number
+    return int(branch.child_nodes[child])

@@ -1,13 +1,14 @@
-"""Where one alpha vector rises above others, and by how much at most: the linear programs of pruning.
+"""Linear programs of pruning: where and by how much an alpha vector exceeds others.
 
-The program of a vector v against vectors w is: over beliefs b and numbers u, the most of v.b - u with
-u >= w.b for every w. Many small programs are solved together as the blocks of one, for the cost of a call to
-the library is that of many pivots; and each is given only those w that matter, found by adding the one that
-is violated most.
+The program of a vector v against vectors w maximises v.b - u over beliefs b and numbers u, subject to
+u >= w.b for every w. Many small programs are solved as the blocks of one, because a call to the library costs
+as much as many pivots. Each program contains only the w that matter: the most violated one is added until
+none is violated.
 
-Nothing depends on the tolerances of the library. A belief that it finds is scaled to sum to 1 and the margin
-worked out there: a bound from below. From its dual solution a mixture of the w is made, and no belief can lie
-further above the mixture than the best corner: a bound from above.
+No result depends on the tolerances of the library. A belief that it returns is scaled to sum to 1, and the
+margin there is a lower bound. Its dual solution gives a mixture of the w, and no belief exceeds the mixture
+by
+more than the best corner does: an upper bound.
 
 Source: Cassandra, Littman and Zhang, UAI 1997, section 2.2 (the program).
 """
@@ -22,135 +23,136 @@ import numpy.typing as npt
 
 from lcorpp.values import Array
 
-TOGETHER = 192
+MAX_PROGRAMS = 192
 """Programs solved in one call."""
 
-NEAREST = 12
-"""Vectors that a program begins with, chosen by the beliefs where its vector comes closest to the best."""
+INITIAL_RIVALS = 12
+"""A program starts with the best vectors at this many beliefs, where its vector is closest to the best."""
 
-TINY = 1e-300
-"""Keeps a division from being one by 0."""
+MIN_DIVISOR = 1e-300
+"""Replaces 0 as a divisor."""
 
-FINE = 1e-10
-"""Tolerance that the library is asked for; the least that it takes."""
+LP_TOLERANCE = 1e-10
+"""Tolerance passed to the library, the smallest that it accepts."""
 
 Indices = npt.NDArray[np.intp]
 
 
-class OutOfTime(Exception):
+class DeadlineExceeded(Exception):
     """The deadline has passed; the solvers catch it."""
 
 
-def check(deadline: float) -> None:
-    """Raise OutOfTime if a deadline on the monotonic clock has passed."""
+def check_deadline(deadline: float) -> None:
+    """Raise DeadlineExceeded if a deadline on the monotonic clock has passed."""
     if monotonic() >= deadline:
-        raise OutOfTime
+        raise DeadlineExceeded
 
 
 class Margins(NamedTuple):
-    """How far vectors rise above others.
+    """By how much vectors exceed others.
 
-    beliefs: (n, S) where each rises most, as far as is known. least: (n,) how far it rises there.
-    most: (n,) it rises nowhere further, proven.
+    beliefs: (n, S) where each vector exceeds the others most, as far as known.
+    lower, upper: (n,) the margin at that belief, and a proven upper bound at all beliefs.
     """
 
     beliefs: Array
-    least: Array
-    most: Array
+    lower: Array
+    upper: Array
 
 
-def margins(
+def dominance_margins(
     vectors: Array, others: Array, beliefs: Array, *, tolerance: float, deadline: float = np.inf
 ) -> Margins:
-    """How far each of some vectors rises above all of the others anywhere in the space of beliefs.
+    """Compute how far each vector exceeds all of the others at any belief.
 
-    A vector is looked at until its margin is known to be above the tolerance, or not to be; where rounding
-    leaves that open, `most` alone is above it.
+    The computation for a vector stops when its margin is known to be above the tolerance or not above it; if
+    rounding leaves that open, only `upper` is above the tolerance.
 
     Args:
         vectors: (n, S). others: (m, S), at least one.
-        beliefs: (k, S) where vectors are often best, at least one; the search begins there.
-        tolerance: in the vectors' unit.
+        beliefs: (k, S) where vectors are often best, at least one; the search starts there.
+        tolerance: in the unit of the vectors.
         deadline: on the monotonic clock.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlineExceeded: the deadline passed.
     """
-    found = Margins(np.empty_like(vectors), np.full(len(vectors), -np.inf), np.full(len(vectors), np.inf))
-    level = others @ beliefs.T
-    leader, best = level.argmax(axis=0), level.max(axis=0)
-    part, rivals, waiting = np.zeros(0, dtype=np.intp), list[Indices](), np.arange(len(vectors))
-    while len(part) or len(waiting):
-        check(deadline)
-        # programs that are settled make room for others
-        room = TOGETHER - len(part)
-        new, waiting = waiting[:room], waiting[room:]
-        short = best - vectors[new] @ beliefs.T
-        near = np.argsort(short, axis=1, kind="stable")[:, :NEAREST]
-        part, rivals = np.append(part, new), rivals + [np.unique(row) for row in leader[near]]
-        part, rivals = _advanced(found, vectors, others, part, rivals, tolerance)
-    return found
+    n = len(vectors)
+    margins = Margins(np.empty_like(vectors), np.full(n, -np.inf), np.full(n, np.inf))
+    values = others @ beliefs.T
+    best_other, best = values.argmax(axis=0), values.max(axis=0)
+    active, rivals, waiting = np.zeros(0, dtype=np.intp), list[Indices](), np.arange(n)
+    while len(active) or len(waiting):
+        check_deadline(deadline)
+        # waiting programs replace those that are settled
+        free = MAX_PROGRAMS - len(active)
+        new, waiting = waiting[:free], waiting[free:]
+        shortfall = best - vectors[new] @ beliefs.T
+        nearest = np.argsort(shortfall, axis=1, kind="stable")[:, :INITIAL_RIVALS]
+        active, rivals = np.append(active, new), rivals + [np.unique(row) for row in best_other[nearest]]
+        active, rivals = _solve_active(margins, vectors, others, active, rivals, tolerance)
+    return margins
 
 
-def _advanced(
-    found: Margins, vectors: Array, others: Array, part: Indices, rivals: list[Indices], tolerance: float
+def _solve_active(
+    margins: Margins, vectors: Array, others: Array, active: Indices, rivals: list[Indices], tolerance: float
 ) -> tuple[Indices, list[Indices]]:
-    """Solve the programs of some vectors; those that are not settled, with the rival that was overlooked."""
-    beliefs, most = _solve(vectors[part], others, rivals)
-    level = beliefs @ others.T
-    above = np.einsum("ns,ns->n", vectors[part], beliefs) - level.max(axis=1)
-    better = above > found.least[part]
-    found.beliefs[part[better]] = beliefs[better]
-    found.least[part[better]] = above[better]
-    found.most[part] = np.minimum(found.most[part], most)
-    leader = level.argmax(axis=1)
-    open_ = [
+    """Solve the active programs; return those that are not settled, with the missing rival added."""
+    beliefs, upper = _solve(vectors[active], others, rivals)
+    values = beliefs @ others.T
+    lower = np.einsum("ns,ns->n", vectors[active], beliefs) - values.max(axis=1)
+    better = lower > margins.lower[active]
+    margins.beliefs[active[better]] = beliefs[better]
+    margins.lower[active[better]] = lower[better]
+    margins.upper[active] = np.minimum(margins.upper[active], upper)
+    best_other = values.argmax(axis=1)
+    unsettled = [
         i
-        for i in np.flatnonzero((found.least[part] <= tolerance) & (found.most[part] > tolerance))
-        if leader[i] not in rivals[i]
+        for i in np.flatnonzero((margins.lower[active] <= tolerance) & (margins.upper[active] > tolerance))
+        if best_other[i] not in rivals[i]
     ]
-    return part[open_], [np.append(rivals[i], leader[i]) for i in open_]
+    return active[unsettled], [np.append(rivals[i], best_other[i]) for i in unsettled]
 
 
 def _solve(vectors: Array, others: Array, rivals: list[Indices]) -> tuple[Array, Array]:
-    """(n, S) the beliefs that solve the programs, and (n,) what their duals prove."""
+    """(n, S) the beliefs that solve the programs, and (n,) the upper bounds of their duals."""
     n, S = vectors.shape
     sizes = np.array([len(rows) for rows in rivals])
     begins, block = np.cumsum(sizes) - sizes, np.repeat(np.arange(n), sizes)
     rows = others[np.concatenate(rivals)]
-    beliefs, shares = _programs(rows - vectors[block], block, begins)
+    beliefs, shares = _solve_programs(rows - vectors[block], block, begins)
     totals = beliefs.sum(axis=1, keepdims=True)
-    beliefs = np.where(totals > 0, beliefs / np.maximum(totals, TINY), 1 / S)
+    beliefs = np.where(totals > 0, beliefs / np.maximum(totals, MIN_DIVISOR), 1 / S)
     weights = np.add.reduceat(shares, begins)
-    shares = np.where(weights[block] > 0, shares / np.maximum(weights[block], TINY), 1 / sizes[block])
+    shares = np.where(weights[block] > 0, shares / np.maximum(weights[block], MIN_DIVISOR), 1 / sizes[block])
     mixture = np.add.reduceat(shares[:, None] * rows, begins, axis=0)
     return beliefs, (vectors - mixture).max(axis=1)
 
 
-def _programs(lower: Array, block: Indices, begins: Indices) -> tuple[Array, Array]:
-    """Solve n programs: over beliefs b, the least of the most of lower.b.
+def _solve_programs(differences: Array, block: Indices, begins: Indices) -> tuple[Array, Array]:
+    """Solve n programs: minimise the maximum of differences.b over beliefs b.
 
     Args:
-        lower: (m, S) by how much each rival is above the vector. block: (m,) the program of each, rising.
-        begins: (n,) where the rivals of each begin.
+        differences: (m, S) each rival minus the vector. block: (m,) the program of each, rising.
+        begins: (n,) index of the first rival of each program.
 
     Returns:
-        (n, S) the beliefs and (m,) the shares of the rivals, not below 0 but not scaled to sum to 1.
+        (n, S) the beliefs and (m,) the shares of the rivals, not negative but not scaled to sum to 1.
     """
     from scipy.optimize import linprog
     from scipy.sparse import csr_array
 
-    m, S = lower.shape
+    m, S = differences.shape
     n = len(begins)
-    # all numbers are brought to size 1, for the library's tolerances are absolute
-    scale = np.maximum.reduceat(np.maximum(np.abs(lower).max(axis=1), TINY), begins)
-    entries = np.concatenate([lower / scale[block][:, None], np.full((m, 1), -1.0)], axis=1)
+    # scale all numbers to size 1, because the tolerances of the library are absolute
+    scale = np.maximum.reduceat(np.maximum(np.abs(differences).max(axis=1), MIN_DIVISOR), begins)
+    entries = np.concatenate([differences / scale[block][:, None], np.full((m, 1), -1.0)], axis=1)
     columns = block[:, None] * (S + 1) + np.arange(S + 1)
     above = csr_array((entries.ravel(), columns.ravel(), np.arange(m + 1) * (S + 1)), shape=(m, n * (S + 1)))
     inside = np.arange(n)[:, None] * (S + 1) + np.arange(S)
     sums = csr_array((np.ones(n * S), inside.ravel(), np.arange(n + 1) * S), shape=(n, n * (S + 1)))
     lowest = np.tile(np.append(np.zeros(S), -np.inf), n)
-    # the published types of linprog know neither sparse matrices nor an array of bounds
+    # the published types of linprog accept neither sparse matrices nor an array of bounds
     solve: Any = linprog
     result = solve(
         np.tile(np.append(np.zeros(S), 1.0), n),
@@ -160,10 +162,10 @@ def _programs(lower: Array, block: Indices, begins: Indices) -> tuple[Array, Arr
         b_eq=np.ones(n),
         bounds=np.stack([lowest, np.full(len(lowest), np.inf)], axis=1),
         method="highs",
-        options={"primal_feasibility_tolerance": FINE, "dual_feasibility_tolerance": FINE},
+        options={"primal_feasibility_tolerance": LP_TOLERANCE, "dual_feasibility_tolerance": LP_TOLERANCE},
     )
     if result.x is None or result.ineqlin.marginals is None:
-        # it has given up: any belief and any mixture do, they only prove less
+        # the library failed: any belief and any mixture are valid, they only prove less
         return np.ones((n, S)), np.ones(m)
     beliefs = np.maximum(result.x.reshape(n, S + 1)[:, :S], 0.0)
     return beliefs, np.maximum(-result.ineqlin.marginals, 0.0)

@@ -1,4 +1,4 @@
-"""One step of a small problem, written out: backups of all beliefs, of some, and plans that go on for ever.
+"""Dynamic programming on a dense model: exact and point-based backups, values of controllers.
 
 Sources: Smallwood and Sondik, Operations Research 1973 (alpha vectors); Hansen, Solving POMDPs by searching
 in policy space, UAI 1998 (the value of a controller).
@@ -21,9 +21,9 @@ Indices = npt.NDArray[np.intp]
 
 
 class Controller(NamedTuple):
-    """Plans: each begins with an action and goes on with a plan that depends on what is observed.
+    """Plans that each take an action and continue with a plan that depends on the observation.
 
-    actions: (n,). links: (n, O) numbers of the plans that follow.
+    actions: (n,). links: (n, O) number of the next plan.
     """
 
     actions: Indices
@@ -31,10 +31,10 @@ class Controller(NamedTuple):
 
 
 class Backup(NamedTuple):
-    """The value one step earlier, for all beliefs.
+    """The value function one step earlier.
 
     vectors: (K, S). actions: (K,). witnesses: (K, S) where each was best when it was chosen.
-    loss: at no belief are they further below the truth of this step.
+    loss: largest difference to the exact value of this step at any belief.
     """
 
     vectors: Array
@@ -43,60 +43,63 @@ class Backup(NamedTuple):
     loss: float
 
 
-class Steps:
-    """T, Z and R of a problem as dense tables; rows that miss a sum of 1 by rounding are scaled.
+class DenseModel:
+    """T, Z and R of a problem as dense tables; rows are scaled to sum to 1.
 
-    transition: (A, S, S). observing: (A, O, S) P(o | a, s'). reward: (A, S). discount: gamma.
-    seen: for each action the observations that can follow it.
+    transition: (A, S, S). observation: (A, O, S) P(o | a, s'). reward: (A, S). discount: gamma.
+    possible: for each action the observations that can follow it.
 
     Raises:
         ModelError: the tables are too large.
     """
 
     def __init__(self, pomdp: Pomdp, discount: float | None = None) -> None:
-        """`discount`: another one than the model's, for a finite number of steps."""
+        """
+        Args:
+            discount: replaces the model's own, for a finite horizon.
+        """
         T, Z = pomdp.transition.dense, pomdp.observation.dense
         self.transition: Array = T / T.sum(axis=2, keepdims=True)
-        self.observing = np.ascontiguousarray((Z / Z.sum(axis=2, keepdims=True)).transpose(0, 2, 1))
+        self.observation = np.ascontiguousarray((Z / Z.sum(axis=2, keepdims=True)).transpose(0, 2, 1))
         self.reward = pomdp.reward
         self.discount = pomdp.discount if discount is None else discount
-        self.actions, self.observations, self.states = self.observing.shape
+        self.actions, self.observations, self.states = self.observation.shape
         reached: npt.NDArray[np.bool_] = np.any(T > 0, axis=1)
-        self.seen = [
-            np.flatnonzero((self.observing[a] * reached[a]).any(axis=1)) for a in range(self.actions)
+        self.possible = [
+            np.flatnonzero((self.observation[a] * reached[a]).any(axis=1)) for a in range(self.actions)
         ]
 
     @property
-    def most_prunings(self) -> int:
-        """How many prunings a backup of all beliefs adds up the losses of, at most."""
-        return 2 * max(len(seen) for seen in self.seen)
+    def max_prunings(self) -> int:
+        """Largest number of prunings whose losses add up in an exact backup."""
+        return 2 * max(len(possible) for possible in self.possible)
 
     def backup(self, vectors: Array, beliefs: Array, *, tolerance: float, deadline: float = np.inf) -> Backup:
-        """The value one step earlier: incremental pruning.
+        """Compute the value function one step earlier by incremental pruning.
 
-        For each action and observation the vectors are carried one step back; those of the observations are
-        added up one observation after the other, each time with the sums pruned at once.
+        The vectors are projected back for each action and observation; those of the observations are added
+        one observation after the other, and the sums are pruned each time.
 
         Args:
-            vectors: (K, S) the value afterwards.
+            vectors: (K, S) the value function of the next step.
             beliefs: (n, S) where some may be best.
-            tolerance: what every single pruning may lose.
+            tolerance: largest loss of each single pruning.
             deadline: on the monotonic clock.
 
         Raises:
-            OutOfTime: the deadline passed first.
-            ModelError: the sums of two sets do not fit into memory.
+            DeadlineExceeded: the deadline passed.
+            ModelError: the sums of two sets are too large for memory.
 
         Source: Cassandra, Littman and Zhang, Incremental pruning, UAI 1997, Figure 2.
         """
-        found, loss = [], 0.0
+        parts, loss = [], 0.0
         for a in range(self.actions):
             part = self._backup_action(a, vectors, beliefs, tolerance, deadline)
-            found.append(part)
+            parts.append(part)
             loss = max(loss, part.loss)
             beliefs = np.concatenate([beliefs, part.witnesses])
-        candidates = np.concatenate([part.vectors for part in found])
-        actions = np.concatenate([part.actions for part in found])
+        candidates = np.concatenate([part.vectors for part in parts])
+        actions = np.concatenate([part.actions for part in parts])
         pruned = prune(candidates, beliefs, tolerance=tolerance, deadline=deadline)
         rows = pruned.rows
         return Backup(candidates[rows], actions[rows], pruned.witnesses, loss + pruned.loss)
@@ -105,16 +108,16 @@ class Steps:
         self, action: int, vectors: Array, beliefs: Array, tolerance: float, deadline: float
     ) -> Backup:
         loss, parts = 0.0, []
-        for o in self.seen[action]:
-            carried = (self.transition[action] @ (self.observing[action, o] * vectors).T).T
-            carried *= self.discount
-            pruned = prune(carried, beliefs, tolerance=tolerance, deadline=deadline)
-            parts.append((carried[pruned.rows], pruned.witnesses))
+        for o in self.possible[action]:
+            projected = (self.transition[action] @ (self.observation[action, o] * vectors).T).T
+            projected *= self.discount
+            pruned = prune(projected, beliefs, tolerance=tolerance, deadline=deadline)
+            parts.append((projected[pruned.rows], pruned.witnesses))
             loss += pruned.loss
         parts.sort(key=lambda part: len(part[0]))
         sums, witnesses = parts[0]
         for added, others in parts[1:]:
-            self._check(len(sums) * len(added))
+            self._check_size(len(sums) * len(added))
             candidates = (sums[:, None, :] + added).reshape(-1, self.states)
             near = np.concatenate([witnesses, others, beliefs])
             pruned = prune(candidates, near, tolerance=tolerance, deadline=deadline)
@@ -122,72 +125,71 @@ class Steps:
             loss += pruned.loss
         return Backup(self.reward[action] + sums, np.full(len(sums), action), witnesses, loss)
 
-    def _check(self, count: int) -> None:
+    def _check_size(self, count: int) -> None:
         if 8 * count * self.states > MAX_BYTES:
             raise ModelError(
-                f"the exact value needs sums of {count} vectors over {self.states} states, too many to hold;"
-                " solve it by sarsop or perseus"
+                f"the exact value function needs sums of {count} vectors over {self.states} states, too many"
+                " for memory; use the solver sarsop or perseus"
             )
 
     def look_ahead(self, vectors: Array, beliefs: Array) -> Controller:
-        """The best plans at some beliefs.
+        """Compute the best plan at each of some beliefs.
 
         Args:
-            vectors: (K, S) what may follow; a link is a row of it. beliefs: (n, S).
+            vectors: (K, S) of the plans of the next step; a link is a row of it. beliefs: (n, S).
         """
         n = len(beliefs)
         best = np.full(n, -np.inf)
         actions, links = np.zeros(n, dtype=np.intp), np.zeros((n, self.observations), dtype=np.intp)
         for a in range(self.actions):
-            spread = beliefs @ self.transition[a]
+            predicted = beliefs @ self.transition[a]
             value = beliefs @ self.reward[a]
-            # what cannot be observed may be followed by anything: by what is best after the action alone
-            follow = np.repeat((spread @ vectors.T).argmax(axis=1)[:, None], self.observations, axis=1)
-            for o in self.seen[a]:
-                worth = (spread * self.observing[a, o]) @ vectors.T
-                leader = worth.argmax(axis=1)
-                level = worth[np.arange(n), leader]
-                value += self.discount * level
-                possible = (spread * self.observing[a, o]).any(axis=1)
-                follow[possible, o] = leader[possible]
+            # after an impossible observation any plan is valid: take the best one after the action alone
+            next_plan = np.repeat((predicted @ vectors.T).argmax(axis=1)[:, None], self.observations, axis=1)
+            for o in self.possible[a]:
+                values = (predicted * self.observation[a, o]) @ vectors.T
+                winner = values.argmax(axis=1)
+                value += self.discount * values[np.arange(n), winner]
+                reachable = (predicted * self.observation[a, o]).any(axis=1)
+                next_plan[reachable, o] = winner[reachable]
             better = value > best
-            best[better], actions[better], links[better] = value[better], a, follow[better]
+            best[better], actions[better], links[better] = value[better], a, next_plan[better]
         return Controller(actions, links)
 
-    def carried(self, plans: Controller, vectors: Array) -> Array:
-        """(n, S) the values of plans whose links are rows of vectors (K, S)."""
-        found = np.empty((len(plans.actions), self.states))
+    def backproject(self, plans: Controller, vectors: Array) -> Array:
+        """Compute the values (n, S) of plans whose links are rows of vectors (K, S)."""
+        values = np.empty((len(plans.actions), self.states))
         for a in np.unique(plans.actions):
             rows = np.flatnonzero(plans.actions == a)
-            following = np.zeros((len(rows), self.states))
-            for o in self.seen[a]:
-                following += self.observing[a, o] * vectors[plans.links[rows, o]]
-            found[rows] = self.reward[a] + self.discount * (self.transition[a] @ following.T).T
-        return found
+            next_values = np.zeros((len(rows), self.states))
+            for o in self.possible[a]:
+                next_values += self.observation[a, o] * vectors[plans.links[rows, o]]
+            values[rows] = self.reward[a] + self.discount * (self.transition[a] @ next_values.T).T
+        return values
 
-    def value(self, plans: Controller) -> Array:
-        """(n, S) the values of plans whose links are among themselves, not above the truth."""
+    def evaluate(self, plans: Controller) -> Array:
+        """Compute values (n, S), from below, of plans whose links are among themselves."""
         from scipy.sparse import csr_array, eye_array, linalg
 
         n, S = len(plans.actions), self.states
         rows, columns, values = [], [], []
         for k in range(n):
             a = int(plans.actions[k])
-            for o in self.seen[a]:
-                step = self.transition[a] * self.observing[a, o]
+            for o in self.possible[a]:
+                step = self.transition[a] * self.observation[a, o]
                 source, target = np.nonzero(step)
                 rows.append(k * S + source)
                 columns.append(int(plans.links[k, o]) * S + target)
                 values.append(step[source, target])
-        place = np.concatenate(rows), np.concatenate(columns)
-        matrix = self.discount * csr_array((np.concatenate(values), place), shape=(n * S, n * S))
+        index = np.concatenate(rows), np.concatenate(columns)
+        matrix = self.discount * csr_array((np.concatenate(values), index), shape=(n * S, n * S))
         reward = self.reward[plans.actions].reshape(-1)
-        found = linalg.spsolve((eye_array(n * S) - matrix).tocsc(), reward)
-        # what promises no more than its own step earns is not above the truth, however the solver rounds
-        lacking = max(0.0, float((found - reward - matrix @ found).max()))
-        return np.asarray(found - lacking / (1 - self.discount)).reshape(n, S)
+        solution = linalg.spsolve((eye_array(n * S) - matrix).tocsc(), reward)
+        # subtract the largest residual, so that rounding in the solver cannot raise a value above the truth
+        residual = max(0.0, float((solution - reward - matrix @ solution).max()))
+        return np.asarray(solution - residual / (1 - self.discount)).reshape(n, S)
 
-    def blind(self) -> Array:
-        """(A, S) the values of doing one action for ever."""
-        every = np.arange(self.actions)
-        return self.value(Controller(every, np.repeat(every[:, None], self.observations, axis=1)))
+    def evaluate_blind(self) -> Array:
+        """Compute the values (A, S) of repeating one action forever."""
+        actions = np.arange(self.actions)
+        return self.evaluate(Controller(actions, np.repeat(actions[:, None], self.observations, axis=1)))

@@ -1,4 +1,4 @@
-"""Pruning: alpha vectors that are best nowhere are dropped, and what that costs is known.
+"""Pruning: drop alpha vectors that are best nowhere, with a proven bound on the loss.
 
 Sources: Lark's algorithm, in White, A survey of solution techniques for the partially observed Markov
 decision process, 1991; Cassandra, Littman and Zhang, Incremental pruning, UAI 1997, section 2.
@@ -11,32 +11,32 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.solvers.exact.dominance_lp import Margins, check, margins
+from lcorpp.planning.solvers.exact.dominance_lp import Margins, check_deadline, dominance_margins
 from lcorpp.values import Array, Belief
 
-BATCH = 384
-"""Vectors whose programs are solved before the set that they are compared with is brought up to date."""
+BATCH_SIZE = 384
+"""Vectors whose programs are solved before the set of kept vectors is updated."""
 
-BLOCK = 1 << 22
-"""Numbers worked on at once."""
+CHUNK_SIZE = 1 << 22
+"""Numbers processed at once."""
 
-INWARD = 1e-3
-"""How far beliefs are moved inwards before the best vector is looked up: on the border many are equal."""
+INWARD_SHIFT = 1e-3
+"""Beliefs move this share inwards before the best vector is determined: on the border many are equal."""
 
-EQUAL = 1e-12
-"""Values that differ by less than this share of the largest are equal."""
+TIE_TOLERANCE = 1e-12
+"""Values count as equal if they differ by less than this share of the largest."""
 
-GOLDEN = 0.6180339887498949
-"""Its multiples, modulo 1, lie evenly and never fall together."""
+GOLDEN_RATIO = 0.6180339887498949
+"""Its multiples, modulo 1, are evenly spread and distinct."""
 
 Indices = npt.NDArray[np.intp]
 
 
 class Pruned(NamedTuple):
-    """What is left of a set of vectors.
+    """The result of pruning a set of vectors.
 
-    rows: (k,) the vectors kept. witnesses: (k, S) for each a belief where it was best when it was chosen.
-    loss: at no belief are those that were dropped further above those that were kept.
+    rows: (k,) the kept vectors. witnesses: (k, S) for each a belief where it was best when it was chosen.
+    loss: largest difference between the best dropped and the best kept vector at any belief.
     """
 
     rows: Indices
@@ -45,100 +45,108 @@ class Pruned(NamedTuple):
 
 
 def prune(vectors: Array, beliefs: Array, *, tolerance: float, deadline: float = np.inf) -> Pruned:
-    """Drop vectors that are nowhere above the others by more than a tolerance.
+    """Drop vectors that do not exceed the others by more than a tolerance at any belief.
 
     Args:
         vectors: (K, S), at least one.
-        beliefs: (n, S) where some may be best; there may be none.
-        tolerance: what may be lost at any belief.
+        beliefs: (n, S) where some may be best; may be empty.
+        tolerance: largest loss at any belief.
         deadline: on the monotonic clock.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlineExceeded: the deadline passed.
     """
-    points = _inner(_with_corners(beliefs, vectors.shape[1]))
-    rows, witnesses = _best_at(vectors, points, tolerance, deadline)
-    others, loss = _not_below(vectors, np.setdiff1d(np.arange(len(vectors)), rows), rows, tolerance, deadline)
+    points = _shift_inward(_add_corners(beliefs, vectors.shape[1]))
+    rows, witnesses = _choose_best_at(vectors, points, tolerance, deadline)
+    others, loss = _drop_dominated(
+        vectors, np.setdiff1d(np.arange(len(vectors)), rows), rows, tolerance, deadline
+    )
     while len(others):
-        batch, waiting = others[:BATCH], others[BATCH:]
+        batch, waiting = others[:BATCH_SIZE], others[BATCH_SIZE:]
         near = np.concatenate([points, witnesses])
-        margin = margins(vectors[batch], vectors[rows], near, tolerance=tolerance, deadline=deadline)
-        below = margin.most <= tolerance
-        loss = max(loss, float(margin.most[below].max(initial=0.0)))
-        waiting = np.concatenate([batch[~below], waiting])
-        chosen, where = _chosen(vectors, rows, batch, margin, waiting, tolerance)
+        margin = dominance_margins(
+            vectors[batch], vectors[rows], near, tolerance=tolerance, deadline=deadline
+        )
+        dominated = margin.upper <= tolerance
+        loss = max(loss, float(margin.upper[dominated].max(initial=0.0)))
+        waiting = np.concatenate([batch[~dominated], waiting])
+        chosen, where = _choose(vectors, rows, batch, margin, waiting, tolerance)
         rows, witnesses = np.concatenate([rows, chosen]), np.concatenate([witnesses, where])
-        others, lost = _not_below(vectors, np.setdiff1d(waiting, chosen), chosen, tolerance, deadline)
-        loss = max(loss, lost)
+        others, dropped_loss = _drop_dominated(
+            vectors, np.setdiff1d(waiting, chosen), chosen, tolerance, deadline
+        )
+        loss = max(loss, dropped_loss)
     return Pruned(rows, witnesses, loss)
 
 
 def excess(
     vectors: Array, others: Array, beliefs: Array, *, tolerance: float, deadline: float = np.inf
 ) -> float:
-    """A bound on how far the best of some vectors is above the best of others at any belief, not below 0.
+    """Compute an upper bound on how far the best of some vectors exceeds the best of others, not below 0.
 
-    It is above the truth by a tenth of it and the tolerance at most, unless rounding is worse than that.
+    It exceeds the true value by at most a tenth of it plus the tolerance, unless rounding errors are larger.
 
     Args:
-        vectors: (K, S). others: (m, S). beliefs: (n, S) where vectors may be best; there may be none.
+        vectors: (K, S). others: (m, S). beliefs: (n, S) where vectors may be best; may be empty.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlineExceeded: the deadline passed.
     """
-    points = _inner(_with_corners(beliefs, vectors.shape[1]))
+    points = _shift_inward(_add_corners(beliefs, vectors.shape[1]))
     gaps = (vectors @ points.T - (others @ points.T).max(axis=0)).max(axis=1)
-    known, most = max(0.0, float(gaps.max())), 0.0
+    lower, upper = max(0.0, float(gaps.max())), 0.0
     waiting = np.argsort(-gaps, kind="stable")
     while len(waiting):
-        batch, waiting = waiting[:BATCH], waiting[BATCH:]
-        allowed = 1.1 * known + tolerance
-        margin = margins(vectors[batch], others, points, tolerance=allowed, deadline=deadline)
-        known = max(known, float(margin.least.max()))
-        again = (margin.least > allowed) & (margin.most > 1.1 * known + tolerance)
-        most = max(most, float(margin.most[~again].max(initial=0.0)))
+        batch, waiting = waiting[:BATCH_SIZE], waiting[BATCH_SIZE:]
+        allowed = 1.1 * lower + tolerance
+        margin = dominance_margins(vectors[batch], others, points, tolerance=allowed, deadline=deadline)
+        lower = max(lower, float(margin.lower.max()))
+        again = (margin.lower > allowed) & (margin.upper > 1.1 * lower + tolerance)
+        upper = max(upper, float(margin.upper[~again].max(initial=0.0)))
         waiting = np.concatenate([waiting, batch[again]])
-    return most
+    return upper
 
 
-def _chosen(
+def _choose(
     vectors: Array, rows: Indices, batch: Indices, margin: Margins, waiting: Indices, tolerance: float
 ) -> tuple[Indices, Array]:
-    """The best of those that wait at each belief where one of the batch was found above those chosen before.
+    """Choose the best waiting vector at each belief where a vector of the batch exceeds the kept ones.
 
-    A vector of which rounding leaves open where it is, is chosen itself: keeping it costs nothing.
+    If rounding leaves open whether a vector exceeds them, that vector itself is chosen: keeping it is safe.
     """
-    open_ = (margin.most > tolerance) & (margin.least <= tolerance)
-    chosen, where = batch[open_].tolist(), list(margin.beliefs[open_])
+    undecided = (margin.upper > tolerance) & (margin.lower <= tolerance)
+    chosen, where = batch[undecided].tolist(), list(margin.beliefs[undecided])
     candidates = vectors[waiting]
-    for belief in margin.beliefs[margin.least > tolerance]:
-        best = int(waiting[_best(candidates, belief)])
-        level = float((vectors[rows] @ belief).max())
+    for belief in margin.beliefs[margin.lower > tolerance]:
+        best = int(waiting[_find_best(candidates, belief)])
+        reached = float((vectors[rows] @ belief).max())
         if chosen:
-            level = max(level, float((vectors[chosen] @ belief).max()))
-        if best not in chosen and (not chosen or vectors[best] @ belief - level > tolerance):
+            reached = max(reached, float((vectors[chosen] @ belief).max()))
+        if best not in chosen and (not chosen or vectors[best] @ belief - reached > tolerance):
             chosen.append(best)
             where.append(belief)
     return np.array(chosen, dtype=np.intp), np.array(where).reshape(-1, vectors.shape[1])
 
 
-def _best(vectors: Array, belief: Belief) -> int:
-    """The vector that is best at a belief and, of several, just inside of it."""
+def _find_best(vectors: Array, belief: Belief) -> int:
+    """The best vector at a belief; among equal ones, the best at a belief slightly inward."""
     values = vectors @ belief
-    most = values.max()
-    equal = np.flatnonzero(values >= most - EQUAL * max(1.0, abs(most)))
-    return int(equal[(vectors[equal] @ _inner(belief[None])[0]).argmax()])
+    largest = values.max()
+    equal = np.flatnonzero(values >= largest - TIE_TOLERANCE * max(1.0, abs(largest)))
+    return int(equal[(vectors[equal] @ _shift_inward(belief[None])[0]).argmax()])
 
 
-def _best_at(vectors: Array, points: Array, tolerance: float, deadline: float) -> tuple[Indices, Array]:
-    """A few vectors that are best at all of some beliefs, to within a tolerance, the widest gap first."""
+def _choose_best_at(
+    vectors: Array, points: Array, tolerance: float, deadline: float
+) -> tuple[Indices, Array]:
+    """Choose a few vectors that are best at all points to within a tolerance, the largest gap first."""
     best = np.empty(len(points))
-    leader = np.empty(len(points), dtype=np.intp)
-    step = max(1, BLOCK // len(vectors))
+    winner = np.empty(len(points), dtype=np.intp)
+    step = max(1, CHUNK_SIZE // len(vectors))
     for begin in range(0, len(points), step):
-        check(deadline)
+        check_deadline(deadline)
         values = points[begin : begin + step] @ vectors.T
-        leader[begin : begin + step] = values.argmax(axis=1)
+        winner[begin : begin + step] = values.argmax(axis=1)
         best[begin : begin + step] = values.max(axis=1)
     rows, where = list[int](), list[int]()
     level = np.full(len(points), -np.inf)
@@ -146,36 +154,36 @@ def _best_at(vectors: Array, points: Array, tolerance: float, deadline: float) -
         i = int((best - level).argmax())
         if rows and best[i] - level[i] <= tolerance:
             return np.array(rows, dtype=np.intp), points[where]
-        rows.append(int(leader[i]))
+        rows.append(int(winner[i]))
         where.append(i)
-        # the leader itself is at its own best there, whatever the rounding of another product
-        level = np.maximum(level, points @ vectors[leader[i]])
+        # the winner itself is best there, independent of the rounding of another product
+        level = np.maximum(level, points @ vectors[winner[i]])
         level[i] = best[i]
 
 
-def _not_below(
+def _drop_dominated(
     vectors: Array, others: Indices, rows: Indices, tolerance: float, deadline: float
 ) -> tuple[Indices, float]:
-    """Those of some vectors that none of `rows` alone dominates, and by how much any that is was above it."""
+    """Drop the vectors that a single one of `rows` dominates; return the rest and the largest loss."""
     if not len(rows):
         return others, 0.0
     chosen = vectors[rows]
-    most = np.empty(len(others))
-    step = max(1, BLOCK // max(1, chosen.size))
+    margin = np.empty(len(others))
+    step = max(1, CHUNK_SIZE // max(1, chosen.size))
     for begin in range(0, len(others), step):
-        check(deadline)
+        check_deadline(deadline)
         part = vectors[others[begin : begin + step]]
-        most[begin : begin + step] = (part[:, None, :] - chosen).max(axis=2).min(axis=1)
-    below = most <= tolerance
-    return others[~below], float(most[below].max(initial=0.0))
+        margin[begin : begin + step] = (part[:, None, :] - chosen).max(axis=2).min(axis=1)
+    dominated = margin <= tolerance
+    return others[~dominated], float(margin[dominated].max(initial=0.0))
 
 
-def _with_corners(beliefs: Array, states: int) -> Array:
-    """The beliefs, those that know the state and the one that knows nothing."""
+def _add_corners(beliefs: Array, states: int) -> Array:
+    """The beliefs, the corners and the uniform belief."""
     return np.concatenate([np.eye(states), np.full((1, states), 1 / states), beliefs])
 
 
-def _inner(beliefs: Array) -> Array:
-    """(n, S) beliefs moved a little towards an inner one in which no two states are alike."""
-    middle = 1 + np.arange(1, beliefs.shape[1] + 1) * GOLDEN % 1
-    return np.asarray((1 - INWARD) * beliefs + INWARD * middle / middle.sum())
+def _shift_inward(beliefs: Array) -> Array:
+    """(n, S) beliefs moved slightly towards an inner belief with distinct probabilities."""
+    centre = 1 + np.arange(1, beliefs.shape[1] + 1) * GOLDEN_RATIO % 1
+    return np.asarray((1 - INWARD_SHIFT) * beliefs + INWARD_SHIFT * centre / centre.sum())

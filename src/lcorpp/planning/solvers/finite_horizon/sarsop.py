@@ -1,7 +1,7 @@
-"""Problems of a given number of steps, solved around a start belief: SARSOP in layers.
+"""Finite-horizon solution from start beliefs: SARSOP on the time-expanded problem.
 
-Source: Kurniawati, Hsu and Lee, RSS 2008; the steps are a part of the state that is always seen (Ong, Png,
-Hsu and Lee, Planning under uncertainty for robotic tasks with mixed observability, IJRR 2010).
+Source: Kurniawati, Hsu and Lee, RSS 2008; the time step is a fully observed part of the state (Ong, Png, Hsu
+and Lee, Planning under uncertainty for robotic tasks with mixed observability, IJRR 2010).
 """
 
 from __future__ import annotations
@@ -12,17 +12,21 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.planning.arguments import check_count, check_discount, check_limits, check_starts
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop import solve
 from lcorpp.planning.solution import Progress
-from lcorpp.planning.solvers.arguments import checked_count, checked_discount, checked_limits, checked_starts
-from lcorpp.planning.solvers.finite_horizon.solution import FiniteSolution, finite_policy
-from lcorpp.planning.solvers.finite_horizon.time_expanded import LayerBound, Layers, layered
+from lcorpp.planning.solvers.finite_horizon.solution import FiniteHorizonSolution, make_finite_policy
+from lcorpp.planning.solvers.finite_horizon.time_expanded import (
+    TimeExpandedPomdp,
+    TimeStepBound,
+    time_expand,
+)
 from lcorpp.values import Array
 
 
-def solve_finite(
+def solve_finite_horizon(
     pomdp: Pomdp,
     horizon: int,
     start: npt.ArrayLike | None = None,
@@ -31,88 +35,90 @@ def solve_finite(
     time_limit: float = 60.0,
     callback: Callable[[Progress], None] | None = None,
     discount: float | None = None,
-) -> FiniteSolution:
-    """Find what to do in a number of steps, from a start belief.
+) -> FiniteHorizonSolution:
+    """Find the policies for a number of steps from a start belief.
 
-    The bounds are those of SARSOP; of the beliefs that optimal policies do not reach only as much is known as
-    the policies' upper bounds tell. `solvers.exact.finite_horizon` serves all beliefs alike. At the
-    time limit, or at an interrupt from the keyboard, it returns the best so far.
+    The bounds are those of SARSOP; at beliefs that optimal policies do not reach, only the upper bounds of
+    the policies are known. `solve_finite_horizon_exact` is as good at all beliefs. At the time limit or after
+    Ctrl-C, the result is the best so far.
 
     Args:
         pomdp: the problem.
-        horizon: the number of steps, from 1.
-        start: (S,) belief with all steps to go, or (N, S) several; the model's own when None.
+        horizon: the number of steps, at least 1.
+        start: (S,) belief before the first step, or (N, S) several; the model's own when None.
         precision: stop when upper - lower is at most this, in reward units, at every start belief.
         time_limit: wall-clock seconds.
         callback: called after each trial.
-        discount: 0 < discount <= 1, with 1 for the plain sum of the rewards; the model's own when None.
+        discount: above 0, at most 1 (the undiscounted sum of rewards); the model's own when None.
 
     Returns:
-        The policy for every number of steps to go, both bounds, the seconds used and why the search stopped.
+        The policy for every number of remaining steps, both bounds, the seconds used and why the search
+        stopped.
 
     Raises:
-        ModelError: `start` is not a distribution over the states, a number is out of range, or the steps are
-            too many for memory.
+        ModelError: `start` is not a distribution over the states, a number is out of range, or the horizon is
+            too long for memory.
     """
-    checked_limits(precision, time_limit)
-    horizon = checked_count("horizon", horizon, 1)
-    factor = checked_discount(pomdp, discount)
-    began, starts = monotonic(), checked_starts(pomdp, start)
-    layers = layered(pomdp, horizon, factor)
-    found = solve(
-        layers.pomdp,
-        [layers.belief(belief, 0) for belief in starts],
+    check_limits(precision, time_limit)
+    horizon = check_count("horizon", horizon, 1)
+    factor = check_discount(pomdp, discount)
+    began, starts = monotonic(), check_starts(pomdp, start)
+    expanded = time_expand(pomdp, horizon, factor)
+    solution = solve(
+        expanded.pomdp,
+        [expanded.belief(belief, 0) for belief in starts],
         precision=precision,
         time_limit=max(time_limit - (monotonic() - began), 1e-3 * time_limit),
         callback=callback,
     )
-    return FiniteSolution(
-        policies=_policies(pomdp, layers, found.policy, factor),
-        lower=found.lower,
-        upper=found.upper,
+    return FiniteHorizonSolution(
+        policies=_split_policy(pomdp, expanded, solution.policy, factor),
+        lower=solution.lower,
+        upper=solution.upper,
         seconds=monotonic() - began,
-        reason=found.reason,
-        history=found.history,
+        reason=solution.reason,
+        history=solution.history,
     )
 
 
-def _policies(pomdp: Pomdp, layers: Layers, found: Policy, discount: float) -> tuple[Policy, ...]:
-    """The policy of each layer, the last one first."""
-    S, everywhere = layers.states, np.arange(layers.states)
+def _split_policy(
+    pomdp: Pomdp, expanded: TimeExpandedPomdp, policy: Policy, discount: float
+) -> tuple[Policy, ...]:
+    """The policy of each time, the last time first."""
+    S, all_states = expanded.states, np.arange(expanded.states)
     blind, policies = np.zeros((len(pomdp.actions), S)), []
-    pieces = _by_layer(layers, found)
-    for layer in reversed(range(layers.horizon)):
+    sets = _split_by_time(expanded, policy)
+    for time in reversed(range(expanded.horizon)):
         blind = pomdp.reward + discount * np.array(
             [pomdp.transition.backward(a, row) for a, row in enumerate(blind)]
         )
-        weight = float(layers.weights[layer])
+        weight = float(expanded.weights[time])
         own = [
-            AlphaVectors(piece.states - layer * S, piece.vectors / weight, piece.actions)
-            for piece in pieces[layer]
+            AlphaVectors(each.states - time * S, each.vectors / weight, each.actions) for each in sets[time]
         ]
-        # with those that do one thing all the time there is something to do at beliefs that were not met
-        whole = [piece for piece in own if len(piece.states) == S]
-        vectors = np.concatenate([blind, *(piece.vectors for piece in whole)])
-        actions = np.concatenate([np.arange(len(blind)), *(piece.actions for piece in whole)])
-        parts = [piece for piece in own if len(piece.states) < S]
-        above = LayerBound(layers, layer, found.upper_bound) if found.upper_bound is not None else None
-        kept = [*parts, AlphaVectors(everywhere, *_not_dominated(vectors, actions))]
-        policies.append(finite_policy(pomdp, kept, layers.horizon - layer, discount, above))
+        # blind policies provide an action at beliefs that the search did not visit
+        full = [each for each in own if len(each.states) == S]
+        vectors = np.concatenate([blind, *(each.vectors for each in full)])
+        actions = np.concatenate([np.arange(len(blind)), *(each.actions for each in full)])
+        partial = [each for each in own if len(each.states) < S]
+        upper = TimeStepBound(expanded, time, policy.upper_bound) if policy.upper_bound is not None else None
+        kept = [*partial, AlphaVectors(all_states, *_drop_dominated(vectors, actions))]
+        policies.append(make_finite_policy(pomdp, kept, expanded.horizon - time, discount, upper))
     return tuple(policies)
 
 
-def _by_layer(layers: Layers, policy: Policy) -> list[list[AlphaVectors]]:
-    """The pieces of each layer; one over all layers was made for the first, whose states nothing leads to."""
-    S, found = layers.states, [list[AlphaVectors]() for _ in range(layers.horizon)]
-    for piece in policy.vector_sets:
-        layer = int(piece.states[0]) // S
-        within = piece.states < (layer + 1) * S
-        if layer < layers.horizon:
-            found[layer].append(AlphaVectors(piece.states[within], piece.vectors[:, within], piece.actions))
-    return found
+def _split_by_time(expanded: TimeExpandedPomdp, policy: Policy) -> list[list[AlphaVectors]]:
+    """The alpha vectors of each time; vectors over all times belong to time 0, which no state leads to."""
+    S, by_time = expanded.states, [list[AlphaVectors]() for _ in range(expanded.horizon)]
+    for each in policy.vector_sets:
+        time = int(each.states[0]) // S
+        inside = each.states < (time + 1) * S
+        if time < expanded.horizon:
+            by_time[time].append(AlphaVectors(each.states[inside], each.vectors[:, inside], each.actions))
+    return by_time
 
 
-def _not_dominated(vectors: Array, actions: npt.NDArray[np.intp]) -> tuple[Array, npt.NDArray[np.intp]]:
-    """The vectors that none after them equals or exceeds everywhere."""
+def _drop_dominated(vectors: Array, actions: npt.NDArray[np.intp]) -> tuple[Array, npt.NDArray[np.intp]]:
+    """The vectors that no later one equals or exceeds in every state."""
     kept = [k for k, vector in enumerate(vectors) if not (vectors[k + 1 :] >= vector).all(axis=1).any()]
     return vectors[kept], actions[kept]

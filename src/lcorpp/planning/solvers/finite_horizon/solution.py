@@ -1,4 +1,4 @@
-"""What is found for a given number of steps: what to do with each number of them to go."""
+"""Finite-horizon solution: one policy per number of remaining steps."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Belief
 
 
-@dataclass(frozen=True, eq=False)
-class FiniteSolution:
-    """Policies for a number of steps, and what they are worth together.
+@dataclass(frozen=True, eq=False, repr=False)
+class FiniteHorizonSolution:
+    """Policies for a number of steps, with bounds on their value.
 
-    policies: the one with k steps to go is policies[k - 1]; its value is what is earned in those k steps.
-    lower, upper: bounds on the optimal value with all steps to go, at the start belief; of several, at the
-        one with the widest gap. The policies earn at least `lower`.
-    seconds: wall-clock time used.
-    reason: why it stopped: "precision reached", "time limit", "interrupted".
+    policies: policies[k - 1] is for k remaining steps; its value is the reward of those k steps.
+    lower, upper: bounds on the optimal value of all steps at the start belief; of several, at the one with
+        the widest gap. The policies earn at least `lower`.
+    seconds: wall-clock time.
+    reason: why the search stopped: "precision reached", "time limit", "interrupted".
     history: (seconds, lower, upper, vectors) over time.
     """
 
@@ -32,27 +32,30 @@ class FiniteSolution:
     reason: str
     history: tuple[tuple[float, float, float, int], ...]
 
+    def __repr__(self) -> str:
+        return f"<FiniteHorizonSolution {self.summary()}>"
+
     @property
     def horizon(self) -> int:
         """The number of steps."""
         return len(self.policies)
 
-    def policy(self, to_go: int) -> Policy:
-        """The policy with a number of steps to go.
+    def policy(self, remaining: int) -> Policy:
+        """The policy for a number of remaining steps.
 
         Raises:
-            ModelError: there is none for so many.
+            ModelError: the number is outside 1 to `horizon`.
         """
-        if not 1 <= to_go <= self.horizon:
-            raise ModelError(f"there are 1 to {self.horizon} steps to go, not {to_go}")
-        return self.policies[to_go - 1]
+        if not 1 <= remaining <= self.horizon:
+            raise ModelError(f"the number of remaining steps must be 1 to {self.horizon}, not {remaining}")
+        return self.policies[remaining - 1]
 
-    def action(self, belief: Belief, to_go: int) -> int:
-        """Index of the action to take at a belief (S,) with a number of steps to go."""
-        return self.policy(to_go).action(belief)
+    def action(self, belief: Belief, remaining: int) -> int:
+        """Index of the action to take at a belief (S,) with a number of remaining steps."""
+        return self.policy(remaining).action(belief)
 
     def summary(self) -> str:
-        """One line for people."""
+        """The result in one line of text."""
         vectors = sum(len(policy) for policy in self.policies)
         return (
             f"{self.reason} after {self.seconds:.2f} s: value of {self.horizon} steps from the start in"
@@ -60,10 +63,10 @@ class FiniteSolution:
         )
 
 
-def finite_policy(
-    pomdp: Pomdp, pieces: Sequence[AlphaVectors], to_go: int, discount: float, above: UpperBound | None
+def make_finite_policy(
+    pomdp: Pomdp, sets: Sequence[AlphaVectors], remaining: int, discount: float, upper: UpperBound | None
 ) -> Policy:
-    """A policy for a number of steps to go; what any plan earns in them at least is its floor."""
-    floor = float(pomdp.reward.min()) * float((discount ** np.arange(to_go)).sum())
+    """Make a policy for a number of remaining steps; its floor is the smallest reward in each of them."""
+    floor = float(pomdp.reward.min()) * float((discount ** np.arange(remaining)).sum())
     names = pomdp.states, pomdp.actions
-    return Policy(tuple(pieces), *names, pomdp.fingerprint, pomdp.file, floor, above)
+    return Policy(tuple(sets), *names, pomdp.fingerprint, pomdp.file, floor, upper)

@@ -1,4 +1,4 @@
-"""POMCP as a planner: with exact beliefs for problems in tables, with particles for anything that simulates.
+"""Planners with POMCP: exact beliefs for problems in tables, particles for any simulator.
 
 Source: Silver and Veness, Monte-Carlo planning in large POMDPs, NIPS 2010.
 """
@@ -11,36 +11,36 @@ from typing import Any
 import numpy as np
 
 from lcorpp.errors import ModelError, ObservationError
+from lcorpp.planning.arguments import check_count
 from lcorpp.planning.belief import check_belief, update
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.solvers.arguments import checked_count
-from lcorpp.planning.solvers.pomcp.search import EXPLORATION, History, Looked, TreeSearch
+from lcorpp.planning.solvers.pomcp.search import EXPLORATION, ActionValues, History, TreeSearch
 from lcorpp.planning.solvers.pomcp.simulator import Simulator, TableSimulator
 from lcorpp.values import Belief
 
-TRIES = 100
-"""Simulations for each particle wanted before it is held that no more can be found."""
+MAX_TRIES = 100
+"""Largest number of simulations per missing particle."""
 
 
 class PomcpPlanner:
     """POMCP with exact beliefs: `lcorpp.protocols.Planner`.
 
-    It needs no solving, and a simulation takes as long however many states there are: one core makes 10 to 40
-    thousand in a second. But its answers come with no bounds; `OnlinePlanner` gives better ones unless there
-    are very many states. What is found out
-    about the actions after the one that is taken is kept: when `update` leads to the belief of the next
-    `action`, the search goes on from there.
+    It needs no policy, and the time of a simulation does not depend on the number of states: one core runs 10
+        to 40 thousand per second. Its results have no bounds; `OnlinePlanner` has better ones unless there
+        are very many states. If `update` leads to the belief of the next `action`, the search continues in
+        that part of the tree.
 
     Args:
         pomdp: the problem.
-        simulations: how many a belief is looked at with, at most; from 1.
-        seconds: of wall-clock time that `action` may take at most; the simulations alone count when None.
-        exploration: how much actions that look worse are tried: times the range of values met (UCB1).
-        leaves: the guess at the value of a state that a simulation ends in, see `simulator.LEAVES`.
-        seed: of its chance, a whole number from 0. Without `seconds` the same calls get the same answers.
+        simulations: largest number of simulations from a belief, at least 1.
+        seconds: largest wall-clock time of one call of `action`; unlimited when None.
+        exploration: c of UCB1 as a share of the range of mean returns.
+        leaf_values: estimate of the value of the last state of a simulation, see `simulator.LEAF_VALUES`.
+        seed: of the random numbers, an integer of at least 0. Without `seconds`, equal calls have equal
+            results.
 
     Raises:
-        ModelError: a number is out of range, or there is no guess of that name.
+        ModelError: a number is out of range, or the estimate is unknown.
 
     Source: Silver and Veness, NIPS 2010.
     """
@@ -52,42 +52,45 @@ class PomcpPlanner:
         simulations: int = 10_000,
         seconds: float | None = None,
         exploration: float = EXPLORATION,
-        leaves: str = "mdp",
+        leaf_values: str = "mdp",
         seed: int = 0,
     ) -> None:
-        _check(simulations, seconds, exploration, seed)
+        _check_options(simulations, seconds, exploration, seed)
         self.pomdp, self.simulations = pomdp, simulations
         self.seconds = np.inf if seconds is None else seconds
-        self._simulator = TableSimulator(pomdp, leaves=leaves, seed=seed)
-        self._search = TreeSearch(self._simulator, exploration=exploration)
+        self._simulator = TableSimulator(pomdp, leaf_values=leaf_values, seed=seed)
+        self._tree_search = TreeSearch(self._simulator, exploration=exploration)
         self._root, self._belief = History(self._simulator.actions), b""
+
+    def __repr__(self) -> str:
+        return f"<PomcpPlanner: {len(self.pomdp.states)} states, {self.simulations} simulations per step>"
 
     @property
     def start(self) -> Belief:
-        """(S,) the model's own start belief."""
+        """(S,) the model's start belief."""
         return self.pomdp.start
 
     def action(self, belief: Belief) -> str:
-        """The name of the action that looks best at a belief (S,).
+        """Search, and return the name of the best action at a belief (S,).
 
         Raises:
-            ModelError: it is not a distribution over the states.
+            ModelError: `belief` is not a distribution over the states.
         """
-        return self.pomdp.actions[self.look(belief).action]
+        return self.pomdp.actions[self.search(belief).action]
 
-    def look(self, belief: Belief) -> Looked:
-        """What is known of the actions at a belief (S,) after searching; a belief just looked at is known.
+    def search(self, belief: Belief) -> ActionValues:
+        """Search from a belief (S,), continuing the last search if it was from the same belief.
 
         Raises:
-            ModelError: it is not a distribution over the states.
+            ModelError: `belief` is not a distribution over the states.
         """
         belief = check_belief(self.pomdp, belief)
-        self._go_to(belief)
-        draw, left = self._simulator.drawing(belief), self.simulations - self._root.total
-        return self._search.search(self._root, draw, simulations=left, seconds=self.seconds)
+        self._set_root(belief)
+        draw, left = self._simulator.state_sampler(belief), self.simulations - self._root.total
+        return self._tree_search.search(self._root, draw, simulations=left, seconds=self.seconds)
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:
-        """(S,) the belief after a named action and observation.
+        """Return the belief (S,) after a named action and observation.
 
         Raises:
             ModelError: a name is unknown.
@@ -96,27 +99,29 @@ class PomcpPlanner:
         a, o = self.pomdp.action_index(action), self.pomdp.observation_index(observation)
         after = update(self.pomdp, belief, a, o)
         if belief.tobytes() == self._belief:
-            self._root = self._root.following.get((a, o)) or History(self._simulator.actions)
+            self._root = self._root.children.get((a, o)) or History(self._simulator.actions)
             self._belief = after.tobytes()
         return after
 
-    def _go_to(self, belief: Belief) -> None:
-        """Begin a new tree unless the root stands for this belief."""
+    def _set_root(self, belief: Belief) -> None:
+        """Start a new tree unless the root is of this belief."""
         if belief.tobytes() != self._belief:
             self._root, self._belief = History(self._simulator.actions), belief.tobytes()
 
 
 class ParticlePlanner:
-    """POMCP as it is published, for any simulator: the belief is a set of states that fit what was observed.
+    """POMCP as published, for any simulator: particles, states that agree with the observations, are the
+    belief.
 
     Args:
         simulator: the problem.
-        start: draws a state to start from.
-        simulations: how many each step is looked at with, at most; from 1.
-        seconds: of wall-clock time that `action` may take at most; the simulations alone count when None.
-        particles: states that stand for the belief, at least where so many can be found; from 1.
-        exploration: how much actions that look worse are tried: times the range of values met (UCB1).
-        seed: of the choice among particles, a whole number from 0; the simulator has its own chance.
+        start: draws a start state.
+        simulations: largest number of simulations per step, at least 1.
+        seconds: largest wall-clock time of one call of `action`; unlimited when None.
+        particles: the wanted number of particles, at least 1.
+        exploration: c of UCB1 as a share of the range of mean returns.
+        seed: of the choice among particles, an integer of at least 0; the simulator has its own random
+            numbers.
 
     Raises:
         ModelError: a number is out of range.
@@ -135,58 +140,61 @@ class ParticlePlanner:
         exploration: float = EXPLORATION,
         seed: int = 0,
     ) -> None:
-        _check(simulations, seconds, exploration, seed)
+        _check_options(simulations, seconds, exploration, seed)
         self.simulator, self.simulations = simulator, simulations
         self.seconds = np.inf if seconds is None else seconds
-        self.wanted = checked_count("particles", particles, 1)
-        self._search = TreeSearch(simulator, exploration=exploration, keep_particles=True)
+        self.particle_count = check_count("particles", particles, 1)
+        self._tree_search = TreeSearch(simulator, exploration=exploration, keep_particles=True)
         self._root, self._rng = History(simulator.actions), np.random.default_rng(seed)
         self.particles: Sequence[Any] = [start() for _ in range(particles)]
 
-    def action(self) -> int:
-        """The action that looks best now."""
-        return self.look().action
+    def __repr__(self) -> str:
+        return f"<ParticlePlanner: {len(self.particles)} particles, {self.simulations} simulations per step>"
 
-    def look(self) -> Looked:
-        """What is known of the actions now, after searching; what was just looked at is known."""
+    def action(self) -> int:
+        """Search, and return the best action."""
+        return self.search().action
+
+    def search(self) -> ActionValues:
+        """Search from the current particles, continuing the last search if there was no update since."""
         left = self.simulations - self._root.total
-        return self._search.search(self._root, self._draw, simulations=left, seconds=self.seconds)
+        return self._tree_search.search(self._root, self._draw, simulations=left, seconds=self.seconds)
 
     def update(self, action: int, observation: Hashable) -> None:
-        """Take note of an action and what was observed then.
+        """Update the particles after an action and an observation.
 
-        The states that simulations came by with, in this history, are the particles; too few are filled up by
-        simulating the step until enough have shown the observation.
+        The particles are the states of all simulations with this action and observation. If there are fewer
+        than `particle_count`, further simulations of the step add those with the observation.
 
         Raises:
-            ModelError: there is no such action.
-            ObservationError: no simulation has shown the observation: it is impossible, or there are too few
+            ModelError: the action is unknown.
+            ObservationError: no simulation produced the observation: it is impossible, or there are too few
                 particles.
         """
         if not 0 <= action < self.simulator.actions:
-            raise ModelError(f"actions are 0 to {self.simulator.actions - 1}, not {action}")
-        after = self._root.following.get((action, observation)) or History(self.simulator.actions)
-        found, tries = list(after.particles), 0
-        while len(found) < self.wanted and tries < TRIES * self.wanted:
-            state, shown, _ = self.simulator.step(self._draw(), action)
+            raise ModelError(f"the action must be 0 to {self.simulator.actions - 1}, not {action}")
+        child = self._root.children.get((action, observation)) or History(self.simulator.actions)
+        particles, tries = list(child.particles), 0
+        while len(particles) < self.particle_count and tries < MAX_TRIES * self.particle_count:
+            state, simulated, _ = self.simulator.step(self._draw(), action)
             tries += 1
-            if shown == observation:
-                found.append(state)
-        if not found:
+            if simulated == observation:
+                particles.append(state)
+        if not particles:
             raise ObservationError(
-                f"observation {observation!r} was shown by none of {tries} simulations of action {action}"
-                f" from {len(self.particles)} particles"
+                f"none of {tries} simulations of action {action} from {len(self.particles)} particles"
+                f" produced observation {observation!r}"
             )
-        self._root, self.particles = after, found
+        self._root, self.particles = child, particles
 
     def _draw(self) -> Any:
         return self.particles[int(self._rng.integers(len(self.particles)))]
 
 
-def _check(simulations: int, seconds: float | None, exploration: float, seed: int) -> None:
-    checked_count("simulations", simulations, 1)
-    checked_count("seed", seed, 0)
+def _check_options(simulations: int, seconds: float | None, exploration: float, seed: int) -> None:
+    check_count("simulations", simulations, 1)
+    check_count("seed", seed, 0)
     if seconds is not None and not seconds > 0:
-        raise ModelError(f"seconds {seconds} must be positive")
+        raise ModelError(f"seconds must be positive, not {seconds}")
     if not 0 <= exploration < np.inf:
-        raise ModelError(f"exploration {exploration} must be a number from 0")
+        raise ModelError(f"exploration must be a finite number of at least 0, not {exploration}")

@@ -1,4 +1,4 @@
-"""POMCP: Monte-Carlo tree search in the histories of actions and observations.
+"""POMCP: Monte-Carlo tree search over histories of actions and observations.
 
 Source: Silver and Veness, Monte-Carlo planning in large POMDPs, NIPS 2010, Algorithm 1.
 """
@@ -18,21 +18,22 @@ from lcorpp.planning.solvers.pomcp.simulator import Simulator
 from lcorpp.values import Array
 
 EXPLORATION = 0.2
-"""c of UCB1 as a share of the range of values met: mean values differ by much less than single rewards."""
+"""c of UCB1 as a share of the range of mean returns, which differ much less than single rewards."""
 
-NEGLIGIBLE = 1e-3
-"""A simulation ends where what is earned later weighs less than this."""
+MIN_WEIGHT = 1e-3
+"""A simulation ends when later rewards are discounted below this factor."""
 
-LOOKED = 64
-"""Simulations between two looks at the clock."""
+CLOCK_INTERVAL = 64
+"""Simulations between two checks of the clock."""
 
 
-@dataclass(frozen=True, eq=False)
-class Looked:
-    """What a search has found out about the actions.
+@dataclass(frozen=True, eq=False, repr=False)
+class ActionValues:
+    """The result of a search: estimated values of the actions.
 
-    values: (A,) the mean reward of the simulations that began with each, -inf where none did.
-    visits: (A,) how many did. simulations: of this search. seconds: wall-clock time used.
+    values: (A,) mean return of the simulations that began with each action, -inf without any.
+    visits: (A,) number of these simulations.
+    simulations: number of simulations of this search. seconds: wall-clock time.
     """
 
     values: Array
@@ -40,106 +41,116 @@ class Looked:
     simulations: int
     seconds: float
 
+    def __repr__(self) -> str:
+        best = self.action
+        return (
+            f"<ActionValues: action {best}, value {self.values[best]:.4g} of {self.visits[best]} visits;"
+            f" {self.simulations} simulations in {self.seconds:.2f} s>"
+        )
+
     @property
     def action(self) -> int:
-        """The action with the best mean, the one tried more often among equals."""
+        """The action with the largest mean; among equal ones, the one with the most visits."""
         return int(np.lexsort((-self.visits, -self.values))[0])
 
 
 class History:
-    """A node of the tree: what is known after some actions and observations.
+    """A node of the search tree: a sequence of actions and observations.
 
-    visits: of each action. values: the mean reward after each. following: nodes by action and observation.
-    particles: the states in which simulations came by, where they are kept.
+    visits: number of simulations of each action. values: mean return of each action. total: sum of the
+        visits.
+    children: next histories by action and observation.
+    particles: states of the simulations that reached the history, if they are stored.
     """
 
-    __slots__ = ("following", "particles", "total", "values", "visits")
+    __slots__ = ("children", "particles", "total", "values", "visits")
 
     def __init__(self, actions: int) -> None:
         self.visits = [0] * actions
         self.values = [0.0] * actions
         self.total = 0
-        self.following: dict[tuple[int, Hashable], History] = {}
+        self.children: dict[tuple[int, Hashable], History] = {}
         self.particles: list[Any] = []
 
 
 class TreeSearch:
-    """POMCP from one history on.
+    """POMCP from a history.
 
-    Of the actions that were tried in a history the one with the most mean + c sqrt(log N / n) is tried again
-    (UCB1). c is `exploration` times the range of all means in the tree so far, so that it needs no tuning to
-    the size of rewards. Where the paper rolls out a policy from the first new history, the simulator's guess
-    at the value of the state is taken: for problems in tables that is the expectation of such rollouts.
+    A history first tries each action once, then the action with the largest mean + c sqrt(log N / n) (UCB1).
+    c is `exploration` times the range of all mean returns in the tree so far, so it needs no adjustment to
+    the size of the rewards. Instead of a rollout from a new history, the simulator estimates the value of the
+    state: for problems in tables, the expectation of such rollouts.
 
     Args:
-        keep_particles: whether nodes keep the states that come by.
+        keep_particles: whether histories store the states that reach them.
     """
 
     def __init__(
         self, simulator: Simulator[Any], *, exploration: float = EXPLORATION, keep_particles: bool = False
     ) -> None:
         self.simulator, self.exploration, self.keep_particles = simulator, exploration, keep_particles
-        self.depth = max(1, int(log(NEGLIGIBLE) / log(simulator.discount)))
-        self._low, self._high = np.inf, -np.inf
+        self.depth = max(1, int(log(MIN_WEIGHT) / log(simulator.discount)))
+        self._lowest, self._highest = np.inf, -np.inf
 
     def search(
         self, root: History, draw: Callable[[], Any], *, simulations: int, seconds: float = np.inf
-    ) -> Looked:
+    ) -> ActionValues:
         """Simulate from a history.
 
         Args:
-            root: what is known of it already is used and added to. draw: draws a state from the belief.
-            simulations: how many at most. seconds: of wall-clock time at most; one simulation is made at
-            least.
+            root: the history; its earlier simulations are used and extended.
+            draw: draws a state from the belief.
+            simulations: largest number of simulations.
+            seconds: of wall-clock time; at least one simulation is made.
         """
         began, done = monotonic(), 0
         while done < simulations:
             self._simulate(root, draw())
             done += 1
-            if done % LOOKED == 0 and monotonic() - began >= seconds:
+            if done % CLOCK_INTERVAL == 0 and monotonic() - began >= seconds:
                 break
         visits = np.array(root.visits, dtype=np.intp)
         values = np.where(visits > 0, root.values, -np.inf)
-        return Looked(values, visits, done, monotonic() - began)
+        return ActionValues(values, visits, done, monotonic() - began)
 
     def _simulate(self, node: History, state: Any) -> None:
         simulator, gamma = self.simulator, self.simulator.discount
         path: list[tuple[History, int, float]] = []
-        earned = 0.0
-        while not simulator.over(state):
-            action = self._choice(node)
+        return_ = 0.0
+        while not simulator.terminal(state):
+            action = self._select_action(node)
             state, observation, reward = simulator.step(state, action)
             path.append((node, action, reward))
             key = (action, observation)
-            after = node.following.get(key)
-            if after is None:
-                after = node.following[key] = History(simulator.actions)
+            child = node.children.get(key)
+            if child is None:
+                child = node.children[key] = History(simulator.actions)
                 if self.keep_particles:
-                    after.particles.append(state)
-                earned = simulator.value(state)
+                    child.particles.append(state)
+                return_ = simulator.value(state)
                 break
             if self.keep_particles:
-                after.particles.append(state)
-            node = after
+                child.particles.append(state)
+            node = child
             if len(path) >= self.depth:
-                earned = simulator.value(state)
+                return_ = simulator.value(state)
                 break
         for node, action, reward in reversed(path):
-            earned = reward + gamma * earned
+            return_ = reward + gamma * return_
             node.total += 1
             n = node.visits[action] = node.visits[action] + 1
-            mean = node.values[action] = node.values[action] + (earned - node.values[action]) / n
-            if mean < self._low:
-                self._low = mean
-            if mean > self._high:
-                self._high = mean
+            mean = node.values[action] = node.values[action] + (return_ - node.values[action]) / n
+            if mean < self._lowest:
+                self._lowest = mean
+            if mean > self._highest:
+                self._highest = mean
 
-    def _choice(self, node: History) -> int:
-        """An action that was never tried, the first one; otherwise by UCB1."""
+    def _select_action(self, node: History) -> int:
+        """The first action without a visit, otherwise the best action by UCB1."""
         visits, values = node.visits, node.values
         if node.total < len(visits):
             return node.total
-        bonus = self.exploration * max(self._high - self._low, 0.0) * sqrt(log(node.total))
+        bonus = self.exploration * max(self._highest - self._lowest, 0.0) * sqrt(log(node.total))
         best, action = -np.inf, 0
         for a, n in enumerate(visits):
             score = values[a] + bonus / sqrt(n)

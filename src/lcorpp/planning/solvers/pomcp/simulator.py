@@ -1,4 +1,4 @@
-"""What a search by simulation needs of a problem, and problems in tables as such a simulator."""
+"""Simulators for Monte-Carlo planning: the protocol, and simulators of problems in tables."""
 
 from __future__ import annotations
 
@@ -10,146 +10,149 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from lcorpp.errors import ModelError, expected_one_of
-from lcorpp.planning.evaluation.absorbing import zero_reward_states
+from lcorpp.planning.evaluation.mdp import zero_reward_states
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.kernels import engine, model_of
+from lcorpp.planning.sarsop.kernels import build_model, load_kernels
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array, Belief
 
 State = TypeVar("State")
 
-DRAWN = 4096
+BATCH_SIZE = 4096
 """Random numbers that are drawn at once."""
 
 
 class Simulator(Protocol[State]):
-    """A problem that can be tried out; it draws its own chance. Write one where tables would be too large."""
+    """A problem that can be simulated, with its own random numbers. Implement it if tables are too large."""
 
     @property
     def actions(self) -> int:
-        """How many actions there are."""
+        """The number of actions."""
 
     @property
     def discount(self) -> float:
         """gamma, above 0 and below 1."""
 
     def step(self, state: State, action: int) -> tuple[State, Hashable, float]:
-        """The state that an action leads to, what is observed there, and the reward."""
+        """Simulate an action: the next state, the observation and the reward."""
 
     def value(self, state: State) -> float:
-        """A guess at what is still earned from a state, e.g. by a simple policy; 0 where it is over."""
+        """An estimate of the value of a state, e.g. of a simple policy; 0 if the state is terminal."""
 
-    def over(self, state: State) -> bool:
-        """Whether nothing more can be earned."""
+    def terminal(self, state: State) -> bool:
+        """Whether all later rewards are 0."""
 
 
 class TableSimulator:
-    """A problem in tables, simulated; states, actions and observations are indices.
+    """A simulator of a problem in tables; states, actions and observations are indices.
 
     Args:
-        leaves: the name of a guess in LEAVES.
-        seed: of its chance, a whole number from 0.
+        leaf_values: the name of an estimate in LEAF_VALUES.
+        seed: of the random numbers, an integer of at least 0.
 
     Raises:
-        ModelError: there is no guess of that name.
+        ModelError: the estimate is unknown.
     """
 
-    def __init__(self, pomdp: Pomdp, *, leaves: str = "mdp", seed: int = 0) -> None:
-        if leaves not in LEAVES:
-            raise ModelError(
-                f"unknown guess {leaves!r} at the value of a state; {expected_one_of(tuple(LEAVES))}"
-            )
+    def __init__(self, pomdp: Pomdp, *, leaf_values: str = "mdp", seed: int = 0) -> None:
+        if leaf_values not in LEAF_VALUES:
+            raise ModelError(f"unknown leaf_values {leaf_values!r}; {expected_one_of(tuple(LEAF_VALUES))}")
         self.actions, self.discount = len(pomdp.actions), pomdp.discount
         self._states = len(pomdp.states)
         self._reward: list[float] = pomdp.reward.reshape(-1).tolist()
-        self._over: list[bool] = zero_reward_states(pomdp).tolist()
-        self._values: list[float] = np.where(self._over, 0.0, LEAVES[leaves](pomdp)).tolist()
-        self._moves, self._shows = _Chances(pomdp.transition), _Chances(pomdp.observation)
-        self._numbers = _numbers(np.random.default_rng(seed))
+        self._terminal: list[bool] = zero_reward_states(pomdp).tolist()
+        self._values: list[float] = np.where(self._terminal, 0.0, LEAF_VALUES[leaf_values](pomdp)).tolist()
+        self._transition, self._observation = _RowSampler(pomdp.transition), _RowSampler(pomdp.observation)
+        self._numbers = _draw_numbers(np.random.default_rng(seed))
+
+    def __repr__(self) -> str:
+        return f"<TableSimulator: {self._states} states, {self.actions} actions>"
 
     def step(self, state: int, action: int) -> tuple[int, int, float]:
-        """The state that an action leads to, what is observed there, and the reward."""
+        """Simulate an action: the next state, the observation and the reward."""
         row = action * self._states + state
-        after = self._moves.draw(row, self._numbers)
-        return after, self._shows.draw(action * self._states + after, self._numbers), self._reward[row]
+        after = self._transition.draw(row, self._numbers)
+        observation = self._observation.draw(action * self._states + after, self._numbers)
+        return after, observation, self._reward[row]
 
     def value(self, state: int) -> float:
-        """A guess at what is still earned from a state."""
+        """An estimate of the value of a state."""
         return self._values[state]
 
-    def over(self, state: int) -> bool:
-        """Whether nothing more can be earned."""
-        return self._over[state]
+    def terminal(self, state: int) -> bool:
+        """Whether all later rewards are 0."""
+        return self._terminal[state]
 
-    def drawing(self, belief: Belief) -> Callable[[], int]:
-        """What draws states from a belief (S,)."""
+    def state_sampler(self, belief: Belief) -> Callable[[], int]:
+        """A function that draws a state from a belief (S,)."""
         states = np.flatnonzero(belief).tolist()
-        sums = _sums(belief[states].tolist())
+        sums = _cumulate(belief[states].tolist())
         return lambda: int(states[bisect_right(sums, next(self._numbers))])
 
 
-class _Chances:
-    """The rows of a table, each made ready to be drawn from when it is first needed."""
+class _RowSampler:
+    """Draws columns of table rows by inverse CDF; the cumulative sums of a row are computed at its first
+    use."""
 
     def __init__(self, table: SparseTables) -> None:
         self._table = table
         self._rows: dict[int, tuple[list[int], list[float]]] = {}
 
     def draw(self, row: int, numbers: Iterator[float]) -> int:
-        """A column of row a R + r by its probability."""
-        found = self._rows.get(row)
-        if found is None:
+        """Draw a column of row a R + r."""
+        cached = self._rows.get(row)
+        if cached is None:
             columns, values = self._table.row(*divmod(row, self._table.shape[1]))
-            some = values > 0
-            found = self._rows[row] = columns[some].tolist(), _sums(values[some].tolist())
-        columns_, sums = found
-        return columns_[0] if len(sums) == 1 else columns_[bisect_right(sums, next(numbers))]
+            positive = values > 0
+            cached = self._rows[row] = columns[positive].tolist(), _cumulate(values[positive].tolist())
+        candidates, sums = cached
+        return candidates[0] if len(sums) == 1 else candidates[bisect_right(sums, next(numbers))]
 
 
-def _sums(weights: list[float]) -> list[float]:
-    """Running sums, as shares of the whole; the last is above any number drawn."""
+def _cumulate(weights: list[float]) -> list[float]:
+    """Cumulative sums as shares of the total; the last is above all random numbers."""
     sums = list(accumulate(weights))
     return [part / sums[-1] for part in sums[:-1]] + [2.0]
 
 
-def _numbers(rng: np.random.Generator) -> Iterator[float]:
+def _draw_numbers(rng: np.random.Generator) -> Iterator[float]:
     while True:
-        yield from rng.random(DRAWN).tolist()
+        yield from rng.random(BATCH_SIZE).tolist()
 
 
-def _seen(pomdp: Pomdp) -> Array:
-    """(S,) what is earned by who sees the state: too much."""
-    kernels = engine()
-    return np.asarray(kernels.mdp_bound(model_of(kernels, pomdp), _tolerance(pomdp), 10.0).max(axis=0))
+def _mdp_values(pomdp: Pomdp) -> Array:
+    """(S,) values if the state is observed: an upper bound."""
+    kernels = load_kernels()
+    return np.asarray(kernels.mdp_bound(build_model(kernels, pomdp), _tolerance(pomdp), 10.0).max(axis=0))
 
 
-def _random(pomdp: Pomdp) -> Array:
-    """(S,) what actions at random earn: the expectation of a random rollout, without its chance."""
+def _random_values(pomdp: Pomdp) -> Array:
+    """(S,) values of random actions: the expectation of a random rollout."""
     from scipy.sparse import csr_array
 
     A, S, _ = pomdp.transition.shape
     table = pomdp.transition
     shape = (S, S)
-    mean: Any = csr_array((table.values / A, (table.rows % S, table.columns)), shape=shape)
-    nothing = csr_array(np.ones((S, 1)))
-    walk = Pomdp(
+    mean_transition: Any = csr_array((table.values / A, (table.rows % S, table.columns)), shape=shape)
+    no_observation = csr_array(np.ones((S, 1)))
+    random_walk = Pomdp(
         states=pomdp.states,
         actions=("any",),
         observations=("nothing",),
-        transition=SparseTables.of([mean]),
-        observation=SparseTables.of([nothing]),
+        transition=SparseTables.of([mean_transition]),
+        observation=SparseTables.of([no_observation]),
         reward=pomdp.reward.mean(axis=0, keepdims=True),
         discount=pomdp.discount,
         start=pomdp.start,
     )
-    kernels = engine()
-    return np.asarray(kernels.blind_policies(model_of(kernels, walk), _tolerance(pomdp), 10.0)[0])
+    kernels = load_kernels()
+    return np.asarray(kernels.blind_policies(build_model(kernels, random_walk), _tolerance(pomdp), 10.0)[0])
 
 
 def _tolerance(pomdp: Pomdp) -> float:
-    """Guesses need no more than three digits."""
+    """Estimates need only three digits."""
     return 1e-3 * float(np.ptp(pomdp.reward)) + 1e-12
 
 
-LEAVES: Mapping[str, Callable[[Pomdp], Array]] = {"mdp": _seen, "random": _random}
-"""Guesses at the value of a state that a simulation ends in: of who sees the state, or acts at random."""
+LEAF_VALUES: Mapping[str, Callable[[Pomdp], Array]] = {"mdp": _mdp_values, "random": _random_values}
+"""Estimates of the value of the last state of a simulation: with observed state, or of random actions."""

@@ -1,0 +1,129 @@
+// Conversion between numpy arrays and the kernels' types. Wrong shapes, indices and numbers raise ValueError or
+// IndexError, so the kernels never read beyond an array.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <stdexcept>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "model.hpp"
+#include "tree.hpp"
+
+namespace lcorpp {
+
+namespace nb = nanobind;
+
+template <typename T, int N>
+using InputArray = nb::ndarray<const T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
+template <typename T>
+using OutputArray = nb::ndarray<nb::numpy, T>;
+
+template <typename T>
+OutputArray<T> make_array(std::vector<T> values, std::initializer_list<std::size_t> shape) {
+    auto* memory = new std::vector<T>(std::move(values));
+    nb::capsule owner(memory, [](void* pointer) noexcept { delete static_cast<std::vector<T>*>(pointer); });
+    return OutputArray<T>(memory->data(), shape, owner);
+}
+
+template <typename T>
+OutputArray<T> make_array(std::vector<T> values) {
+    const std::size_t size = values.size();
+    return make_array(std::move(values), {size});
+}
+
+template <typename A>
+auto copy(const A& array) {
+    using T = std::remove_const_t<typename A::Scalar>;
+    return std::vector<T>(array.data(), array.data() + array.size());
+}
+
+inline void require(bool condition, const char* message) {
+    if (!condition) throw std::invalid_argument(message);
+}
+
+template <typename A>
+void require_finite(const A& array, const char* message) {
+    for (std::size_t i = 0; i < array.size(); ++i) require(std::isfinite(array.data()[i]), message);
+}
+
+inline SparseTables make_tables(Index tables, Index rows, Index columns, const InputArray<std::int64_t, 1>& begins,
+                                const InputArray<Index, 1>& column, const InputArray<double, 1>& value) {
+    return SparseTables{tables, rows, columns, copy(begins), copy(column), copy(value)};
+}
+
+// A copy of a table (A, S) of finite numbers.
+inline std::vector<double> copy_table(const Model& model, const InputArray<double, 2>& table) {
+    require(table.shape(0) == static_cast<std::size_t>(model.actions) &&
+                table.shape(1) == static_cast<std::size_t>(model.states),
+            "expected a table of actions by states");
+    require_finite(table, "expected a table of finite numbers");
+    return copy(table);
+}
+
+inline Weights make_belief(const Model& model, const InputArray<double, 1>& dense) {
+    require(dense.shape(0) == static_cast<std::size_t>(model.states), "a belief needs one number per state");
+    Weights belief;
+    double total = 0.0;
+    for (Index s = 0; s < model.states; ++s) {
+        const double p = dense.data()[s];
+        require(std::isfinite(p) && p >= 0, "a number of a belief is negative or not finite");
+        if (p == 0) continue;
+        belief.state.push_back(s);
+        belief.weight.push_back(p);
+        total += p;
+    }
+    require(std::abs(total - 1) <= kSumTolerance, "a belief does not sum to 1");
+    return belief;
+}
+
+// The beliefs of points: belief k has the states and weights from begins[k] to before begins[k + 1].
+inline std::vector<Weights> make_beliefs(const Model& model, const InputArray<std::int64_t, 1>& begins,
+                                         const InputArray<Index, 1>& states, const InputArray<double, 1>& weights,
+                                         std::size_t count) {
+    const std::size_t entries = states.size();
+    require(begins.size() == count + 1 && weights.size() == entries && begins.data()[0] == 0 &&
+                begins.data()[count] == static_cast<std::int64_t>(entries),
+            "the arrays of the points do not fit together");
+    std::vector<Weights> beliefs(count);
+    for (std::size_t k = 0; k < count; ++k) {
+        const std::int64_t begin = begins.data()[k], end = begins.data()[k + 1];
+        require(begin < end && end <= static_cast<std::int64_t>(entries), "a point has no states");
+        Weights& belief = beliefs[k];
+        double total = 0.0;
+        for (std::int64_t i = begin; i < end; ++i) {
+            const Index s = states.data()[i];
+            require(s >= 0 && s < model.states && weights.data()[i] > 0 && (i == begin || s > states.data()[i - 1]),
+                    "a point needs strictly increasing states and positive weights");
+            belief.state.push_back(s);
+            belief.weight.push_back(weights.data()[i]);
+            total += weights.data()[i];
+        }
+        require(std::abs(total - 1) <= kSumTolerance, "a belief does not sum to 1");
+    }
+    return beliefs;
+}
+
+inline Node& get_node(Tree& tree, Index node) {
+    if (node < 0 || static_cast<std::size_t>(node) >= tree.nodes.size()) throw nb::index_error("unknown node");
+    return tree.nodes[static_cast<std::size_t>(node)];
+}
+
+inline Branch& get_branch(Tree& tree, Index node, Index action) {
+    Node& found = get_node(tree, node);
+    if (action < 0 || action >= tree.model.actions) throw nb::index_error("unknown action");
+    return found.branches[static_cast<std::size_t>(action)];
+}
+
+inline VectorSet& get_set(Tree& tree, std::size_t group) {
+    if (group >= tree.sets.size()) throw nb::index_error("unknown group");
+    return tree.sets[group];
+}
+
+}  // namespace lcorpp

@@ -1,0 +1,87 @@
+#include "dependencies.hpp"
+
+#include <algorithm>
+#include <unordered_set>
+#include <utility>
+
+namespace lcorpp {
+
+void VectorDependencies::record(Stamp vector, std::vector<Stamp> depends_on) {
+    depends_on.erase(std::remove_if(depends_on.begin(), depends_on.end(), [&](Stamp stamp) { return stamp < blind_; }),
+                     depends_on.end());
+    std::sort(depends_on.begin(), depends_on.end());
+    depends_on.erase(std::unique(depends_on.begin(), depends_on.end()), depends_on.end());
+    depends_on_[vector] = std::move(depends_on);
+}
+
+void VectorDependencies::record_imported(Stamp vector) {
+    depends_on_[kImported].push_back(vector);
+    depends_on_[vector] = {kImported};
+}
+
+void VectorDependencies::record_pruned(const VectorSet& set, Index group, const std::vector<char>& kept, double slack) {
+    for (std::size_t row = 0; row < set.count(); ++row) {
+        if (kept[row]) continue;
+        const Index dominating = set.find_dominating(row, kept, slack);
+        if (dominating >= 0) {
+            replaced_by_[set.stamp(row)] = set.stamp(static_cast<std::size_t>(dominating));
+        } else {
+            PrunedVector pruned{group, set.action(row), {}};
+            for (std::size_t s = 0; s < set.states(); ++s) pruned.values.push_back(set.at(row, s));
+            pruned_.emplace(set.stamp(row), std::move(pruned));
+        }
+    }
+}
+
+Stamp VectorDependencies::find_replacement(Stamp stamp) const {
+    for (auto next = replaced_by_.find(stamp); next != replaced_by_.end(); next = replaced_by_.find(stamp)) {
+        stamp = next->second;
+    }
+    return stamp;
+}
+
+// The stamps of the vectors in the sets and of all vectors that they depend on, directly or not.
+std::vector<Stamp> VectorDependencies::find_needed(const std::vector<VectorSet>& sets) {
+    std::vector<Stamp> queue;
+    std::unordered_set<Stamp> visited;
+    const auto visit = [&](Stamp stamp) {
+        if (stamp >= blind_ && visited.insert(stamp).second) queue.push_back(stamp);
+    };
+    for (const VectorSet& set : sets) {
+        for (std::size_t row = 0; row < set.count(); ++row) visit(set.stamp(row));
+    }
+    for (std::size_t i = 0; i < queue.size(); ++i) {
+        const auto entry = depends_on_.find(queue[i]);
+        if (entry == depends_on_.end()) continue;
+        for (Stamp& stamp : entry->second) {
+            stamp = find_replacement(stamp);
+            visit(stamp);
+        }
+    }
+    return queue;
+}
+
+void VectorDependencies::forget_unneeded(const std::vector<VectorSet>& sets) {
+    const std::vector<Stamp> needed = find_needed(sets);  // it resolves all replacements
+    decltype(depends_on_) depends_on;
+    decltype(pruned_) pruned;
+    for (const Stamp stamp : needed) {
+        if (const auto entry = depends_on_.find(stamp); entry != depends_on_.end()) depends_on.insert(depends_on_.extract(entry));
+        if (const auto entry = pruned_.find(stamp); entry != pruned_.end()) pruned.insert(pruned_.extract(entry));
+    }
+    depends_on_.swap(depends_on);
+    pruned_.swap(pruned);
+    replaced_by_.clear();
+}
+
+std::vector<const PrunedVector*> VectorDependencies::needed(const std::vector<VectorSet>& sets) {
+    std::vector<Stamp> stamps = find_needed(sets);
+    std::sort(stamps.begin(), stamps.end());
+    std::vector<const PrunedVector*> needed;
+    for (const Stamp stamp : stamps) {
+        if (const auto entry = pruned_.find(stamp); entry != pruned_.end()) needed.push_back(&entry->second);
+    }
+    return needed;
+}
+
+}  // namespace lcorpp

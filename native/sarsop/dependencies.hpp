@@ -1,0 +1,55 @@
+// The vectors that each alpha vector depends on: a policy needs them to earn what its vectors promise.
+#pragma once
+
+#include <limits>
+#include <unordered_map>
+#include <vector>
+
+#include "alpha_vectors.hpp"
+
+namespace lcorpp {
+
+// A pruned vector that others still depend on, over the states of a group. The search does not use it.
+struct PrunedVector {
+    Index group;
+    Index action;
+    std::vector<double> values;
+};
+
+// A backup computes a vector from one vector per observation, and the promised value is earned only if the policy
+// continues with those. If one of them is pruned, a vector that dominates it replaces it. If there is none, the pruned
+// vector is kept here until no other vector depends on it.
+class VectorDependencies {
+  public:
+    // Vectors with stamps below `blind` are blind policies: they depend on themselves and are never pruned.
+    explicit VectorDependencies(Stamp blind) : blind_(blind) {}
+
+    // Record a new vector and the vectors it depends on.
+    void record(Stamp vector, std::vector<Stamp> depends_on);
+
+    // Record a vector that was imported from another search: it may depend on any other imported vector.
+    void record_imported(Stamp vector);
+
+    // Record the rows whose entry in `kept` is 0, before the set drops them. Losses up to `slack` are rounding errors.
+    void record_pruned(const VectorSet& set, Index group, const std::vector<char>& kept, double slack);
+
+    // Forget all vectors that the vectors in the sets do not depend on.
+    void forget_unneeded(const std::vector<VectorSet>& sets);
+
+    // The pruned vectors that the vectors in the sets depend on, by rising stamps.
+    std::vector<const PrunedVector*> needed(const std::vector<VectorSet>& sets);
+
+  private:
+    // Stands for all imported vectors.
+    static constexpr Stamp kImported = std::numeric_limits<Stamp>::max();
+
+    Stamp find_replacement(Stamp stamp) const;
+    std::vector<Stamp> find_needed(const std::vector<VectorSet>& sets);
+
+    Stamp blind_;
+    std::unordered_map<Stamp, std::vector<Stamp>> depends_on_;
+    std::unordered_map<Stamp, Stamp> replaced_by_;
+    std::unordered_map<Stamp, PrunedVector> pruned_;
+};
+
+}  // namespace lcorpp

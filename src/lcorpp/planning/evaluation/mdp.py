@@ -1,0 +1,90 @@
+"""The MDP below a POMDP: bounds on the value of any policy, and states without further rewards."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.planning.evaluation.sparse_beliefs import ragged_indices
+from lcorpp.planning.pomdp import Pomdp
+from lcorpp.values import Array
+
+MAX_PRODUCTS = 2**31
+"""The maximal number of multiplications of value iteration, whose result is a bound at any time."""
+
+GAP_SHARE = 1e-4
+"""Value iteration stops at a bound this close to the optimum, relative to the range of future rewards."""
+
+
+def mdp_value_bounds(pomdp: Pomdp) -> tuple[Array, Array]:
+    """Return bounds on the value of any policy, by initial state.
+
+    The bounds are the values of the best and the worst policy of the MDP, in which the state is observed. The
+    value of a policy at a belief is linear in the initial state, so it lies between the means of the bounds.
+
+    Returns:
+        (S,) lower and (S,) upper bounds, in reward units.
+
+    Source: value iteration with the bounds of MacQueen (1966); Puterman, Markov Decision Processes, 1994,
+    section 6.3.
+    """
+    return -_bound_above(pomdp, -pomdp.reward), _bound_above(pomdp, pomdp.reward)
+
+
+def _bound_above(pomdp: Pomdp, reward: Array) -> Array:
+    """Return (S,) an upper bound on the value of the MDP with rewards (A, S)."""
+    from scipy.sparse import csr_array
+
+    T, gamma = pomdp.transition, pomdp.discount
+    A, S, _ = T.shape
+    matrix: Any = csr_array((T.values, T.columns, T.begins), shape=(A * S, S))
+    ahead = gamma / (1 - gamma)
+    max_gap = GAP_SHARE * (float(np.ptp(reward)) / (1 - gamma))
+    value = np.zeros(S)
+    bound = np.full(S, np.inf)
+    for _ in range(max(2, MAX_PRODUCTS // max(1, len(T.values)))):
+        after = (reward + gamma * (matrix @ value).reshape(A, S)).max(axis=0)
+        change = after - value
+        bound = np.minimum(bound, after + ahead * float(change.max()))
+        value = after
+        if ahead * float(np.ptp(change)) <= max_gap:
+            break
+    # rounding error of the last sweep, accumulated over all future steps
+    return bound + 1e-14 * (float(np.abs(reward).max()) / (1 - gamma)) / (1 - gamma)
+
+
+def zero_reward_states(pomdp: Pomdp) -> npt.NDArray[np.bool_]:
+    """Return (S,) whether no state with a non-zero reward is reachable from a state, for any actions."""
+    table, S = pomdp.transition, len(pomdp.states)
+    rewarding: npt.NDArray[np.bool_] = (pomdp.reward != 0).any(axis=0)
+    positive = np.flatnonzero(table.values > 0)
+    positive = positive[np.argsort(table.columns[positive], kind="stable")]
+    sources = table.rows[positive] % S
+    begins = np.searchsorted(table.columns[positive], np.arange(S + 1))
+    frontier = np.flatnonzero(rewarding)
+    while len(frontier):
+        before = sources[ragged_indices(begins[frontier], begins[frontier + 1] - begins[frontier])]
+        frontier = np.unique(before[~rewarding[before]])
+        rewarding[frontier] = True
+    return ~rewarding
+
+
+def self_loop_observation_class(pomdp: Pomdp) -> npt.NDArray[np.intp]:
+    """Return (A, S) a class of equal observation rows for each zero-reward self-loop, and -1 elsewhere.
+
+    If all states of a belief have the same class under the action taken there, no observation changes the
+    belief, and all further rewards are zero.
+    """
+    T, Z, S = pomdp.transition, pomdp.observation, len(pomdp.states)
+    positive = T.values > 0
+    moving = T.columns[positive] != T.rows[positive] % S
+    leaves = np.bincount(T.rows[positive], moving, minlength=len(T.begins) - 1) > 0
+    classes = np.full((len(pomdp.actions), S), -1, dtype=np.intp)
+    class_of_row: dict[bytes, int] = {}
+    for row in np.flatnonzero(~leaves & (pomdp.reward.reshape(-1) == 0)).tolist():
+        columns, values = Z.row(row // S, row % S)
+        key = columns.tobytes() + values.tobytes()
+        classes[row // S, row % S] = class_of_row.setdefault(key, len(class_of_row))
+    return classes

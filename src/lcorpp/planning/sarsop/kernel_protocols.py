@@ -1,0 +1,175 @@
+"""The contract of the kernels: C++ (`lcorpp.planning._native`) and numpy (`numpy_kernels`) both satisfy it.
+
+The objects of one implementation work only with each other, so arguments of these types are `Any` here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.values import Array, Belief
+
+Indices = npt.NDArray[Any]
+"""32-bit indices of states, actions and so on."""
+
+PointArrays = tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], Array, Array]
+"""K points: begins (K + 1,), states and weights (entries,), values (K,). Point k is a belief with the states
+and weights from begins[k] to before begins[k + 1], and an upper bound on the value at that belief."""
+
+
+class Model(Protocol):
+    """The problem in the form of the kernels; `kernels.build_model` makes it."""
+
+    def blocks(self) -> Indices:
+        """(S,) block of each state: after an action and an observation, a belief lies within one block."""
+
+
+class ValuePredictor(Protocol):
+    """Predicts the value of a node from other nodes."""
+
+    def learn(self, tree: Any, node: int) -> None:
+        """Add the lower bound of a visited node."""
+
+    def predict(self, tree: Any, node: int) -> float:
+        """Predict the value of a node."""
+
+
+class Tree(Protocol):
+    """Beliefs, numbered in order of creation, and the two bounds they share.
+
+    One thread at a time: the compiled tree releases the interpreter lock, and other threads must not use the
+    same tree meanwhile. A group is a block of the model, or the last one, for beliefs over several blocks.
+
+    Raises:
+        IndexError: a node, action, child or group does not exist.
+        ValueError, TypeError: an array has a wrong shape or type, or a number is invalid.
+    """
+
+    @property
+    def discount(self) -> float:
+        """gamma."""
+
+    @property
+    def node_count(self) -> int:
+        """The number of beliefs."""
+
+    @property
+    def vector_count(self) -> int:
+        """The number of alpha vectors in all groups."""
+
+    @property
+    def point_count(self) -> int:
+        """The number of points of the upper bound."""
+
+    @property
+    def group_count(self) -> int:
+        """The number of groups."""
+
+    def add_node(self, belief: Belief) -> int:
+        """Return the node of a belief (S,), created if necessary."""
+
+    def add_child(self, node: int, action: int, child: int) -> int:
+        """Return the node of a child, given by its index in `children`, created if necessary."""
+
+    def refresh(self, node: int) -> None:
+        """Update the bounds of a node with the vectors and points since its last visit."""
+
+    def select_action(self, node: int, use_lower_bound: bool) -> int:
+        """Return the best action by the upper or lower bound, after an update of that action's bounds."""
+
+    def backup(self, node: int) -> None:
+        """Add the best alpha vector at a node and lower the upper bound there."""
+
+    def sample(
+        self,
+        predictor: Any,
+        root: int,
+        target: float,
+        max_depth: int,
+        seconds: float,
+        use_lower_bound: bool,
+    ) -> int:
+        """Sample a path and back up its nodes; return their number. See sampling.py."""
+
+    def prune(self, roots: Sequence[int], radius: float, max_ratio: float, growth: float) -> None:
+        """Keep the vectors that are best, or nearly best, at a belief that the roots may reach."""
+
+    def lower_bound(self, node: int) -> float:
+        """The value of the best alpha vector at a node, of all current vectors."""
+
+    def upper_bound(self, node: int) -> float:
+        """The upper bound at a node by all current points, or the node's own if that is smaller."""
+
+    def cached_lower(self, node: int) -> float:
+        """The lower bound of a node at its last update."""
+
+    def cached_upper(self, node: int) -> float:
+        """The upper bound of a node at its last update."""
+
+    def q_lower(self, node: int) -> Array:
+        """(A,) lower bounds on the values of the actions, at their last update."""
+
+    def q_upper(self, node: int) -> Array:
+        """(A,) upper bounds on the values of the actions, at their last update."""
+
+    def expected_rewards(self, node: int) -> Array:
+        """(A,) expected rewards of the actions."""
+
+    def belief(self, node: int) -> Belief:
+        """(S,) the belief of a node."""
+
+    def children(self, node: int, action: int) -> tuple[Indices, Array, Array, Array, Indices]:
+        """(n,) observation, probability, lower and upper bound times probability, and node of each child.
+
+        The node is -1 before the first visit. There are no children before the first update of the action.
+        """
+
+    def vectors(self, group: int) -> tuple[Indices, Array, Indices]:
+        """The states (n,) of a group, its alpha vectors (K, n) and the first actions (K,) of their plans."""
+
+    def dependencies(self, group: int) -> tuple[Array, Indices]:
+        """The pruned vectors (K, n) of a group that others depend on, and their actions (K,)."""
+
+    def points(self) -> tuple[Array, *PointArrays]:
+        """The upper bound: corners (S,), and begins, states, weights and values of the points."""
+
+    def add_vectors(self, group: int, vectors: Array, actions: Indices) -> None:
+        """Import alpha vectors (K, n) over the states of a group, and the first actions (K,) of their
+        plans."""
+
+    def add_points(
+        self, begins: npt.NDArray[np.int64], states: Indices, weights: Array, values: Array
+    ) -> None:
+        """Import points in the form of `points`."""
+
+
+class Kernels(Protocol):
+    """The classes and functions of an implementation."""
+
+    @property
+    def Model(self) -> Callable[..., Model]:
+        """Made by `kernels.build_model`."""
+
+    @property
+    def Tree(self) -> Callable[..., Tree]:
+        """Tree(model, informed, blind): (A, S) Q values that are upper bounds, (A, S) of blind policies."""
+
+    @property
+    def ValuePredictor(self) -> Callable[[Array], ValuePredictor]:
+        """ValuePredictor(corners): (S,) the initial upper bound at the beliefs that know the state."""
+
+    @property
+    def blind_policies(self) -> Callable[[Any, float, float], Array]:
+        """(model, tolerance, seconds) -> (A, S) lower bounds on the value of repeating one action forever."""
+
+    @property
+    def mdp_bound(self) -> Callable[[Any, float, float], Array]:
+        """(model, tolerance, seconds) -> (A, S) upper bounds on the Q values if the state were observed."""
+
+    @property
+    def fast_informed_bound(self) -> Callable[[Any, Array, float, float], Array]:
+        """(model, Q, tolerance, seconds) -> (A, S) tighter upper bounds than the Q values (A, S)."""

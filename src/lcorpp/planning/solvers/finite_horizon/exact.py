@@ -1,0 +1,139 @@
+"""Exact finite-horizon solution at every belief, by incremental pruning.
+
+Source: Cassandra, Littman and Zhang, Incremental pruning, UAI 1997.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import monotonic
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.planning.arguments import check_count, check_discount, check_limits, check_starts
+from lcorpp.planning.policy import AlphaVectors, Policy
+from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.solution import Progress
+from lcorpp.planning.solvers.exact.dominance_lp import DeadlineExceeded
+from lcorpp.planning.solvers.exact.dynamic_programming import DenseModel
+from lcorpp.planning.solvers.exact.incremental_pruning import ShiftedBound
+from lcorpp.planning.solvers.finite_horizon.solution import FiniteHorizonSolution, make_finite_policy
+from lcorpp.values import Array
+
+
+def solve_finite_horizon_exact(
+    pomdp: Pomdp,
+    horizon: int,
+    start: npt.ArrayLike | None = None,
+    *,
+    precision: float = 1e-6,
+    time_limit: float = 60.0,
+    callback: Callable[[Progress], None] | None = None,
+    discount: float | None = None,
+) -> FiniteHorizonSolution:
+    """Find the policies for every belief and every number of remaining steps up to a horizon.
+
+    All vectors are values of plans that continue with those of one step less, so every policy earns what it
+    promises. The losses of pruning are proven (`dominance_lp`) and added to the upper bounds. At the time
+    limit or after Ctrl-C, the result has fewer steps than requested.
+
+    Args:
+        pomdp: the problem. The number of vectors limits the method.
+        horizon: the number of steps, at least 1.
+        start: (S,) belief of the reported bounds, or (N, S) several; the model's own when None. The policies
+            are as good at all beliefs.
+        precision: largest loss by pruning at any belief, in reward units.
+        time_limit: wall-clock seconds.
+        callback: called after each step; `trials` is the number of steps.
+        discount: above 0, at most 1 (the undiscounted sum of rewards); the model's own when None.
+
+    Returns:
+        The policy for every number of remaining steps, bounds for the largest number, the seconds used and
+        why the computation stopped: "precision reached", "time limit" or "interrupted".
+
+    Raises:
+        ModelError: `start` is not a distribution over the states, a number is out of range, or the problem is
+            too large for memory.
+
+    Source: Cassandra, Littman and Zhang, UAI 1997.
+    """
+    check_limits(precision, time_limit)
+    horizon = check_count("horizon", horizon, 1)
+    factor = check_discount(pomdp, discount)
+    began = monotonic()
+    search = _Stages(pomdp, check_starts(pomdp, start), factor, began)
+    try:
+        reason = search.run(horizon, precision, began + time_limit, callback)
+    except KeyboardInterrupt:
+        reason = "interrupted"
+    except DeadlineExceeded:
+        reason = "time limit"
+    return search.solution(reason)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    """The value function for a number of remaining steps, witnesses of its vectors, and the loss by
+    pruning."""
+
+    policy: Policy
+    witnesses: Array
+    loss: float
+
+
+class _Stages:
+    """The value functions for 1, 2, ... remaining steps."""
+
+    def __init__(self, pomdp: Pomdp, starts: Array, discount: float, began: float) -> None:
+        self.pomdp, self.starts, self.began = pomdp, starts, began
+        self.model = DenseModel(pomdp, discount)
+        self.history: list[tuple[float, float, float, int]] = []
+        # with one remaining step, the value of an action is its reward
+        self.stages = [self._make_stage(pomdp.reward, np.arange(self.model.actions), starts, 0.0, 1)]
+
+    def run(
+        self, horizon: int, precision: float, deadline: float, callback: Callable[[Progress], None] | None
+    ) -> str:
+        """Compute one stage after the other up to the horizon; the reason to stop."""
+        model = self.model
+        weight = float((model.discount ** np.arange(horizon)).sum())
+        tolerance = precision / (weight * (model.max_prunings + 1))
+        self._report(callback)
+        while len(self.stages) < horizon:
+            last = self.stages[-1]
+            after = model.backup(last.policy.vectors, last.witnesses, tolerance=tolerance, deadline=deadline)
+            loss = after.loss + model.discount * last.loss
+            witnesses, remaining = np.concatenate([self.starts, after.witnesses]), len(self.stages) + 1
+            self.stages.append(self._make_stage(after.vectors, after.actions, witnesses, loss, remaining))
+            self._report(callback)
+        return "precision reached"
+
+    def _make_stage(
+        self, vectors: Array, actions: npt.NDArray[np.intp], witnesses: Array, loss: float, remaining: int
+    ) -> _Stage:
+        alphas = AlphaVectors(np.arange(self.model.states), vectors, actions)
+        upper = ShiftedBound(vectors, loss)
+        policy = make_finite_policy(self.pomdp, [alphas], remaining, self.model.discount, upper)
+        return _Stage(policy, witnesses, loss)
+
+    def _report(self, callback: Callable[[Progress], None] | None) -> None:
+        stage = self.stages[-1]
+        low = float((self.starts @ stage.policy.vectors.T).max(axis=1)[0])
+        self.history.append((monotonic() - self.began, low, low + stage.loss, len(stage.policy)))
+        if callback is not None:
+            callback(Progress(*self.history[-1], len(stage.witnesses), len(self.stages)))
+
+    def solution(self, reason: str) -> FiniteHorizonSolution:
+        """The result of the stages so far."""
+        last = self.stages[-1]
+        low = last.policy.value(self.starts[0])
+        return FiniteHorizonSolution(
+            policies=tuple(stage.policy for stage in self.stages),
+            lower=low,
+            upper=low + last.loss,
+            seconds=monotonic() - self.began,
+            reason=reason,
+            history=tuple(self.history),
+        )

@@ -1,0 +1,33 @@
+"""Errors of questions that have no answer, raised by every reasoner in the same words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.reasoning.language.program import Program
+
+
+def format_conditions(facts: Mapping[str, str], do: Mapping[str, str]) -> str:
+    """Format evidence and interventions as the end of the message of `no_world_error`."""
+    parts = [f"{term}={value}" for term, value in facts.items()]
+    parts += [f"do({term}={value})" for term, value in do.items()]
+    return f" has {', '.join(parts)}" if parts else ""
+
+
+def no_world_error(program: Program, conditions: str) -> UndefinedError:
+    """The error for evidence of probability zero."""
+    return UndefinedError(f"{program.file}: no possible world of positive measure{conditions}")
+
+
+def no_value_error(program: Program, term: str, probability: object, where: str = "") -> ProgramError:
+    """The error for a term that may have no value, so that its distribution does not sum to 1.
+
+    Args:
+        probability: that the term has no value.
+        where: the row of a batch, at the beginning of the message.
+    """
+    return ProgramError(
+        f"{program.file}: {where}{term} has no value with probability {probability};"
+        f" ask for {term}=value instead"
+    )

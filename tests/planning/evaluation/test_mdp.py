@@ -1,0 +1,32 @@
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+
+from lcorpp.planning import parse_pomdp
+from lcorpp.planning.evaluation.mdp import self_loop_observation_class, zero_reward_states
+from tests.planning.models import LCORPP, TIGER, pomdps
+
+
+def test_a_state_that_charges_for_something_is_no_end():
+    charging = parse_pomdp(LCORPP)
+    assert not zero_reward_states(charging).any()
+    free = "".join(f"R: {a} : term : * : * 0\n" for a in ("move_forward", "greet", "turn"))
+    assert np.flatnonzero(zero_reward_states(parse_pomdp(LCORPP + free))).tolist() == [4]
+    assert not zero_reward_states(parse_pomdp(TIGER)).any()
+
+
+def test_reporting_at_the_end_changes_nothing_and_costs_nothing():
+    shown = self_loop_observation_class(parse_pomdp(LCORPP))
+    assert (shown[3:, 4] >= 0).all()
+    assert (shown[:, :4] == -1).all()
+    assert (shown[:3, 4] == -1).all()  # there they charge
+
+
+@given(pomdps())
+@settings(max_examples=60, deadline=None)
+def test_an_unpaid_state_reaches_no_reward(pomdp):
+    step = (np.asarray(pomdp.transition) > 0).any(axis=0)
+    reach = np.linalg.matrix_power(step | np.eye(len(step), dtype=bool), len(step)) > 0
+    pays = (pomdp.reward != 0).any(axis=0)
+    assert zero_reward_states(pomdp).tolist() == [not (row & pays).any() for row in reach]

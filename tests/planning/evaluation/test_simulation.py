@@ -1,0 +1,157 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from lcorpp.errors import ModelError, PolicyError
+from lcorpp.planning import Policy, parse_pomdp, update
+from lcorpp.planning.evaluation import rollout
+from lcorpp.planning.evaluation.policy_evaluation import evaluate
+from lcorpp.planning.evaluation.simulation import mean_interval, simulate
+from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
+from tests.planning.policies import backed_up, earned, policies
+
+tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
+
+
+def agrees(found, exact):
+    """Whether a mean is within five standard errors of the truth: once in two million it would not be."""
+    return abs(found.mean - exact) <= 5 * found.standard_deviation / len(found.returns) ** 0.5 + 1e-9
+
+
+@pytest.mark.parametrize(("pomdp", "rounds"), [(tiger, 6), (lcorpp, 8)], ids=["tiger", "the authors' model"])
+def test_the_mean_is_the_exact_value(pomdp, rounds):
+    policy = backed_up(pomdp, rounds)
+    exact = evaluate(pomdp, policy, precision=1e-6)
+    assert exact.exact
+    found = simulate(pomdp, policy, trials=20_000, steps=300, seed=1)
+    assert agrees(found, exact.interval.estimate)
+    low, high = found.interval.low, found.interval.high
+    assert low < found.mean < high
+    assert high - low == pytest.approx(2 * 1.96 * found.standard_deviation / 20_000**0.5, rel=1e-3)
+
+
+def test_the_mean_is_the_exact_value_of_a_published_model():
+    from lcorpp.planning import read_pomdp
+
+    pomdp = read_pomdp(shared_model("4x3.95.pomdp"))
+    policy = backed_up(pomdp, 5)
+    exact = evaluate(pomdp, policy, precision=1e-3)
+    assert exact.exact
+    found = simulate(pomdp, policy, trials=20_000, steps=200, seed=2)
+    assert agrees(found, exact.interval.estimate)
+
+
+@given(pomdps(discounts=(0.5, 0.95)), st.data())
+@settings(max_examples=25, deadline=None, derandomize=True)
+def test_the_mean_is_that_of_all_histories(pomdp, data):
+    policy = data.draw(policies(pomdp))
+    found = simulate(pomdp, policy, trials=4_000, steps=4, seed=3)
+    assert agrees(found, earned(pomdp, policy, 4))
+
+
+@given(pomdps(), st.data())
+@settings(max_examples=25, deadline=None)
+def test_a_trace_follows_model_and_policy(pomdp, data):
+    policy = data.draw(policies(pomdp))
+    found = simulate(pomdp, policy, trials=12, steps=6, seed=data.draw(st.integers(0, 99)), traces=12)
+    T, Z = pomdp.transition, pomdp.observation
+    assert len(found.traces) == 12
+    for trace, value, length in zip(found.traces, found.returns, found.lengths, strict=True):
+        steps = len(trace.actions)
+        assert (len(trace.states), len(trace.observations), steps) == (steps + 1, steps, length)
+        belief, total = pomdp.start, 0.0
+        assert pomdp.start[trace.states[0]] > 0
+        for t in range(steps):
+            s, a, after, o = (
+                int(x)
+                for x in (trace.states[t], trace.actions[t], trace.states[t + 1], trace.observations[t])
+            )
+            # vectors may tie, and rounding then decides
+            promises = policy.vectors @ belief
+            assert promises[policy.actions == a].max() > promises.max() - 1e-9
+            assert T[a, s, after] > 0
+            assert Z[a, after, o] > 0
+            assert trace.rewards[t] == pomdp.reward[a, s]
+            total += pomdp.discount**t * trace.rewards[t]
+            belief = update(pomdp, belief, a, o)
+        assert value == pytest.approx(total)
+
+
+def test_the_result_does_not_depend_on_how_trials_are_run(monkeypatch):
+    policy = Policy.of(tiger, [[0.0, 0.0], [-9999.0, 10.0], [10.0, -9999.0]], [0, 1, 2])  # listens long
+    whole = simulate(tiger, policy, trials=300, steps=20, seed=5, traces=3)
+    monkeypatch.setattr(rollout, "MAX_BLOCK_TRIALS", 64)
+    monkeypatch.setattr(rollout, "MAX_GRAPH_SIZE", 10)  # the graph forgets all the time
+    parts = simulate(tiger, policy, trials=300, steps=20, seed=5, traces=3)
+    assert parts.beliefs > whole.beliefs
+    assert np.array_equal(whole.returns, parts.returns)
+    assert np.array_equal(whole.lengths, parts.lengths)
+    assert whole.rewards == pytest.approx(parts.rewards)
+    for one, other in zip(whole.traces, parts.traces, strict=True):
+        assert np.array_equal(one.states, other.states)
+        assert np.array_equal(one.observations, other.observations)
+    few = simulate(tiger, policy, trials=100, steps=20, seed=5)
+    assert np.array_equal(few.returns, whole.returns[:100])
+    assert not np.array_equal(simulate(tiger, policy, trials=100, steps=20, seed=6).returns, few.returns)
+
+
+def test_a_trial_stops_where_nothing_more_is_paid():
+    # report at once: -80 or 80, then `term` for ever, where reporting is free; only the policy knows that
+    report = Policy.of(lcorpp, [[0.0] * 5], [3])
+    found = simulate(lcorpp, report, trials=2_000, steps=50, seed=0)
+    assert set(found.lengths.tolist()) == {1}
+    assert set(found.returns.tolist()) <= {-80.0, 0.0, 80.0}
+    assert (found.unfinished, found.truncation) == (0, (0.0, 0.0))
+    assert found.rewards[0] == pytest.approx(found.mean)
+    assert not found.rewards[1:].any()
+
+
+def test_what_is_cut_off_is_told():
+    listen = Policy.of(tiger, [[0.0, 0.0]], [0])
+    found = simulate(tiger, listen, trials=10, steps=3, seed=0)
+    assert found.returns == pytest.approx(-(1 + 0.95 + 0.95**2))
+    assert (found.unfinished, found.steps) == (10, 30)
+    assert found.active_share.tolist() == [1, 1, 1]
+    assert found.rewards.tolist() == [-1, -1, -1]
+    # the truth, -20, lies within what is left open
+    assert found.mean + found.truncation[0] <= -20 <= found.mean + found.truncation[1]
+    assert "10 trials, 30 steps" in found.summary()
+    assert "discounted reward -2.8525 (95% confidence: -2.8525 to -2.8525)" in found.summary()
+
+
+def test_another_start():
+    certain = Policy.of(tiger, [[0.0, 0.0]], [2])
+    found = simulate(tiger, certain, trials=50, steps=1, seed=0, start=[1.0, 0.0])
+    assert (found.returns == 10).all()
+
+
+def test_a_single_trial_has_no_interval():
+    listen = Policy.of(tiger, [[0.0, 0.0]], [0])
+    found = simulate(tiger, listen, trials=1, steps=1, seed=0)
+    assert (found.interval.low, found.interval.high) == (-np.inf, np.inf)
+    assert np.isnan(found.standard_deviation)
+    three = mean_interval(np.array([1.0, 2.0, 3.0]))  # Student's t of two degrees: 4.303
+    assert (three.low, three.high) == pytest.approx((2 - 4.3027 / 3**0.5, 2 + 4.3027 / 3**0.5), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"trials": 0}, "trials is a whole number from 1, not 0"),
+        ({"steps": 2.5}, "steps is a whole number from 1, not 2.5"),
+        ({"traces": -1}, "traces is a whole number from 0, not -1"),
+        ({"start": [0.5, 0.6]}, "is not a distribution"),
+        ({"seed": -3}, "a seed is a whole number from 0, not -3"),
+    ],
+)
+def test_bad_arguments(changes, words):
+    listen = Policy.of(tiger, [[0.0, 0.0]], [0])
+    with pytest.raises(ModelError, match=words):
+        simulate(tiger, listen, **{"seed": 0, **changes})
+
+
+def test_a_policy_for_another_model():
+    with pytest.raises(PolicyError, match="another model"):
+        simulate(lcorpp, Policy.of(tiger, [[0.0, 0.0]], [0]), seed=0)

@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from lcorpp.errors import ModelError, ObservationError
+from lcorpp.planning import parse_pomdp
+from lcorpp.planning.solvers import heuristic_search as online
+from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.heuristic_search import OnlinePlanner
+from tests.planning.models import LCORPP, TIGER, pomdps
+from tests.planning.solvers.brute_force import corners, earned
+
+tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
+
+
+def test_the_authors_first_steps():
+    planner, belief = OnlinePlanner(lcorpp, seconds=5, precision=1e-2), np.array([0.22, 0.78, 0, 0, 0])
+    for action in ("move_forward", "move_forward", "greet"):
+        assert planner.action(belief) == action
+        belief = planner.update(belief, action, "pos")
+    assert planner.action(belief) == "report_interested"
+
+
+def test_bounds_hold_the_value():
+    seen = OnlinePlanner(lcorpp, seconds=5, precision=1e-2).search(lcorpp.start)
+    assert 51.64 <= seen.lower <= 51.657
+    assert 51.656 <= seen.upper <= 51.67
+
+
+def test_asking_again_costs_nothing():
+    planner = OnlinePlanner(tiger, seconds=5, precision=0.1)
+    assert planner.search(tiger.start).trials > 0
+    assert planner.search(tiger.start).trials == 0
+
+
+@given(pomdps(discounts=(0.5, 0.8)))
+@settings(max_examples=12, deadline=None)
+def test_exact_is_between_the_bounds(pomdp):
+    planner, exact = OnlinePlanner(pomdp, trials=5), solve_exact(pomdp, precision=1e-3, time_limit=1)
+    for belief in (pomdp.start, *corners(pomdp)):
+        seen = planner.search(belief)
+        assert seen.lower <= exact.policy.upper_bound.value(belief) + 1e-9
+        assert seen.upper >= exact.policy.value(belief) - 1e-9
+
+
+@given(pomdps(discounts=(0.3, 0.5)))
+@settings(max_examples=15, deadline=None)
+def test_who_goes_on_asking_earns_the_lower_bound(pomdp):
+    planner, steps = OnlinePlanner(pomdp, trials=3), 4
+    low = planner.search(pomdp.start).lower
+    most = pomdp.discount**steps / (1 - pomdp.discount) * pomdp.reward.max()
+    got = earned(pomdp, lambda belief, _: planner.search(belief / belief.sum()).action, pomdp.start, steps)
+    assert got + most >= low - 1e-9
+
+
+def test_the_same_calls_get_the_same_answers():
+    answers = []
+    for _ in range(2):
+        planner = OnlinePlanner(lcorpp, trials=4, seconds=60)
+        seen = [planner.search(belief) for belief in (lcorpp.start, np.array([0.5, 0.5, 0, 0, 0]))]
+        answers.append([(each.action, each.lower, each.upper, each.trials) for each in seen])
+    assert answers[0] == answers[1]
+
+
+def test_memory_is_given_back_and_nothing_learnt_is_lost(monkeypatch):
+    planner = OnlinePlanner(lcorpp, seconds=5, precision=1e-2)
+    before = planner.search(lcorpp.start)
+    monkeypatch.setattr(online, "MAX_NODES", 0)
+    after = planner.search(lcorpp.start)
+    assert after.lower >= before.lower - 1e-9
+    assert after.upper <= before.upper + 1e-2
+    assert after.trials <= before.trials
+
+
+def test_bad_arguments():
+    for arguments in ({"seconds": 0}, {"precision": -1}, {"preparation": 0}):
+        with pytest.raises(ModelError, match="must be positive"):
+            OnlinePlanner(tiger, **arguments)
+    with pytest.raises(ModelError, match="trials must be an integer of at least 1, not 0"):
+        OnlinePlanner(tiger, trials=0)
+    planner = OnlinePlanner(tiger, trials=1)
+    with pytest.raises(ModelError, match="not a distribution"):
+        planner.action(np.array([0.5, 0.6]))
+    with pytest.raises(ModelError, match="unknown action 'dance'"):
+        planner.update(planner.start, "dance", "tiger-left")
+    with pytest.raises(ObservationError):
+        OnlinePlanner(lcorpp, trials=1).update(np.array([1.0, 0, 0, 0, 0]), "greet", "none")

@@ -1,0 +1,47 @@
+"""The user's Python files: errors name the file and the user's own line."""
+
+import sys
+
+import pytest
+
+from lcorpp.errors import DataError, DomainError
+from lcorpp.user_code import describe_failure, load_file
+
+
+def test_a_file_becomes_a_module(tmp_path):
+    file = tmp_path / "own.py"
+    file.write_text("VALUE = 3\n")
+    assert load_file(file, "own_of_a_test", DomainError).VALUE == 3
+    assert "own_of_a_test" not in sys.modules
+    module = load_file(file, "own_of_a_test", DomainError, importable=True)
+    assert sys.modules.pop("own_of_a_test") is module
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x = 1\ny = x +\n", r"own\.py:2: cannot be loaded: SyntaxError"),
+        ("import json\njson.loads('{')\n", r"own\.py:2: cannot be loaded: JSONDecodeError"),
+        ("raise SystemExit(3)\n", r"own\.py:1: cannot be loaded: SystemExit: 3"),
+    ],
+)
+def test_an_error_names_the_users_line(tmp_path, text, words):
+    (tmp_path / "own.py").write_text(text)
+    with pytest.raises(DataError, match=words):
+        load_file(tmp_path / "own.py", "own_of_a_test", DataError, importable=True)
+    assert "own_of_a_test" not in sys.modules
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(DomainError, match=r"none\.py: not a Python file"):
+        load_file(tmp_path / "none.py", "none", DomainError)
+
+
+def test_the_deepest_line_of_the_users_file(tmp_path):
+    file = tmp_path / "own.py"
+    file.write_text("def outer(f):\n    return inner(f)\n\ndef inner(f):\n    return f()\n")
+    module = load_file(file, "own_of_a_test", DomainError)
+    with pytest.raises(ZeroDivisionError) as caught:
+        module.outer(lambda: 1 / 0)
+    message = describe_failure(caught.value, "own.py", module, "outer() failed")
+    assert message == "own.py:5: outer() failed: ZeroDivisionError: division by zero"
