@@ -127,7 +127,9 @@ def test_options_that_make_no_sense(lcorpp, tmp_path):
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "speed"), "unknown goal 'speed'")
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "1:2:3"), "unknown goal '1:2:3'")
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "0:0"), "not both 0")
-    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "nan"), "threshold of interested is nan")
+    refused(
+        lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "nan"), "threshold of interested is nan"
+    )
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", 7), "threshold of interested is 7")
     refused(lcorpp("run", ROOMS, *FEW, "--learner", "summaries", "--threshold", "f1"), "for two classes")
     refused(lcorpp("run", "--prevalence", 0), "--prevalence")
