@@ -24,7 +24,7 @@ from lcorpp.learning import (
 )
 from lcorpp.learning.classifiers.contract import SigmoidScores, ensure_predict_proba, predict_proba
 from lcorpp.values import Dataset, Instance
-from tests.learning.data import walkers
+from tests.learning.walkers import walkers
 
 DATA = walkers(60)
 AEON = pytest.mark.skipif(

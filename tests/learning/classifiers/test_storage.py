@@ -21,7 +21,7 @@ from lcorpp.learning import (
     save_classifier,
     train_and_validate,
 )
-from tests.learning.data import walkers
+from tests.learning.walkers import walkers
 
 pytest.importorskip("torch", reason="the LSTM needs torch: pip install 'lcorpp[torch]'")
 

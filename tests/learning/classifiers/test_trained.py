@@ -10,7 +10,7 @@ from lcorpp.errors import DataError
 from lcorpp.learning import Calibration, DecisionThreshold, TrainedClassifier, train, train_and_validate
 from lcorpp.protocols import Classifier
 from lcorpp.values import Dataset, Instance
-from tests.learning.data import walkers
+from tests.learning.walkers import walkers
 
 
 class ByLength:

@@ -7,8 +7,8 @@ from lcorpp.errors import DataError
 from lcorpp.learning import Recording, Track, check_leakage, leakage_note
 from lcorpp.learning.evaluation.leakage import _mean_auc, shortcut_features
 from lcorpp.values import Dataset
-from tests.learning.data import walkers
-from tests.learning.recorded.texts import crowd
+from tests.learning.data.texts import crowd
+from tests.learning.walkers import walkers
 
 
 def by_name(data, **options):

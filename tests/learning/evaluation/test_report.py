@@ -12,7 +12,7 @@ from lcorpp.errors import DataError, FileError
 from lcorpp.learning import build_report, cross_validate, learner, plot_report, write_report
 from lcorpp.learning.evaluation.report_files import COLUMNS, as_markdown
 from lcorpp.values import Dataset
-from tests.learning.data import walkers
+from tests.learning.walkers import walkers
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from sklearn.preprocessing import FunctionTransformer
 from lcorpp.errors import DataError
 from lcorpp.learning import ChannelStandardizer, Motion, Validation, cross_validate, estimate_rates
 from lcorpp.values import ConfusionMatrix, Dataset
-from tests.learning.data import walkers
+from tests.learning.walkers import walkers
 
 
 def flat(tracks):

@@ -10,7 +10,7 @@ from lcorpp.learning import Motion
 from lcorpp.learning.streaming import PredictionTimeline, cross_predict_over_time, predict_over_time, truncate
 from lcorpp.learning.streaming.plots import draw_timeline, plot_timeline
 from lcorpp.values import Dataset
-from tests.learning.data import walkers
+from tests.learning.walkers import walkers
 
 from .people import ByWay, by_way, lstm
 

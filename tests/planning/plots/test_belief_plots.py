@@ -16,7 +16,7 @@ from matplotlib.text import Text
 from lcorpp.errors import ModelError
 from lcorpp.planning import AlphaVectors, BatchPolicy, Policy, Pomdp, parse_pomdp, solve
 from lcorpp.planning.plots import draw_bounds, draw_line, draw_triangle
-from lcorpp.planning.plots.belief_regions import Slice, area, grid, slice_of
+from lcorpp.planning.plots.belief_regions import BeliefSlice, area, grid, slice_policy
 from lcorpp.plot_style import Fill
 from tests.planning.models import LCORPP, TIGER, shared_model
 
@@ -61,7 +61,7 @@ def policies(draw: st.DrawFn) -> tuple[Pomdp, Policy]:
 @given(policies())
 def test_a_line_does_what_the_policy_does(drawn):
     pomdp, policy = drawn
-    line = slice_of(pomdp, policy, ["s2", "s0"])
+    line = slice_policy(pomdp, policy, ["s2", "s0"])
     regions = line.regions()
     ends = [region.points[:, 1] for region in regions]
     assert ends[0][0] == 0
@@ -77,7 +77,7 @@ def test_a_line_does_what_the_policy_does(drawn):
 @given(policies())
 def test_a_triangle_does_what_the_policy_does(drawn):
     pomdp, policy = drawn
-    triangle = slice_of(pomdp, policy, ["s3", "s0", "s1"])
+    triangle = slice_policy(pomdp, policy, ["s3", "s0", "s1"])
     regions = triangle.regions()
     assert sum(area(region.points) for region in regions) == pytest.approx(1)
     for region in regions:
@@ -92,7 +92,7 @@ def test_a_triangle_does_what_the_policy_does(drawn):
 def test_the_tiger_is_listened_to_between_two_beliefs(tiger):
     """The first and the last region open a door; by symmetry both are equally wide."""
     pomdp, solution = tiger
-    regions = slice_of(pomdp, solution.policy, pomdp.states).regions()
+    regions = slice_policy(pomdp, solution.policy, pomdp.states).regions()
     names = [pomdp.actions[region.action] for region in regions]
     assert names[0] == "open-right"  # away from the tiger at the left
     assert names[-1] == "open-left"
@@ -106,7 +106,7 @@ def test_the_tiger_is_listened_to_between_two_beliefs(tiger):
 def test_other_states_keep_what_a_belief_gives_them(authors):
     pomdp, solution = authors
     base = np.array([0.1, 0.2, 0.3, 0.3, 0.1])
-    line = slice_of(pomdp, solution.policy, TURNED[:2], base)
+    line = slice_policy(pomdp, solution.policy, TURNED[:2], base)
     assert line.share == pytest.approx(0.6)
     assert line.corners.tolist() == [
         [0.1, 0.2, pytest.approx(0.6), 0, 0.1],
@@ -116,9 +116,9 @@ def test_other_states_keep_what_a_belief_gives_them(authors):
     with pytest.raises(
         ModelError, match="gives no probability to interested_turned or not_interested_turned"
     ):
-        slice_of(pomdp, solution.policy, TURNED[:2], [0.5, 0.5, 0, 0, 0])
+        slice_policy(pomdp, solution.policy, TURNED[:2], [0.5, 0.5, 0, 0, 0])
     with pytest.raises(ModelError, match="sums to 2"):
-        slice_of(pomdp, solution.policy, TURNED[:2], [1, 1, 0, 0, 0])
+        slice_policy(pomdp, solution.policy, TURNED[:2], [1, 1, 0, 0, 0])
 
 
 def test_a_policy_in_pieces_is_asked_of_those_that_hold_all_states():
@@ -128,9 +128,9 @@ def test_a_policy_in_pieces_is_asked_of_those_that_hold_all_states():
         AlphaVectors(np.array([2, 3, 4]), np.array([[9.0, 9, 9]]), np.array([2])),
     ]
     policy = Policy.of_sets(pomdp, pieces)
-    inside = slice_of(pomdp, policy, ["s0", "s1"])
+    inside = slice_policy(pomdp, policy, ["s0", "s1"])
     assert [region.action for region in inside.regions()] == [0, 1]
-    across = slice_of(pomdp, policy, ["s1", "s3"])
+    across = slice_policy(pomdp, policy, ["s1", "s3"])
     for right in (0.2, 0.5, 0.8):
         weights = np.array([1 - right, right])
         assert across.value(weights[None])[0] == pytest.approx(policy.value(across.belief(weights)))
@@ -139,8 +139,8 @@ def test_a_policy_in_pieces_is_asked_of_those_that_hold_all_states():
 @pytest.mark.parametrize(
     ("states", "words"),
     [
-        (["s0"], "two states or three, not 1"),
-        (["s0", "s1", "s2", "s3"], "two states or three, not 4"),
+        (["s0"], "two or three states, not 1"),
+        (["s0", "s1", "s2", "s3"], "two or three states, not 4"),
         (["s0", "s0"], "differ"),
         (["s0", "s9"], "unknown state 's9'; expected one of s0, s1"),
     ],
@@ -148,7 +148,7 @@ def test_a_policy_in_pieces_is_asked_of_those_that_hold_all_states():
 def test_states_that_make_no_picture(states, words):
     pomdp = model(4)
     with pytest.raises(ModelError, match=words):
-        slice_of(pomdp, Policy.of(pomdp, [[1, 2, 3, 4]], [0]), states)
+        slice_policy(pomdp, Policy.of(pomdp, [[1, 2, 3, 4]], [0]), states)
 
 
 def shown(figure: Figure) -> list[str]:
@@ -171,7 +171,7 @@ def shown(figure: Figure) -> list[str]:
 def test_a_line_names_all_actions_and_the_gap(authors):
     pomdp, solution = authors
     words = shown(draw_line(pomdp, solution.policy, TURNED[:2], title="lcorpp.pomdp"))
-    actions = {pomdp.actions[r.action] for r in slice_of(pomdp, solution.policy, TURNED[:2]).regions()}
+    actions = {pomdp.actions[r.action] for r in slice_policy(pomdp, solution.policy, TURNED[:2]).regions()}
     assert len(actions) >= 4
     assert actions <= set(words)
     assert {"upper bound", "lcorpp.pomdp", "P(not_interested_turned); the rest is interested_turned"} <= set(
@@ -191,9 +191,9 @@ def test_a_triangle_names_actions_and_corners(authors):
     pomdp, solution = authors
     words = shown(draw_triangle(pomdp, solution.policy, TURNED))
     for name in TURNED:
-        assert words.count(name) == 2  # once more under the gap
+        assert words.count(name) == 2  # once more in the gap's triangle
     shares = {word.rpartition(" (")[0] for word in words if word.endswith("%)")}
-    assert shares == {pomdp.actions[r.action] for r in slice_of(pomdp, solution.policy, TURNED).regions()}
+    assert shares == {pomdp.actions[r.action] for r in slice_policy(pomdp, solution.policy, TURNED).regions()}
     words = shown(draw_triangle(pomdp, solution.policy, TURNED, bound=False, base=pomdp.start))
     assert words.count("term") == 1
     assert "the other states keep 0.4 in all" in words
@@ -204,7 +204,7 @@ def test_many_actions_are_told_apart():
     right = np.linspace(0, 1, 20)
     pomdp = model(2, A=20)
     policy = Policy.of(pomdp, np.stack([-(right**2), 2 * right - right**2], axis=1), np.arange(20))
-    regions = slice_of(pomdp, policy, pomdp.states).regions()
+    regions = slice_policy(pomdp, policy, pomdp.states).regions()
     assert [region.action for region in regions] == list(range(20))
     assert len({Fill.of(region.action) for region in regions}) == 20
     assert set(pomdp.actions) <= set(shown(draw_line(pomdp, policy, pomdp.states)))
@@ -251,8 +251,8 @@ def test_large_models_are_drawn_without_their_matrices():
     pomdp = read_pomdp(shared_model("tag-avoid.pomdp"))
     solution = solve(pomdp, time_limit=0.3)
     support = [pomdp.states[s] for s in np.flatnonzero(pomdp.start)[:3]]
-    triangle = slice_of(pomdp, solution.policy, support, pomdp.start)
-    assert isinstance(triangle, Slice)
+    triangle = slice_policy(pomdp, solution.policy, support, pomdp.start)
+    assert isinstance(triangle, BeliefSlice)
     weights = grid(3)
     expected = [solution.policy.value(triangle.belief(weight)) for weight in weights]
     assert triangle.value(weights) == pytest.approx(np.array(expected))

@@ -164,3 +164,18 @@ def _load_step(step: dict[str, Any], arrays: dict[str, npt.NDArray[Any]]) -> Any
         for key, value in step["parameters"].items()
     }
     return kind.type(**parameters).from_arrays(own)
+
+
+def check_storable(estimator: Any) -> None:
+    """Reject an unfitted estimator that `save_classifier` cannot store once it is fitted.
+
+    Raises:
+        DataError: the estimator is no pipeline, or has a step that cannot be stored safely.
+    """
+    if not isinstance(estimator, Pipeline):
+        raise DataError(f"only a pipeline can be stored, not {type(estimator).__name__}")
+    kinds = _step_kinds()
+    native = {kind.type for kind in kinds.values()}
+    for name, step in estimator.steps:
+        if type(step) not in native:
+            dump_step(name, step, tuple(kinds))

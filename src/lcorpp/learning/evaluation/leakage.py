@@ -151,12 +151,12 @@ def leakage_note(data: Dataset | Recording) -> str | None:
 
 def shortcut_features(track: Track) -> dict[str, Array]:
     """The features of one track for each name of `SHORTCUT_FEATURES`."""
-    place, step = track.place, np.diff(track.times)
-    tolerance = max(float(np.abs(place).max()), MILLIMETRE) * EXACT
+    positions, step = track.positions, np.diff(track.times)
+    tolerance = max(float(np.abs(positions).max()), MILLIMETRE) * EXACT
     straight = _on_straight_line(track, tolerance)
-    repeated = np.all(np.abs(np.diff(place, axis=1)) <= tolerance, axis=0)
+    repeated = np.all(np.abs(np.diff(positions, axis=1)) <= tolerance, axis=0)
     on_grid = np.all(
-        np.abs(place / MILLIMETRE - np.round(place / MILLIMETRE)) <= tolerance / MILLIMETRE, axis=0
+        np.abs(positions / MILLIMETRE - np.round(positions / MILLIMETRE)) <= tolerance / MILLIMETRE, axis=0
     )
     sampling = (
         *(step.mean(), np.median(step), step.std(), step.max()),
@@ -164,7 +164,7 @@ def shortcut_features(track: Track) -> dict[str, Array]:
         *(repeated.mean(), on_grid.mean()),
     )
     return {
-        "end position": place[:, -1],
+        "end position": positions[:, -1],
         "duration": np.array([track.duration, len(track)]),
         "sampling": np.round(sampling, 9),  # the rounding of a clock is not a trace
     }
@@ -173,7 +173,7 @@ def shortcut_features(track: Track) -> dict[str, Array]:
 def _on_straight_line(track: Track, tolerance: float) -> Flags:
     """(samples - 2,) whether a sample lies on the line between its neighbours, in place and time."""
     step = np.diff(track.times)
-    velocity = np.diff(track.place, axis=1) / step
+    velocity = np.diff(track.positions, axis=1) / step
     deviation = np.abs(np.diff(velocity, axis=1)) * np.minimum(step[1:], step[:-1])
     straight: Flags = np.all(deviation <= 4 * tolerance, axis=0)
     return straight

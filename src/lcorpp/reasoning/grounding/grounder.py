@@ -15,6 +15,7 @@ from fractions import Fraction
 from typing import cast
 
 from lcorpp.errors import ProgramError
+from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.atoms import AtomTable, make_key
 from lcorpp.reasoning.grounding.ground_program import (
     Clause,
@@ -62,7 +63,8 @@ def ground_program(
         ProgramError: arithmetic is undefined.
     """
     try:
-        return _Grounder(program, do).run(observed, asked)
+        with gc_paused():
+            return _Grounder(program, do).run(observed, asked)
     except SourceIssue as issue:
         raise ProgramError(str(issue)) from None
 

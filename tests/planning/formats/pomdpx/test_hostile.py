@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from lcorpp.errors import LcorppError, ParseError
 from lcorpp.planning import Factored, flatten
 from lcorpp.planning.formats.pomdpx import decision_diagrams as pomdpx_diagrams
-from tests.planning.formats.pomdpx_texts import (
+from tests.planning.formats.pomdpx.texts import (
     DIAGRAMS,
     HEAD,
     TEXT,
@@ -62,7 +62,7 @@ def test_a_diagram_over_many_variables_is_not_too_deep():
 
 
 def test_templates_that_multiply_are_bounded(monkeypatch):
-    monkeypatch.setattr(pomdpx_diagrams, "MAX_STEPS", 1000)
+    monkeypatch.setattr(pomdpx_diagrams, "MAX_BRANCHES", 1000)
     names = [f"x{i}" for i in range(12)]
     variables = "".join(
         f'<StateVar vnamePrev="{n}_0" vnameCurr="{n}_1"><ValueEnum>a b</ValueEnum></StateVar>' for n in names

@@ -6,7 +6,7 @@ import pytest
 from lcorpp.errors import FileError, ParseError
 from lcorpp.planning import flatten, read_pomdp, read_pomdpx
 from tests.planning.factored.models import rover
-from tests.planning.formats.pomdpx_texts import DIAGRAMS, HEAD, TEXT, parsed
+from tests.planning.formats.pomdpx.texts import DIAGRAMS, HEAD, TEXT, parsed
 
 
 @pytest.mark.parametrize("text", [TEXT, HEAD + DIAGRAMS], ids=["tables", "diagrams"])

@@ -8,7 +8,7 @@ import pytest
 from lcorpp.errors import ModelError, ParseError
 from lcorpp.planning import parse_pomdp
 from lcorpp.planning.formats.pomdp import tables as pomdp_tables
-from tests.planning.formats.texts import head
+from tests.planning.formats.pomdp.texts import head
 
 MANY = 100_000
 

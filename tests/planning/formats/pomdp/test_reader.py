@@ -8,7 +8,7 @@ import pytest
 
 from lcorpp.errors import FileError, ParseError
 from lcorpp.planning import parse_pomdp, read_pomdp
-from tests.planning.formats.texts import BODY, HEAD, same
+from tests.planning.formats.pomdp.texts import BODY, HEAD, same
 from tests.planning.models import TIGER, shared_model
 
 

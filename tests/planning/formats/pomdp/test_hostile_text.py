@@ -7,7 +7,7 @@ from hypothesis import example, given, settings, strategies as st
 
 from lcorpp.errors import ModelError, ParseError
 from lcorpp.planning import Pomdp, parse_pomdp
-from tests.planning.formats.texts import BODY, HEAD
+from tests.planning.formats.pomdp.texts import BODY, HEAD
 from tests.planning.models import LCORPP, SHARED, TIGER
 
 WORDS = st.sampled_from(

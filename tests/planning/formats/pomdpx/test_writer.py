@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from lcorpp.errors import FileError, ModelError
 from lcorpp.planning import Factored, cpt as table, flatten, format_pomdpx, parse_pomdpx, write_pomdpx
 from tests.planning.factored.models import factored_models, rover
-from tests.planning.formats.pomdpx_texts import parsed
+from tests.planning.formats.pomdpx.texts import parsed
 from tests.planning.models import pomdps
 
 SUITE = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lcorpp.errors import ParseError
-from tests.planning.formats.pomdpx_texts import STAYS, TEXT, function, node, number, parsed, surely, template
+from tests.planning.formats.pomdpx.texts import STAYS, TEXT, function, node, number, parsed, surely, template
 
 
 def swap(old: str, new: str) -> str:
@@ -26,16 +26,16 @@ BAD = [
     (swap(" 0.95 ", " @1 "), "discount 1 is refused"),
     (swap(" 0.95 ", " @0.9_5 "), "expected a number, found '0.9_5'"),
     (swap(" 0.95 ", " @0.9\u00a05 "), "expected a number, found '0.9\\xa05'"),
-    (swap("<Discount> 0.95", "@<Discount>.9 .5"), "<Discount> holds one word, found 2"),
-    (swap(" 0.95 ", "@<b/>"), "<Discount> holds words only, found <b>"),
+    (swap("<Discount> 0.95", "@<Discount>.9 .5"), "<Discount> contains one word, found 2"),
+    (swap(" 0.95 ", "@<b/>"), "<Discount> contains words only, found <b>"),
     (swap("<Discount>", "<Discount>.5</Discount>@<Discount>"), "a second <Discount> in <pomdpx>"),
     (
         swap("<Variable>", "@<Values/><Variable>"),
         "unknown <Values> in <pomdpx>; expected one of <Description>",
     ),
-    (swap("<Variable>", "<Horizon>@10</Horizon><Variable>"), "a horizon is refused"),
+    (swap("<Variable>", "<Horizon>@10</Horizon><Variable>"), "finite horizons are not supported"),
     (swap("<Variable>", "@stray <Variable>"), "text among the elements of <pomdpx>: 'stray'"),
-    (swap("<Variable>", "<Variable>@stray"), "<Variable> holds no text, found 'stray'"),
+    (swap("<Variable>", "<Variable>@stray"), "<Variable> contains no text, found 'stray'"),
     (
         swap('<StateVar vnamePrev="rover_0" vnameCurr="rover_1"', '@<StateVar vnamePrev="r"'),
         "attribute vnameCurr",
@@ -65,13 +65,13 @@ BAD = [
         "needs a variable for the action: <ActionVar>",
     ),
     (swap("<Var>rock_0", "<Var>@rock_2"), "unknown variable 'rock_2'; expected one of rover_0, rock_0"),
-    (swap("<Var>rock_0", "<Var>@rock_1"), "'rock_1' cannot stand here; expected one of rover_0, rock_0"),
+    (swap("<Var>rock_0", "<Var>@rock_1"), "'rock_1' is not allowed here; expected one of rover_0, rock_0"),
     (swap("<Var>rock_0", "<Var>@rover_0"), "a second <CondProb> for 'rover_0'"),
     (swap("<Var>rock_0</Var>", "@<Var/>"), "<Var> names no variable"),
     (swap("<Var>rover_0", "<Var>rover_0 rock_0 @rover_0"), "'rover_0' is named twice"),
     (
         swap("rover_1 rock_1</Parent>", "@rover_0 rock_1</Parent>"),
-        "'rover_0' cannot stand here; expected one of rover_1",
+        "'rover_0' is not allowed here; expected one of rover_1",
     ),
     (swap("<Parent>action rover_0 rock_0", "<Parent>action @rock_1 rock_0"), "'rock_1' is named twice"),
     (
@@ -122,7 +122,7 @@ BAD = [
     (swap("<Entry><Instance>* - -</Instance>", "@<Entry>"), "<Entry> needs <Instance>"),
     (
         swap('<Parameter type="TBL"', '@<Parameter type="CONT"'),
-        "a parameter of type 'CONT' is not read; expected TBL",
+        "unknown parameter type 'CONT'; expected TBL",
     ),
     (swap("<Var>moving", "<Var>@cost"), "unknown reward 'cost'; expected one of moving, sampling"),
     (swap("<Var>sampling", "<Var>@moving"), "a second <Func> for 'moving'"),
@@ -173,10 +173,10 @@ BAD_DIAGRAMS = [
     (diagram('<Node var="action"><Edge val="west"/>@<Edge val="west"/></Node>'), "a second edge for 'west'"),
     (
         diagram(node("action", west="@" + node("action", west=number(1)))),
-        "'action' is decided already on the way here",
+        "'action' already has a value on this path",
     ),
     (diagram(node("action", west=STAYS.format("rock_1"))), "given action=east, rock=good is missing"),
-    (diagram("@" + STAYS.format("action")), "'action' is given here; expected the variable itself"),
+    (diagram("@" + STAYS.format("action")), "'action' is a parent here; expected the variable itself"),
     (diagram("@" + surely("rock_1", "ugly")), "unknown value 'ugly' of \"rock'\"; expected one of good, bad"),
     (
         diagram('@<SubDAG type="random" var="rock_1"/>'),

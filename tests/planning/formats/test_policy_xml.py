@@ -76,7 +76,7 @@ BOMB = '<?xml version="1.0"?><!DOCTYPE p [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">
         (APPL.replace('action="1"', ""), "action must be a whole number"),
         (APPL.replace('obsValue="0">-81', 'obsValue="1">-81'), "factored model"),
         (APPL.replace('numObsValue="1"', 'numObsValue="3"'), "factored model"),
-        (APPL.replace('numVectors="2"', 'numVectors="3"'), "3 vectors are announced, 2 are there"),
+        (APPL.replace('numVectors="2"', 'numVectors="3"'), "the header announces 3 vectors, found 2"),
         (APPL.replace("-81.5972", "-81.5972 7"), "a vector of 3 numbers, the model has 2 states"),
         (APPL.replace("-81.5972", "nan"), "nan is not a finite number"),
         (APPL.replace("-81.5972", "abc"), "expected a number, found 'abc'"),
@@ -95,8 +95,8 @@ BOMB = '<?xml version="1.0"?><!DOCTYPE p [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">
         (SPARSE.replace("1 2.5", "1_0 2.5"), "an entry is a state's number and a value, not '1_0 2.5'"),
         (SPARSE.replace("1 2.5", "1 2.5 3"), "an entry is a state's number and a value"),
         (SPARSE.replace("1 2.5", "2 2.5"), "state 2 is not among the 2 states"),
-        (APPL.replace("19.3714 19", '<Vector action="0"/>19.3714 19'), "cannot stand in another vector"),
-        (APPL.replace("</Policy>", '<AlphaVector numVectors="1"/></Policy>'), "<AlphaVector> stands twice"),
+        (APPL.replace("19.3714 19", '<Vector action="0"/>19.3714 19'), "cannot be inside another vector"),
+        (APPL.replace("</Policy>", '<AlphaVector numVectors="1"/></Policy>'), "a second <AlphaVector>"),
     ],
 )
 def test_malformed_files(tmp_path, text, message):
@@ -151,7 +151,7 @@ def test_a_policy_in_pieces_is_filled_with_its_floor(tmp_path):
 
 
 def test_a_policy_in_pieces_that_would_grow_too_large_is_written_piece_by_piece(tmp_path, monkeypatch):
-    monkeypatch.setattr(policy_file, "MAX_TEXT", 100)
+    monkeypatch.setattr(policy_file, "MAX_BYTES", 100)
     write_policy(in_pieces, tmp_path / "x.policy")
     text = (tmp_path / "x.policy").read_text()
     assert "<!-- lcorpp pieces 0,2 1,3-4 -->" in text
@@ -162,8 +162,8 @@ def test_a_policy_in_pieces_that_would_grow_too_large_is_written_piece_by_piece(
         assert (found.vectors == piece.vectors).all()
         assert found.actions.tolist() == piece.actions.tolist()
     for wrong, words in (
-        ("0,2 1,3-9", "'1,3-9' are no states of the model"),
-        ("0,2 3-1", "'3-1' are no states of the model"),
+        ("0,2 1,3-9", "increasing ranges of the model's state indices, found '1,3-9'"),
+        ("0,2 3-1", "increasing ranges of the model's state indices, found '3-1'"),
         ("0,2 1,3-4 0", "observed variables have 2 values, those of the model 3"),
         ("0,2 1", "a vector of 3 numbers"),
         ("0,2", "observed variables have 2 values, those of the model 1"),

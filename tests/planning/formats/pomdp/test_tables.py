@@ -15,7 +15,7 @@ from lcorpp.planning.formats.pomdp.preamble import read_preamble
 from lcorpp.planning.formats.pomdp.rewards import expected_rewards
 from lcorpp.planning.formats.pomdp.statements import Statements
 from lcorpp.planning.formats.pomdp.tokens import Tokens
-from tests.planning.formats.texts import head
+from tests.planning.formats.pomdp.texts import head
 
 S, A, O = 3, 2, 2  # noqa: E741
 SIZES = {"T": (A, S, S), "O": (A, S, O), "R": (A, S, S, O)}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from lcorpp.planning.formats.numbers import finite_numbers, first_fault, is_number
+from lcorpp.planning.formats.numbers import find_invalid_number, is_number, parse_numbers
 
 # the same grammar without possessive quantifiers, too slow for long words
 SLOW = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -35,8 +35,8 @@ def test_a_word_is_a_number_when_the_grammar_says_so(word):
 
 @given(st.lists(WORDS.filter(bool)))
 def test_many_at_once_or_one_by_one(words):
-    values = finite_numbers("  ".join(words))
-    index, message = first_fault(words)
+    values = parse_numbers("  ".join(words))
+    index, message = find_invalid_number(words)
     right = [is_number(word) and bool(np.isfinite(float(word))) for word in words]
     assert (values is not None) == all(right) == (message == "")
     assert index == ([*right, False].index(False))
@@ -46,6 +46,6 @@ def test_many_at_once_or_one_by_one(words):
 
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False)))
 def test_numbers_come_back_as_they_were_written(values):
-    found = finite_numbers(" ".join(map(repr, values)))
+    found = parse_numbers(" ".join(map(repr, values)))
     assert found is not None
     assert found.tobytes() == np.array(values, dtype=float).tobytes()

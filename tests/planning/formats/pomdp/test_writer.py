@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import FileError, ModelError
 from lcorpp.planning import Pomdp, SparseTables, format_pomdp, parse_pomdp, read_pomdp, write_pomdp
-from tests.planning.formats.texts import BODY, HEAD, PUBLISHED, same
+from tests.planning.formats.pomdp.texts import BODY, HEAD, PUBLISHED, same
 from tests.planning.models import pomdps, shared_model
 
 
