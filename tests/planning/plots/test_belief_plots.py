@@ -14,8 +14,17 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import AlphaVectors, BatchPolicy, Policy, Pomdp, parse_pomdp, solve
-from lcorpp.planning.plots import draw_bounds, draw_line, draw_triangle
+from lcorpp.planning import (
+    AlphaVectors,
+    BatchPolicy,
+    Policy,
+    Pomdp,
+    draw_bounds,
+    draw_line,
+    draw_triangle,
+    parse_pomdp,
+    solve,
+)
 from lcorpp.planning.plots.belief_regions import BeliefSlice, area, grid, slice_policy
 from lcorpp.plot_style import Fill
 from tests.planning.models import LCORPP, TIGER, shared_model

@@ -8,9 +8,8 @@ from hypothesis import given, strategies as st
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import Policy, parse_pomdp, read_pomdp, solve
+from lcorpp.planning import Policy, draw_graph, parse_pomdp, read_pomdp, solve
 from lcorpp.planning.evaluation.policy_graph import policy_graph
-from lcorpp.planning.plots import draw_graph
 from lcorpp.planning.plots.graph_layout import DUMMY_SIZE, layout_graph
 from tests.planning.models import LCORPP, TIGER, shared_model
 from tests.planning.plots.test_belief_plots import shown
