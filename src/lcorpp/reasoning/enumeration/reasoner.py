@@ -17,11 +17,16 @@ from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning.enumeration.measures import measure_worlds, satisfies
 from lcorpp.reasoning.errors import no_value_error
 from lcorpp.reasoning.language.arithmetic import canonical_text
-from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Query, Term
-from lcorpp.reasoning.resolve import resolve_evidence, resolve_interventions, resolve_term
+from lcorpp.reasoning.resolve import (
+    collect_interventions,
+    resolve_evidence,
+    resolve_interventions,
+    resolve_query,
+    resolve_term,
+)
 from lcorpp.reasoning.world import World
 from lcorpp.values import Distribution
 
@@ -121,10 +126,14 @@ class Enumeration:
             ProgramError: the query does not fit the program, or asks for a distribution.
             UndefinedError: no possible world satisfies its observations.
         """
+        query = resolve_query(self.program, query)
         if query.subject:
             raise ProgramError(
                 f"{query.at}: the query asks for a distribution; expected {query.subject}=value"
             )
+        return self._compute_probability(query)
+
+    def _compute_probability(self, query: Query) -> Fraction:
         table = self._condition_on_query(query)
         true = table.filter(lambda values: all(satisfies(literal, values) for literal in query.literals))
         return Fraction(true.total, table.total)
@@ -135,8 +144,9 @@ class Enumeration:
         Raises:
             ProgramError, UndefinedError: as `exact` and `probability`.
         """
+        query = resolve_query(self.program, query)
         if query.subject is None:
-            return self.probability(query)
+            return self._compute_probability(query)
         return self._compute_marginal(query.subject, self._condition_on_query(query))
 
     @property
@@ -186,18 +196,8 @@ class Enumeration:
     # tables of worlds
 
     def _condition_on_query(self, query: Query) -> _WorldTable:
-        """The worlds that satisfy the conditions of a query."""
-        try:
-            self.program.check_query(query)
-        except SourceIssue as issue:
-            raise ProgramError(str(issue)) from None
-        interventions: dict[str, str] = {}
-        for item in query.interventions:
-            term, value = canonical_text(item.term), canonical_text(item.value)
-            if interventions.setdefault(term, value) != value:
-                raise ProgramError(
-                    f"{item.at}: do({term}) sets two values, {interventions[term]} and {value}"
-                )
+        """The worlds that satisfy the conditions of a resolved query."""
+        interventions = collect_interventions(query)
         literals = [observation.literal for observation in query.observations]
         table = self._enumerate(interventions, literals)
         return self._check_positive(
