@@ -1,6 +1,9 @@
 """`lcorpp learn --store`: what was decided is kept, and an interrupted run goes on as if it had not been."""
 
 import csv
+import shutil
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +27,7 @@ def stored(path):
 
 
 def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "lcorpp.experiments.active_learning.write_figure", lambda *_: []
-    )  # takes half the time
+    monkeypatch.setattr("lcorpp.experiments.figures.files.write_figure", lambda *_: [])  # takes half the time
     learn = ("learn", ROOMS, *OPTIONS, "--max-batches", 3)
     plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")
     assert plain.code == 0, plain.err
@@ -61,9 +62,9 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monk
     assert len(outs) == 4
     assert "interrupted: the batches above are kept; every decision is kept in" in outs[0].err
     for ended, words in zip(
-        outs[1:], ("0, 1 decisions of the next are made", "1\n", "1, 4 decisions"), strict=True
+        outs[1:], ("0, 1 decisions of the next batch are stored", "1\n", "1, 4 decisions"), strict=True
     ):
-        assert f"goes on after batch {words}" in ended.out
+        assert f"resumes after batch {words}" in ended.out
     assert (tmp_path / "out" / "batches.csv").read_text() == (tmp_path / "plain" / "batches.csv").read_text()
     assert stored(tmp_path / "s.tracks") == stored(tmp_path / "plain.tracks")
     batches = [line for line in plain.out.splitlines() if line.startswith("batch")]
@@ -71,7 +72,7 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monk
     assert told == batches[3:]
 
     again = lcorpp(*learn, "--store", tmp_path / "s.tracks", "--max-batches", 4)
-    assert "goes on after batch 3\n" in again.out
+    assert "resumes after batch 3\n" in again.out
     assert "stopped after 4 batches" in again.out
     assert len(read_store(tmp_path / "s.tracks")) == 16
 
@@ -81,7 +82,7 @@ def test_what_a_store_cannot_be(lcorpp, tmp_path):
     Store(tmp_path / "other", TrackSchema(("x", "y"), 0.033, ("a", "b"))).close()
     for path, words in (
         (tmp_path, "is not a file; a store of tracks is one"),
-        (tmp_path / "text", "not a store of tracks; expected a file that begins with 'lcorpp tracks '"),
+        (tmp_path / "text", "text: not a store of tracks"),
         (tmp_path / "other", "its classes: a, b; the tracks to be stored have: lab, office, store"),
         (tmp_path / "no" / "s", "No such file"),
     ):
@@ -95,23 +96,23 @@ def test_what_a_store_cannot_be(lcorpp, tmp_path):
 
 @pytest.fixture
 def damaged(tmp_path):
-    from tests.learning.stores import filled
+    from tests.learning.store.stores import filled
 
     path = tmp_path / "s.tracks"
-    content = bytearray(filled(path, 8))
-    content[read_store(path).tracks[2].place + 90] ^= 1
-    path.write_bytes(content[:-3])
+    filled(path, 8)
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("UPDATE track SET label = 'interested' WHERE record = 4")
+        connection.commit()
     return path
 
 
-def test_check_tells_what_a_store_holds_and_lacks(lcorpp, damaged, tmp_path):
+def test_check_reports_the_content_and_the_damage_of_a_store(lcorpp, damaged, tmp_path):
     ended = lcorpp("check", damaged)
     assert ended.code == 2
-    assert f"{damaged}: 6 tracks (2 interested by report, " in ended.out
-    assert "bytes are no whole record" in ended.out
-    assert "damaged in 1 place; the other records are right" in ended.err
-    assert "1 record lost" in ended.err
-    from tests.learning.stores import filled
+    assert f"{damaged}: 7 tracks (1 interested by a person, " in ended.out
+    assert "damaged in 1 place; the other records are" in ended.err
+    assert "record 4: its checksum is wrong; 1 record lost" in ended.err
+    from tests.learning.store.stores import filled
 
     filled(tmp_path / "right", 8)
     ended = lcorpp("check", tmp_path / "right")
@@ -120,5 +121,18 @@ def test_check_tells_what_a_store_holds_and_lacks(lcorpp, damaged, tmp_path):
         "8 tracks (1 interested by a person, 2 interested by report, 1 not_interested by a person, "
         in ended.out
     )
-    assert ended.out.rstrip().endswith("x, y every 0.033 s: right")
+    assert ended.out.rstrip().endswith("x, y every 0.033 s: OK")
     assert np.isfinite(read_store(tmp_path / "right").trajectories()).all()
+
+
+def test_stores_of_version_1_are_converted(lcorpp, tmp_path, caplog):
+    old = Path(__file__).parents[1] / "learning" / "store" / "version1" / "rooms.tracks"
+    for command in (("check",), ("learn", ROOMS, *OPTIONS, "--max-batches", "1", "--store")):
+        path = tmp_path / f"{command[0]}.tracks"
+        shutil.copy(old, path)
+        ended = lcorpp(*command, path)
+        assert ended.code == 0
+        assert "3 tracks (1 lab by a person, 1 office by a person, 1 store by a person)" in ended.out
+        assert f"{path}: converted from version 1 to SQLite, 3 records" in caplog.text
+        assert path.with_name(f"{path.name}.old").read_bytes() == old.read_bytes()
+    assert len(read_store(path)) > 3

@@ -56,11 +56,11 @@ def test_the_rules_that_fired():
     (world, fired), (other, others) = asked(program, "?{r}", count=2).worlds
     assert world.values == {"p": "false", "q": "false", "r": "false"}
     assert world.measure == Fraction(1, 2)
-    assert [(rule.at.line, rule.says) for rule in fired] == [
+    assert [(rule.at.line, rule.effect) for rule in fired] == [
         (2, "p is random, here false"), (4, "q=false"), (7, "r=false"),
     ]  # fmt: skip
     assert other.values == {"p": "true", "q": "true", "r": "true"}
-    assert [(rule.at.line, rule.says) for rule in others] == [
+    assert [(rule.at.line, rule.effect) for rule in others] == [
         (2, "p is random, here true"), (3, "q is random, here true"),
         (5, "q=true with probability 3/4"), (6, "r=true"),
     ]  # fmt: skip
@@ -70,8 +70,8 @@ def test_the_rules_that_fired():
 def test_what_is_set_is_not_random():
     program = read_plog(PLOG / "rat.plog")
     ((_, fired), *_) = asked(program, "?{arsenic} | do(death)").worlds
-    assert not any("death is random" in rule.says or rule.says.startswith("death=") for rule in fired)
-    assert any(rule.says.startswith("arsenic is random") for rule in fired)
+    assert not any("death is random" in rule.effect or rule.effect.startswith("death=") for rule in fired)
+    assert any(rule.effect.startswith("arsenic is random") for rule in fired)
 
 
 def test_a_condition_that_makes_it_impossible():

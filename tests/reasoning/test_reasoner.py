@@ -43,7 +43,7 @@ def test_answers_are_kept_until_there_are_many(monkeypatch):
     first = engine.posterior("intention", GOLDEN)
     assert engine.posterior("intention", GOLDEN) is first
     assert engine.posterior("intention", dict(reversed(GOLDEN.items())))["interested"] == first["interested"]
-    monkeypatch.setattr("lcorpp.reasoning.reasoner.KEPT", 1)
+    monkeypatch.setattr("lcorpp.reasoning.reasoner.CACHE_SIZE", 1)
     for value in ("morning", "afternoon", "evening"):
         engine.posterior("intention", {"time": value})
     assert engine.posterior("intention", GOLDEN)["interested"] == first["interested"]

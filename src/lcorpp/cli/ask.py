@@ -1,4 +1,4 @@
-"""`lcorpp ask`: a query to a P-log program."""
+"""`lcorpp ask`: answer a query with a P-log program."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ import typer
 from lcorpp.errors import ProgramError
 
 if TYPE_CHECKING:
-    from lcorpp.reasoning.explanation import Result
+    from lcorpp.reasoning.answers import Numeric, QueryAnswer
     from lcorpp.reasoning.language.program import Program
     from lcorpp.reasoning.language.syntax import Query
-    from lcorpp.reasoning.reasoner import Answer
 
 
 def ask(
@@ -44,87 +43,87 @@ def ask(
         ),
     ] = False,
 ) -> None:
-    """Ask a P-log program for a probability, or for the distribution of an attribute."""
+    """Answer a query to a P-log program: a probability or a distribution."""
     from lcorpp.reasoning.language.parser import parse_query, read_plog
+    from lcorpp.reasoning.reasoner import Reasoner
 
-    told = logging.getLogger("lcorpp.reasoning")
-    if not told.handlers:
-        handler = logging.StreamHandler()
-        handler.setFormatter(logging.Formatter("lcorpp: %(message)s"))
-        told.addHandler(handler)
-        told.setLevel(logging.INFO)
+    _log_to_stderr()
     program = read_plog(file, strict=not lenient)
-    queries = [parse_query(query, program)] if query is not None else list(program.queries)
+    queries = [parse_query(query, program)] if query is not None else program.queries
     if not queries:
         raise ProgramError(
             f"{file}: the program has no query of its own; give one, such as 'attribute=value'"
         )
-    for each in queries:
-        _say(str(each), "1")
-        with warnings.catch_warnings(record=True) as said:
+    reasoner = Reasoner(program)
+    for question in queries:
+        _print(str(question), bold=True)
+        with warnings.catch_warnings(record=True) as issued:
             warnings.simplefilter("always")
             if why:
-                _why(program, each, exact)
+                _print_explanation(program, question, exact)
             else:
-                _answer(_ask(program, each, exact), exact)
-        for warning in said:
+                _print_answer(reasoner.ask(question, exact=exact), exact)
+        for warning in issued:
             typer.echo(f"lcorpp: {warning.message}", err=True)
 
 
-def _ask(program: Program, query: Query, exact: bool) -> Result:
-    from lcorpp.reasoning.reasoner import Reasoner
+def _log_to_stderr() -> None:
+    log = logging.getLogger("lcorpp.reasoning")
+    if not log.handlers:
+        handler = logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("lcorpp: %(message)s"))
+        log.addHandler(handler)
+        log.setLevel(logging.INFO)
 
-    return Reasoner(program).ask(query, exact=exact)
 
-
-def _answer(answer: Result, exact: bool) -> None:
+def _print_answer(answer: QueryAnswer, exact: bool) -> None:
     if not isinstance(answer, dict):
-        _say(f"  {_number(answer, exact)}")
+        _print(f"  {_format_number(answer, exact)}")
         return
     width = max(map(len, answer))
     for value, probability in answer.items():
-        _say(f"  {value:<{width}}  {_number(probability, exact)}  {_bar(float(probability))}")
+        _print(f"  {value:<{width}}  {_format_number(probability, exact)}  {_draw_bar(float(probability))}")
 
 
-def _why(program: Program, query: Query, exact: bool) -> None:
+def _print_explanation(program: Program, query: Query, exact: bool) -> None:
     from lcorpp.errors import UndefinedError
     from lcorpp.reasoning.explanation import explain
 
-    found = explain(program, query)
-    if found.answer is not None:
-        _answer(found.answer, exact)
-    for condition, answer in found.without:
-        _say(f"\n  without {condition}:")
+    explanation = explain(program, query)
+    if explanation.answer is not None:
+        _print_answer(explanation.answer, exact)
+    for condition, answer in explanation.without:
+        _print(f"\n  without {condition}:")
         if isinstance(answer, str):
-            _say(f"  {answer}")
+            _print(f"  {answer}")
         else:
-            _answer(answer, exact)
-    for number, (world, fired) in enumerate(found.worlds, start=1):
-        _say(f"\n  world {number}, probability {_number(world.measure, exact)}:", "1")
-        _say(f"  {', '.join(f'{term}={value}' for term, value in world.values.items())}")
-        width = max((len(rule.says) for rule in fired), default=0)
+            _print_answer(answer, exact)
+    for number, (world, fired) in enumerate(explanation.worlds, start=1):
+        _print(f"\n  world {number}, probability {_format_number(world.measure, exact)}:", bold=True)
+        _print(f"  {', '.join(f'{term}={value}' for term, value in world.values.items())}")
+        width = max((len(rule.effect) for rule in fired), default=0)
         for rule in fired:
-            _say(f"    line {rule.at.line:<4} {rule.says:<{width}}  {rule.statement}")
-    if found.answer is None:
+            _print(f"    line {rule.at.line:<4} {rule.effect:<{width}}  {rule.statement}")
+    if explanation.answer is None:
         raise UndefinedError(f"{program.file}: no possible world of positive measure has the evidence")
 
 
-def _number(probability: Answer, exact: bool) -> str:
+def _format_number(probability: Numeric, exact: bool) -> str:
     error = getattr(probability, "error", None)
     if error is not None:
         return f"{float(probability):.6f} ± {1.96 * error:.6f}"
     if exact:
         return str(probability)
-    small = 0 < probability < 5e-7  # what is possible is not shown as 0
+    small = 0 < probability < 5e-7  # six decimals would show 0
     return f"{float(probability):.6g}" if small else f"{float(probability):.6f}"
 
 
-def _bar(share: float, width: int = 30) -> str:
-    """A probability as a bar; rich would draw it as well, but takes longer to load than the answer."""
+def _draw_bar(share: float, width: int = 30) -> str:
+    """Return a bar for a probability; importing rich would take longer than the answer."""
     eighths = round(share * width * 8)
     blocks = "█" * (eighths // 8) + (" ▏▎▍▌▋▊▉"[eighths % 8] if eighths % 8 else "")
     return typer.style(blocks, fg="cyan")
 
 
-def _say(text: str, style: str = "") -> None:
-    typer.echo(typer.style(text, bold=True) if style else text)
+def _print(text: str, *, bold: bool = False) -> None:
+    typer.echo(typer.style(text, bold=True) if bold else text)

@@ -1,8 +1,8 @@
-"""What outlives a run of Algorithm 1: the store of tracks, and a checkpoint of every training.
+"""Run store: the tracks of a run of Algorithm 1 and a checkpoint of every training, to resume it.
 
-A decision is in the store when its listener returns; a batch is in the checkpoint when it is saved. Whatever
-ends a run in between, the next one goes on from there: the store is the truth, and a checkpoint that is lost
-or damaged costs a training and nothing else.
+A decision is stored when its listener returns, a batch when its checkpoint is saved. After an interruption
+of any kind the next run resumes there. The store is authoritative: without a usable checkpoint the classifier
+is trained again, and nothing else is lost.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ Rows = list[dict[str, float | int | str]]
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """What stood after a training.
+    """The state of a run after a training.
 
-    run: a name that all decisions since the first training share. number, confusion, change: see `Batch`.
-    records: how many of the store were known then, apart from decisions of a batch not yet completed.
-    rows: what the run has told of its batches. classifier: None where its kind cannot be stored.
+    run: a name shared by all decisions since the first training. number, confusion, change: as in `Batch`.
+    records: number of records in the store, without the decisions of an incomplete batch.
+    rows: results of the batches. classifier: None if its type cannot be stored.
     """
 
     run: str
@@ -52,78 +52,78 @@ class Checkpoint:
 
 
 class RunStore:
-    """The store and the checkpoint beside it, in the folder `<store>.checkpoint`; one process at a time.
+    """The store of a run and its checkpoint in the folder `<store>.checkpoint`; for one process at a time.
 
-    store: open for writing. notes: what opening found, in words.
+    store: open for writing. notes: what was found when it was opened, as sentences.
+    pending: decisions since the last training. n_people: number of people that the run has met.
     """
 
     def __init__(
         self, path: str | Path, dataset: Dataset, classes: Sequence[str], settings: Mapping[str, Any]
     ):
-        """Open the store at `path`, or make it, and see whether an earlier run can be gone on with.
+        """Open or create the store at `path` and read the checkpoint of an earlier run.
 
         Args:
-            dataset: the data to begin with; the store takes tracks of their kind.
+            dataset: the initial data; the tracks of the store have the same schema.
             classes: the values of the target.
-            settings: what else a training depends on, as JSON can hold it, e.g. the seed; a checkpoint of
-                other settings is not used.
+            settings: everything else that a training depends on, as JSON can represent it, e.g. the seed; a
+                checkpoint with other settings is not used.
 
         Raises:
             FileError, DataError: as `Store`.
         """
-        self.store = Store(path, TrackSchema.of(dataset, classes))
+        self.store = Store(path, TrackSchema.from_dataset(dataset, classes))
         self._initial = dataset
         self._settings = {**settings, "data": _digest(dataset)}
         self._folder = self.store.path.with_name(f"{self.store.path.name}.checkpoint")
         self.notes = list(self.store.notes)
         try:
-            reading = self.store.snapshot()
-            self._checkpoint = self._found(reading)
+            snapshot = self.store.snapshot()
+            self._checkpoint = self._read_checkpoint(snapshot)
             self._run = self._checkpoint.run if self._checkpoint else uuid4().hex[:12]
             self._number = self._checkpoint.number if self._checkpoint else 0
-            self.pending = tuple(stored for stored in reading if self._is_pending(stored))
-            self.n_people = 1 + max((_whole(stored.extra.get("met")) for stored in reading), default=-1)
+            self.pending = tuple(stored for stored in snapshot if self._is_pending(stored))
+            self.n_people = 1 + max((_to_number(stored.extra.get("met")) for stored in snapshot), default=-1)
         except BaseException:
             self.store.close()
             raise
 
     @property
     def number(self) -> int | None:
-        """The last batch that the run to go on with has completed; None where none is gone on with."""
+        """The last completed batch of the resumed run; None for a new run."""
         return self._checkpoint.number if self._checkpoint else None
 
     @property
     def rows(self) -> Rows:
-        """What the run that is gone on with has told of its batches."""
+        """Batch results reported by the resumed run."""
         return list(self._checkpoint.rows) if self._checkpoint else []
 
     def dataset(self) -> Dataset:
-        """The data to begin with and all that is stored with a label: Omega."""
-        return self._extended(())
+        """The initial data and all labelled tracks of the store: Omega."""
+        return self._dataset_without(())
 
     def resume(self, learn: Learn) -> ResumePoint | None:
-        """Where the earlier run ended; None where there is none to go on with.
+        """Return the state in which the earlier run ended; None for a new run.
 
         Args:
-            learn: trains a classifier where the checkpoint holds none, or anew where persons have labelled
-                tracks since.
+            learn: trains a classifier if the checkpoint has none, or if people have labelled tracks since.
         """
         checkpoint = self._checkpoint
         if checkpoint is None:
             return None
-        since = self.store.last - len(self.pending) - checkpoint.records
+        since = self.store.last_record - len(self.pending) - checkpoint.records
         if since:
             self.notes.append(
-                f"{since} records were added since, by persons or another run: trained anew"
+                f"{since} records were added by persons or another run: trained again"
                 if since > 0
-                else f"{-since} records that the last training knew are lost: trained anew"
+                else f"{-since} records that the last training used are lost: trained again"
             )
             classifier, confusion = learn(self.dataset())
             change = ssub(checkpoint.confusion.probabilities, confusion.probabilities)
             return ResumePoint(checkpoint.number, classifier, confusion, change, len(self.pending))
         trained = checkpoint.classifier
         if trained is None:
-            trained, _ = learn(self._extended(self.pending))
+            trained, _ = learn(self._dataset_without(self.pending))
         return ResumePoint(
             checkpoint.number, trained, checkpoint.confusion, checkpoint.change, len(self.pending)
         )
@@ -131,14 +131,16 @@ class RunStore:
     def append_decision(
         self, instance: Instance, episode: Episode, belief: Distribution, extra: Mapping[str, Any]
     ) -> str:
-        """Store a decision: the track, the reported label and the belief behind it; on the disk afterwards.
+        """Store a decision: the track, the reported label and the belief behind it.
+
+        It is on the disk when this returns.
 
         Args:
             belief: over the target's values, when the robot reported.
-            extra: what else to keep, e.g. what a simulation knows of the truth.
+            extra: further data to store, e.g. the simulated truth.
 
         Returns:
-            Its id.
+            The id of the track.
         """
         about = {"run": self._run, "batch": self._number + 1, "met": self.n_people, **extra}
         entry = NewTrack(
@@ -155,7 +157,7 @@ class RunStore:
         return id
 
     def save_checkpoint(self, batch: Batch, rows: Rows) -> None:
-        """Write the checkpoint of a batch: all of it or, after a crash, the one before.
+        """Write the checkpoint of a batch, whole or not at all.
 
         Raises:
             FileError: it cannot be written.
@@ -167,30 +169,31 @@ class RunStore:
         content = {
             "format": FORMAT,
             "version": VERSION,
-            "store": self.store.marker,
+            "store": self.store.identity,
             "settings": self._settings,
             "run": self._run,
             "number": batch.number,
             "classes": batch.confusion.classes,
             "counts": batch.confusion.counts.tolist(),
             "change": batch.change,
-            "records": self.store.last - len(self.pending),
+            "records": self.store.last_record - len(self.pending),
             "rows": rows,
             "classifier": self._classifier_file(batch),
         }
         write_atomically(self._file, json.dumps(content, indent=1) + "\n")
         sync_folder(self._file)
-        kept = {self._file.name, content["classifier"] and content["classifier"]["file"]}
-        for (
-            file
-        ) in self._folder.iterdir():  # of earlier checkpoints, or half written when a process was killed
-            if file.name not in kept and file.name.startswith(
-                ("classifier-", ".classifier-", ".checkpoint.")
-            ):
+        current = {self._file.name, content["classifier"] and content["classifier"]["file"]}
+        prefixes = ("classifier-", ".classifier-", ".checkpoint.")
+        for file in self._folder.iterdir():  # those of earlier checkpoints, or of a killed process
+            if file.name not in current and file.name.startswith(prefixes):
                 file.unlink(missing_ok=True)
 
+    def __repr__(self) -> str:
+        state = "new run" if self.number is None else f"resumed after batch {self.number}"
+        return f"RunStore({str(self.store.path)!r}, {state}, {len(self.pending)} decisions since)"
+
     def close(self) -> None:
-        """Let another process write."""
+        """Close the store, so that another process can write to it."""
         self.store.close()
 
     def __enter__(self) -> Self:
@@ -205,18 +208,18 @@ class RunStore:
     def _file(self) -> Path:
         return self._folder / "checkpoint.json"
 
-    def _extended(self, without: Sequence[StoredTrack]) -> Dataset:
+    def _dataset_without(self, without: Sequence[StoredTrack]) -> Dataset:
         left = {stored.id for stored in without}
-        reading = self.store.snapshot()
-        chosen = [stored for stored in reading.select() if stored.id not in left]
-        stored = reading.dataset(chosen)
+        snapshot = self.store.snapshot()
+        chosen = [stored for stored in snapshot.select() if stored.id not in left]
+        stored = snapshot.dataset(chosen)
         return self._initial.append(list(zip(stored.trajectories, stored.labels, strict=True)), stored.groups)
 
     def _is_pending(self, stored: StoredTrack) -> bool:
         return stored.extra.get("run") == self._run and stored.extra.get("batch") == self._number + 1
 
     def _classifier_file(self, batch: Batch) -> dict[str, Any] | None:
-        """Write the classifier under a name of its own; None where its kind cannot be stored."""
+        """Write the classifier to a file of a new name and describe it; None if its type cannot be stored."""
         soft = isinstance(batch.classifier, SoftClassifier)
         trained = (
             batch.classifier.trained if isinstance(batch.classifier, SoftClassifier) else batch.classifier
@@ -227,31 +230,31 @@ class RunStore:
         try:
             save_classifier(trained, path)
         except DataError:
-            return None  # trained once more at the next start
+            return None  # it is trained again at the next start
         sync_folder(path)
         return {"file": path.name, "crc32": zlib.crc32(read_bytes(path)), "soft": soft}
 
-    def _found(self, reading: Snapshot) -> Checkpoint | None:
-        """The checkpoint, if it is one of this store and these settings; what is wrong with it is noted."""
+    def _read_checkpoint(self, snapshot: Snapshot) -> Checkpoint | None:
+        """Return the checkpoint if it fits this store and these settings; otherwise note the reason."""
         if not self._file.exists():
-            if len(reading):
+            if len(snapshot):
                 self.notes.append(f"{self._file}: no checkpoint; trained on all that is stored")
             return None
         try:
             content = json.loads(read_text(self._file))
             if (content["format"], content["version"]) != (FORMAT, VERSION):
                 raise DataError(f"it is {content['format']!r}, version {content['version']!r}")
-            if content["store"] != self.store.marker:
+            if content["store"] != self.store.identity:
                 raise DataError("it belongs to another store")
             for name, value in self._settings.items():
                 if content["settings"].get(name) != value:
                     raise DataError(f"{name} was {content['settings'].get(name)}, and is {value} now")
             return Checkpoint(
                 str(content["run"]),
-                _number(content["number"]),
+                _check_count(content["number"]),
                 ConfusionMatrix(tuple(content["classes"]), np.array(content["counts"])),
                 float(content["change"]),
-                _number(content["records"]),
+                _check_count(content["records"]),
                 list(content["rows"]),
                 self._classifier(content["classifier"]),
             )
@@ -272,21 +275,22 @@ class RunStore:
             trained = load_classifier(path)
             return trained.soft() if about["soft"] else trained
         except (DataError, FileError) as error:
-            self.notes.append(f"{error}; trained once more")
+            self.notes.append(f"{error}; trained again")
             return None
 
 
 def _digest(dataset: Dataset) -> str:
-    """A name that equal data sets share: the initial data are not stored, but made or read again."""
+    """Return a text that only equal data sets share: the initial data are not stored."""
     labels = zlib.crc32("\n".join(dataset.labels).encode())
     return f"{len(dataset)} tracks, {track_hash(dataset.trajectories).removeprefix('track ')}-{labels:08x}"
 
 
-def _number(value: Any) -> int:
+def _check_count(value: Any) -> int:
     if type(value) is not int or value < 0:
         raise ValueError(f"{value!r} is no number of batches or records")
     return value
 
 
-def _whole(value: Any) -> int:
+def _to_number(value: Any) -> int:
+    """Return a whole number as it is, -1 for anything else."""
     return value if type(value) is int else -1

@@ -1,124 +1,135 @@
-"""Why an answer is what it is: what each condition does, the most probable worlds, their rules."""
+"""Explanations of answers: the effect of each condition, and the most probable worlds with their rules."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lcorpp.errors import LcorppError, UndefinedError
-from lcorpp.reasoning.circuit.trellis import build_trellis
-from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.answers import QueryAnswer
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
-from lcorpp.reasoning.grounding.grounder import QUERY_TERM, ground_program
-from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.grounding.grounder import QUERY_TERM
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Place, Query
-from lcorpp.reasoning.reasoner import Answer, Reasoner
-from lcorpp.reasoning.transitions.transition_system import build_transition_system
+from lcorpp.reasoning.query_model import QueryModel
+from lcorpp.reasoning.reasoner import Reasoner
+from lcorpp.reasoning.resolve import resolve_query
 from lcorpp.reasoning.world import World
-
-Result = dict[str, Answer] | Answer
 
 
 @dataclass(frozen=True)
-class Fired:
-    """A statement whose condition is true in a world.
+class FiredRule:
+    """A statement whose body is true in a world.
 
-    at: where it stands.
+    at: its place.
     statement: its text.
-    says: what it says there, of which term.
+    effect: its consequence in the world, such as `a=v`.
     """
 
     at: Place
     statement: str
-    says: str
+    effect: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Explanation:
-    """An answer taken apart.
+    """The parts of an answer.
 
-    answer: the answer itself; None if no possible world has the evidence.
-    without: each condition of the query, and the answer without it, or the words of the error it then is.
-    worlds: the most probable worlds with their probabilities given the evidence, and what fired in each.
+    answer: the answer, None if no possible world satisfies the conditions.
+    without: each condition of the query, and the answer without it, or the message of its error.
+    worlds: the most probable worlds that satisfy the conditions, each with the rules that fire in it. World
+        probabilities are conditional. Empty for programs with cr-rules.
     """
 
     query: Query
-    answer: Result | None
-    without: tuple[tuple[str, Result | str], ...]
-    worlds: tuple[tuple[World, tuple[Fired, ...]], ...]
+    answer: QueryAnswer | None
+    without: tuple[tuple[str, QueryAnswer | str], ...]
+    worlds: tuple[tuple[World, tuple[FiredRule, ...]], ...]
+
+    def __repr__(self) -> str:
+        return (
+            f"<Explanation of {self.query}: answer {self.answer}, {len(self.without)} conditions,"
+            f" {len(self.worlds)} worlds>"
+        )
 
 
 def explain(program: Program, query: Query, *, count: int = 3) -> Explanation:
     """Explain the answer to a query.
 
     Args:
-        count: how many worlds.
+        count: the number of worlds.
 
     Raises:
-        ProgramError: the query is not about this program, or a world breaks a condition of the language.
+        ProgramError: a name in the query is unknown, or a world violates a condition of the language.
         TooLargeError: the program has too many states.
     """
-    engine = Reasoner(program)
+    query = resolve_query(program, query)
+    reasoner = Reasoner(program)
+    model = None if program.has_cr_rules else QueryModel(program, query, keep_clauses=True)
+    answer: QueryAnswer | None
     try:
-        answer: Result | None = engine.ask(query, exact=True)
+        answer = model.answer(exact=True) if model else reasoner.ask(query, exact=True)
     except UndefinedError:
         answer = None
-    without: list[tuple[str, Result | str]] = []
-    for number, observation in enumerate(query.observations):
-        rest = query.observations[:number] + query.observations[number + 1 :]
-        without.append((str(observation)[:-1], _answer(engine, replace(query, observations=rest))))
-    for number, intervention in enumerate(query.interventions):
-        others = query.interventions[:number] + query.interventions[number + 1 :]
-        without.append((str(intervention)[:-1], _answer(engine, replace(query, interventions=others))))
-    return Explanation(query, answer, tuple(without), _worlds(program, query, count))
+    without = tuple([(condition, _try_ask(reasoner, rest)) for condition, rest in _drop_conditions(query)])
+    return Explanation(query, answer, without, _explain_worlds(model, count) if model else ())
 
 
-def _answer(engine: Reasoner, query: Query) -> Result | str:
+def _drop_conditions(query: Query) -> Iterator[tuple[str, Query]]:
+    """Iterate over the conditions of a query: its text, and the query without it."""
+    for i, observation in enumerate(query.observations):
+        rest = query.observations[:i] + query.observations[i + 1 :]
+        yield str(observation)[:-1], replace(query, observations=rest)
+    for i, intervention in enumerate(query.interventions):
+        others = query.interventions[:i] + query.interventions[i + 1 :]
+        yield str(intervention)[:-1], replace(query, interventions=others)
+
+
+def _try_ask(reasoner: Reasoner, query: Query) -> QueryAnswer | str:
     try:
-        return engine.ask(query, exact=True)
+        return reasoner.ask(query, exact=True)
     except LcorppError as error:
         return str(error)
 
 
-def _worlds(program: Program, query: Query, count: int) -> tuple[tuple[World, tuple[Fired, ...]], ...]:
-    if program.has_cr_rules:
-        return ()
-    query = program.named(query)
-    do = {canonical_text(item.term): canonical_text(item.value) for item in query.interventions}
-    observed = [observation.literal for observation in query.observations]
-    found = WorldQueries(build_trellis(build_transition_system(program, do, observed))).most_probable(
-        {}, count
-    )
-    ground_rules = ground_program(program, do, observed)
-    return tuple([(world, _fired(ground_rules, world.values)) for world in found])
+def _explain_worlds(model: QueryModel, count: int) -> tuple[tuple[World, tuple[FiredRule, ...]], ...]:
+    explained = []
+    for world in model.worlds.most_probable({}, count):
+        values = {term: value for term, value in world.values.items() if term != QUERY_TERM}
+        fired = _find_fired(model.system.program, model.clauses, values)
+        explained.append((World(values, world.measure), fired))
+    return tuple(explained)
 
 
-def _fired(program: GroundProgram, values: Mapping[str, str]) -> tuple[Fired, ...]:
-    """The statements whose bodies are true in a world, in the order of the program; facts are left out."""
-    has = []
-    for name, own in zip(program.names, program.values, strict=True):
+def _find_fired(
+    ground: GroundProgram, clauses: Sequence[Clause], values: Mapping[str, str]
+) -> tuple[FiredRule, ...]:
+    """Find the statements whose bodies are true in a world, in program order; facts are omitted."""
+    outcomes = []
+    for name, domain in zip(ground.names, ground.values, strict=True):
         value = values.get(name)
-        has.append(len(own) if value is None else own.index(value))
-    true = [c for c in program.clauses if all(allowed >> has[t] & 1 for t, allowed, _ in c.body)]
-    selected = {c.term for c in true if c.kind is ClauseKind.SELECT and c.term not in program.do}
-    found: dict[tuple[int, str], Fired] = {}
+        outcomes.append(len(domain) if value is None else domain.index(value))
+    true = [c for c in clauses if all(allowed >> outcomes[t] & 1 for t, allowed, _ in c.body)]
+    selected = {c.term for c in true if c.kind is ClauseKind.SELECT and c.term not in ground.do}
+    fired: dict[tuple[int, str], FiredRule] = {}
     for clause in true:
-        says = _says(program, clause, has, selected)
-        if says:
-            statement = program.source.statements[clause.statement]
-            found.setdefault((clause.statement, says), Fired(statement.at, str(statement), says))
-    return tuple([found[key] for key in sorted(found)])
+        effect = _format_effect(ground, clause, outcomes, selected)
+        if effect:
+            statement = ground.source.statements[clause.statement]
+            fired.setdefault((clause.statement, effect), FiredRule(statement.at, str(statement), effect))
+    return tuple([fired[key] for key in sorted(fired)])
 
 
-def _says(program: GroundProgram, clause: Clause, has: list[int], selected: set[int]) -> str | None:
-    if clause.statement < 0 or clause.term < 0 or program.names[clause.term] == QUERY_TERM:
+def _format_effect(
+    ground: GroundProgram, clause: Clause, outcomes: Sequence[int], selected: set[int]
+) -> str | None:
+    if clause.statement < 0 or clause.term < 0 or ground.names[clause.term] == QUERY_TERM:
         return None
-    name, values = program.names[clause.term], program.values[clause.term]
+    name, values, outcome = ground.names[clause.term], ground.values[clause.term], outcomes[clause.term]
     if clause.kind is ClauseKind.DERIVE:
         return f"{name}={values[clause.value]}" if clause.body else None
-    if clause.kind is ClauseKind.ASSIGN and clause.term in selected and has[clause.term] == clause.value:
+    if clause.kind is ClauseKind.ASSIGN and clause.term in selected and outcome == clause.value:
         return f"{name}={values[clause.value]} with probability {clause.number}"
-    if clause.kind is ClauseKind.SELECT and clause.term in selected and has[clause.term] < len(values):
-        return f"{name} is random, here {values[has[clause.term]]}"
+    if clause.kind is ClauseKind.SELECT and clause.term in selected and outcome < len(values):
+        return f"{name} is random, here {values[outcome]}"
     return None

@@ -1,4 +1,4 @@
-"""What users call terms and values in Python, checked against a program."""
+"""Name resolution: the terms, evidence and queries of users in the canonical names of a program."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query, Term
 
 MAX_INPUTS = 100_000
-"""How many terms an attribute that is named without its arguments may have."""
+"""Maximal number of terms of an attribute that is named without its arguments."""
 
 
 def resolve_term(program: Program, name: str) -> Term:
-    """The term that a name stands for, such as ``time`` or ``roll(d1)``.
+    """Parse the name of a term, such as ``time`` or ``roll(d1)``.
 
     Raises:
-        ProgramError: it is not a term of the program.
+        ProgramError: the program has no such term.
     """
     if not isinstance(name, str):
         raise ProgramError(f"expected the name of an attribute, not {name!r}")
@@ -29,19 +29,19 @@ def resolve_term(program: Program, name: str) -> Term:
         term = parse_term(name, "<term>")
         if not isinstance(term, Term):
             raise ProgramError(f"{name!r} is not an attribute; {expected_one_of(list(program.attributes))}")
-        term = program.signature.resolve_overload(term)
-        program.check_query(Query(subject=term))
+        subject = program.resolve_query(Query(subject=term)).subject
     except (ParseError, SourceIssue) as error:
         raise ProgramError(f"{name!r}: {error.message}") from None
-    return term
+    assert subject
+    return subject
 
 
 def resolve_terms(program: Program, name: str) -> list[str]:
-    """The terms that a name stands for: one, or all of an attribute that is named without its arguments.
+    """List the terms that a name denotes: one, or all terms of an attribute named without its arguments.
 
     Raises:
-        ProgramError: it names nothing in the program.
-        TooLargeError: it has more terms than a circuit can have inputs.
+        ProgramError: the program has no such term.
+        TooLargeError: the attribute has more than `MAX_INPUTS` terms.
     """
     attribute = program.attributes.get(name) if isinstance(name, str) else None
     if attribute is None or not attribute.arguments:
@@ -56,41 +56,59 @@ def resolve_terms(program: Program, name: str) -> list[str]:
     return [f"{name}({','.join(arguments)})" for arguments in product(*sorts)]
 
 
-def check_value(program: Program, term: Term, value: str) -> None:
-    """Check that a value is one of a term.
-
-    Raises:
-        ProgramError: it is not; the message lists those that are.
-    """
-    values = program.attributes[term.name].values
-    if value not in values:
-        raise ProgramError(f"{value!r} is not a value of {term}; {expected_one_of(values)}")
-
-
 def resolve_evidence(program: Program, evidence: Mapping[str, str]) -> dict[str, str]:
-    """Evidence under the canonical names of its terms.
+    """Return evidence with canonical names, term -> value.
 
     Raises:
-        ProgramError: a term or value is unknown, or one term is given two values.
+        ProgramError: a term or value is unknown, or a term has two values.
     """
     facts: dict[str, str] = {}
     for name, value in evidence.items():
         term = resolve_term(program, name)
-        check_value(program, term, value)
-        if facts.setdefault(canonical_text(term), value) != value:
-            raise ProgramError(
-                f"the evidence gives {name} two values, {facts[canonical_text(term)]} and {value}"
-            )
+        values = program.attributes[term.name].values
+        if value not in values:
+            raise ProgramError(f"{value!r} is not a value of {term}; {expected_one_of(values)}")
+        key = canonical_text(term)
+        if facts.setdefault(key, value) != value:
+            raise ProgramError(f"the evidence gives {name} two values, {facts[key]} and {value}")
     return facts
 
 
 def resolve_interventions(program: Program, do: Mapping[str, str]) -> dict[str, str]:
-    """Interventions under the canonical names of their terms, which must have a random selection.
+    """Return interventions with canonical names, term -> value.
 
     Raises:
-        ProgramError: as `resolve_evidence`, or a term is never random.
+        ProgramError: as `resolve_evidence`, or a term has no random selection.
     """
     for name in do:
         if not program.is_random(resolve_term(program, name)):
             raise ProgramError(f"do({name}=...): {name} has no random selection in {program.file}")
     return resolve_evidence(program, do)
+
+
+def resolve_query(program: Program, query: Query) -> Query:
+    """Return a query with resolved names after checking it against the program.
+
+    Raises:
+        ProgramError: a name or value is unknown, or a term is set to two values.
+    """
+    try:
+        query = program.resolve_query(query)
+    except SourceIssue as issue:
+        raise ProgramError(str(issue)) from None
+    collect_interventions(query)
+    return query
+
+
+def collect_interventions(query: Query) -> dict[str, str]:
+    """Collect the interventions of a resolved query, term -> value.
+
+    Raises:
+        ProgramError: a term is set to two values.
+    """
+    do: dict[str, str] = {}
+    for item in query.interventions:
+        term, value = canonical_text(item.term), canonical_text(item.value)
+        if do.setdefault(term, value) != value:
+            raise ProgramError(f"{item.at}: do({term}) sets two values, {do[term]} and {value}")
+    return do

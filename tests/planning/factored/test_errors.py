@@ -1,4 +1,4 @@
-"""What is wrong with a problem in parts is said in words."""
+"""Error messages of factored problems."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BAD = [
     ({"states": {"rover": "a a", "rock": "good"}}, "variable 'rover' has the value 'a' twice"),
     ({"states": {"rover": [], "rock": "good"}}, "variable 'rover' has no values"),
     ({"states": {"rover": ["a b"], "rock": "good"}}, "must be one word of printable characters, not 'a b'"),
-    ({"states": {"rover'": "a", "rock": "good"}}, 'ends in "\'", the sign for the value after the action'),
+    ({"states": {"rover'": "a", "rock": "good"}}, 'ends in "\'", the suffix of the value after the action'),
     ({"states": {"*": "a"}}, "the name of a variable cannot be '*'"),
     ({"states": {}, "observed": ()}, "a POMDP needs states"),
     ({"actions": ""}, "variable 'action' has no values"),
@@ -76,11 +76,11 @@ BAD = [
     ),
     (
         {"transition": {"rover": table("action place", {"* *": "left"}), "rock": "same"}},
-        "transition of 'rover' depends on 'place', which is no variable; known are rover, rock, action",
+        "transition of 'rover' depends on 'place', which is not a variable; known are rover, rock, action",
     ),
     (
         {"transition": {"rover": table("rock'", {"*": "left"}), "rock": table("rover'", {"*": "bad"})}},
-        "in transition, rover' depends on rock' depends on rover': a circle",
+        "in transition, rover' depends on rock' depends on rover': a cycle",
     ),
     (
         {"transition": {"rover": table("sensor", {"*": "left"}), "rock": "same"}},
@@ -110,29 +110,29 @@ BAD = [
 
 
 @pytest.mark.parametrize(("changes", "message"), BAD, ids=[message[:40] for _, message in BAD])
-def test_what_is_wrong_is_said(changes, message):
+def test_errors_name_the_fault(changes, message):
     with pytest.raises(ModelError) as caught:
         flatten(rover(**changes))
     assert message in str(caught.value)
 
 
-def test_tables_that_do_not_fit():
-    with pytest.raises(ModelError, match="are no table of x"):
+def test_tables_of_wrong_shape():
+    with pytest.raises(ModelError, match="are not a table of x"):
         Table(("x",), (), (3,), Table.of((), ("x",), [0.5, 0.5]).rows)
     problem = rover()
     with pytest.raises(ModelError, match=r"has the shape \(2,\); its variables have \(3,\) values"):
         dataclasses.replace(problem, start=(Table.of((), ("rover",), [0.5, 0.5]), problem.start[1]))
     with pytest.raises(ModelError, match="start has two tables for 'rock'"):
         dataclasses.replace(problem, start=(problem.start[1], *problem.start))
-    with pytest.raises(ModelError, match="start has a table that is about no variable"):
+    with pytest.raises(ModelError, match="start has a table without children"):
         dataclasses.replace(problem, start=(*problem.start, Table.of((), (), 1.0)))
-    with pytest.raises(ModelError, match="it has parents, no children"):
+    with pytest.raises(ModelError, match="it must not have children"):
         dataclasses.replace(problem, reward={"r": problem.start[0]})
-    with pytest.raises(ModelError, match="no part of the state"):
+    with pytest.raises(ModelError, match="is not a state variable"):
         dataclasses.replace(problem, actions=(Variable("action", ("a",), observed=True),))
 
 
-def test_a_table_too_large_is_refused():
+def test_a_table_too_large_is_rejected():
     names = {f"x{i}": range(10) for i in range(9)}
     with pytest.raises(ModelError, match="reward 'r': a table of 1000000000 rows of 1 numbers is too large"):
         Factored.of(

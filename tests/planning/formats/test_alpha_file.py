@@ -83,7 +83,7 @@ def test_a_policy_in_pieces_is_filled_with_its_floor(tmp_path, monkeypatch):
     policy = Policy.of_sets(tiger, pieces)
     write_alphas(policy, tmp_path / "x.alpha")
     assert read_alphas(tmp_path / "x.alpha", tiger).vectors.tolist() == [[policy.floor, 7], [3, policy.floor]]
-    monkeypatch.setattr(vector_lines, "MAX_TEXT", 10)
+    monkeypatch.setattr(vector_lines, "MAX_BYTES", 10)
     with pytest.raises(PolicyError, match="over all 2 states take about 0 MB"):
         write_alphas(policy, tmp_path / "y.alpha")
 

@@ -1,22 +1,23 @@
-"""The growing data set of Algorithm 1: a file of tracks that survives a crash at any moment.
+"""The growing data set of Algorithm 1: an SQLite file of tracks that survives a crash at any moment.
 
-`Store` adds to it, one process at a time; `read_store` reads it, any number at a time. The file:
+`Store` appends to it, one process at a time; `read_store` reads it, any number at a time. The tables:
 
-- two equal lines of text, the head: `lcorpp tracks `, the CRC-32 (eight hexadecimal digits) of what follows,
-  a space, the version, a space, JSON. One whole line is enough;
-- frames, see `frames`: the marker that the head gives, CRC-32, lengths, JSON facts, numbers. A track's facts
-  are number (of the record, from 1), id, group, label, source, belief (in the order of the head's classes),
-  time, context, extra and points; its numbers are the channels one after the other. A later judgement has
-  number, of (the track's id), label, source, belief and time.
+- `store`, one row: identity, channels and classes (JSON lists), interval (s), points;
+- `track`, a row per track: record (its number), id, group_id, label, source, belief (JSON list in the order
+  of the classes), time (ISO 8601), context and extra (JSON objects), points, trajectory (the channels one
+  after the other, little-endian float64), crc32;
+- `later_label`, a row per later label: record, track (the track's record), label, source, belief, time,
+  crc32.
 
-SQLite and HDF5 were the alternatives: a damaged byte in their trees can cost any number of tracks, and of
-the second a crash may cost all.
+Records are numbered from 1 across both tables. `crc32` is the CRC-32 of the row's other cells as a compact
+JSON list, continued over the trajectory's bytes. SQLite's write-ahead log makes each call one durable
+transaction; checksums and record numbers reveal damage that SQLite does not notice.
 """
 
 from lcorpp.learning.store.contents import Damage
-from lcorpp.learning.store.layout import TrackSchema
-from lcorpp.learning.store.reading import Snapshot, is_store, read_store
-from lcorpp.learning.store.tracks import SOURCES, LabelRecord, NewTrack, StoredTrack
+from lcorpp.learning.store.records import SOURCES, LabelRecord, NewTrack, StoredTrack
+from lcorpp.learning.store.schema import TrackSchema
+from lcorpp.learning.store.snapshot import Snapshot, is_store, read_store
 from lcorpp.learning.store.writing import Store
 
 __all__ = [

@@ -1,118 +1,144 @@
-"""The records of a store, gathered frame by frame from its file."""
+"""Read the records of a store in spite of damage, and describe the damage."""
 
 from __future__ import annotations
 
+import json
+import sqlite3
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import BinaryIO
+from itertools import pairwise
 
-from lcorpp.errors import DataError, FileError
-from lcorpp.learning.store.frames import Frame, Gap, frames
-from lcorpp.learning.store.layout import LONGEST_HEAD, MAGIC, Head, begun_head, parse_head
-from lcorpp.learning.store.tracks import StoredTrack, decoded
+from lcorpp.errors import DataError
+from lcorpp.learning.store.records import Row, StoredTrack, decode_label, decode_track
+from lcorpp.learning.store.schema import StoreHeader, TrackSchema
+
+DECODING_ERRORS = (
+    *(DataError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError),
+)
+"""Errors that a damaged row or header may cause."""
+
+LAST_RECORD = "SELECT coalesce(max(seq), 0) FROM sqlite_sequence"
+"""Query for the number of the last record that was ever written."""
+
+MIN_RECORD = 32
+"""Minimum size of a record in bytes."""
 
 
 @dataclass(frozen=True)
 class Damage:
-    """A place in the file that is not as it was written, and what that costs.
+    """A damaged place in a store.
 
-    start, stop: its bytes, counted from 0. what: in words.
-    lost: how many records; None where only the next one, which is not there yet, could tell.
+    description: the records or the page, and the fault. lost: number of records lost by it.
+    structural: whether SQLite's own structure is damaged there, so that nothing can be appended safely.
     """
 
-    start: int
-    stop: int
-    what: str
-    lost: int | None = None
+    description: str
+    lost: int = 0
+    structural: bool = False
 
     def __str__(self) -> str:
-        cost = "" if self.lost is None else f"; {self.lost} record{'s' * (self.lost != 1)} lost"
-        return f"bytes {self.start} to {self.stop}: {self.what}{cost}"
+        plural = "s" * (self.lost != 1)
+        return f"{self.description}; {self.lost} record{plural} lost" if self.lost else self.description
 
 
+@dataclass(frozen=True)
 class Contents:
-    """The records of a store, gathered frame by frame: what a reader finds, and a writer goes on from."""
+    """Everything that was read from a store.
 
-    def __init__(self, head: Head) -> None:
-        self.head = head
-        self.tracks: dict[str, StoredTrack] = {}
-        self.records = 0
-        self.last = 0
-        self.end = head.length
-        self.damage: list[Damage] = []
-        if not head.whole:
-            self.damage.append(Damage(0, head.length, "one copy of the head is damaged, the other serves", 0))
+    tracks: in the order of their records. damage: likewise. last: the last record that was ever written.
+    readable: the records of tracks and of later labels.
+    """
 
-    def read(self, file: BinaryIO, stop: int) -> None:
-        """Take in what lies between the last record known, which ends at `end`, and byte `stop`."""
-        gap: Gap | None = None
-        for piece in frames(file, self.head.marker, self.end, stop):
-            if isinstance(piece, Gap):
-                gap = piece
-            else:
-                self.add(piece, gap)
-                gap = None
+    header: StoreHeader
+    tracks: tuple[StoredTrack, ...]
+    readable: frozenset[int]
+    damage: tuple[Damage, ...]
+    last: int
 
-    def add(self, frame: Frame, gap: Gap | None = None) -> None:
-        """Take in the next whole frame, `gap` being what lies between it and the one before."""
-        self.end = frame.stop
+
+def read_header(connection: sqlite3.Connection) -> StoreHeader:
+    """Read the header of a store; if it is damaged, raise sqlite3.Error or one of `DECODING_ERRORS`."""
+    ((identity, channels, interval, classes, points),) = connection.execute("SELECT * FROM store")
+    return StoreHeader(TrackSchema(json.loads(channels), interval, json.loads(classes), points), identity)
+
+
+def read_contents(connection: sqlite3.Connection) -> Contents:
+    """Read and check the header and every record.
+
+    Raises:
+        sqlite3.Error or one of `DECODING_ERRORS`: the header is damaged.
+    """
+    header = read_header(connection)
+    last = _read_last_record(connection)
+    tracks, damaged, numbers = dict[int, StoredTrack](), dict[int, Damage](), set[int]()
+    ids = set[str]()
+    for row in iterate_rows(connection, "track", last):
         try:
-            number, about, judgement, stored = decoded(frame, self.head.schema)
-            if stored is not None and about in self.tracks:
-                raise DataError(f"there is another track {about!r}")
-        except DataError as error:
-            if gap is not None:
-                self.damage.append(Damage(gap.start, gap.stop, "not a record"))
-            self.damage.append(Damage(frame.start, frame.stop, f"a record that is not used: {error}"))
+            track = decode_track(row, header.schema)
+            if track.id in ids:
+                raise DataError(f"another track has the id {track.id!r}")
+            tracks[track.record] = track
+            ids.add(track.id)
+        except DECODING_ERRORS as error:
+            damaged[row[0]] = Damage(f"record {row[0]}: {error}", 1)
+    numbers.update(tracks)
+    for row in iterate_rows(connection, "later_label", last):
+        try:
+            record, number, label = decode_label(row, header.schema)
+            if number not in tracks:
+                raise DataError(f"it labels record {number}, which is lost")
+            known = tracks[number]
+            tracks[number] = replace(known, label_history=(*known.label_history, label))
+            numbers.add(record)
+        except DECODING_ERRORS as error:
+            damaged[row[0]] = Damage(f"record {row[0]}: {error}", 1)
+    last = max(last, *numbers, 0)
+    places = sorted({0, last + 1, *(record for record in numbers.union(damaged) if record <= last)})
+    for before, after in pairwise(places):
+        if after > before + 1:
+            first, end = before + 1, after - 1
+            which = f"record {first} is" if first == end else f"records {first} to {end} are"
+            damaged[first] = Damage(f"{which} missing", end - first + 1)
+    damage = (*_check_structure(connection), *(damaged[record] for record in sorted(damaged)))
+    return Contents(header, tuple(tracks.values()), frozenset(numbers), damage, last)
+
+
+def iterate_rows(connection: sqlite3.Connection, table: str, last: int) -> Iterator[Row]:
+    """Yield all readable rows of a table of records, in the order of their numbers, past damaged pages.
+
+    Args:
+        last: the number of the last record in the store.
+    """
+    query = f"SELECT * FROM {table} WHERE record"
+    start = 1
+    while start <= last + 1:
+        try:
+            for row in connection.execute(f"{query} >= ? ORDER BY record", (start,)):
+                start = max(start, row[0] + 1)
+                yield row
             return
-        lost = max(0, number - self.last - 1)
-        if gap is not None:
-            self.damage.append(Damage(gap.start, gap.stop, f"not a record (before record {number})", lost))
-        elif lost:
-            what = f"nothing where records before {number} were"
-            self.damage.append(Damage(frame.start, frame.start, what, lost))
-        elif number <= self.last:
-            what = f"record {number} after record {self.last}; used all the same"
-            self.damage.append(Damage(frame.start, frame.stop, what, 0))
-        self.last, self.records = max(number, self.last), self.records + 1
-        if stored is not None:
-            self.tracks[about] = stored
-        elif about in self.tracks:
-            known = self.tracks[about]
-            self.tracks[about] = replace(known, label_history=(*known.label_history, judgement))
-        else:
-            self.damage.append(
-                Damage(frame.start, frame.stop, f"record {number} labels {about!r}, which is lost", 0)
-            )
+        except sqlite3.DatabaseError:  # a damaged page: try the next record
+            with suppress(sqlite3.DatabaseError):
+                yield from connection.execute(f"{query} = ?", (start,)).fetchall()
+            start += 1
 
 
-def read_head(file: BinaryIO, path: Path) -> Head | None:
-    """The head of an open file; None where nothing but the beginning of one has been written.
-
-    Raises:
-        DataError: it is no store, is of another version, or both copies of its head are damaged.
-    """
-    file.seek(0)
-    content = file.read(LONGEST_HEAD + 1)
+def _read_last_record(connection: sqlite3.Connection) -> int:
+    """Return the number of the last record, at most as many as the file has space for; 0 if unreadable."""
+    queries = LAST_RECORD, "PRAGMA page_count", "PRAGMA page_size"
     try:
-        head = parse_head(content)
-    except DataError as error:
-        raise DataError(f"{path}: {error}") from None
-    if head is None and not (len(content) <= LONGEST_HEAD and begun_head(content)):
-        what = "a store whose head is damaged" if MAGIC in content[:LONGEST_HEAD] else "not a store of tracks"
-        raise DataError(f"{path}: {what}; expected a file that begins with {MAGIC.decode()!r}")
-    return head
+        last, pages, size = (int(connection.execute(query).fetchone()[0]) for query in queries)
+    except (sqlite3.DatabaseError, ValueError):
+        return 0
+    return min(last, pages * size // MIN_RECORD)
 
 
-def opened(path: Path) -> BinaryIO:
-    """A file to be read, not a folder or device; the caller closes it.
-
-    Raises:
-        FileError: there is none, or it cannot be read.
-    """
+def _check_structure(connection: sqlite3.Connection) -> Iterator[Damage]:
+    """Yield what SQLite's integrity check reports."""
     try:
-        if path.exists() and not path.is_file():
-            raise FileError(f"{path}: is not a file; a store of tracks is one")
-        return path.open("rb", buffering=2**18)
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        report = [str(line) for (line,) in connection.execute("PRAGMA integrity_check(10)")]
+    except sqlite3.DatabaseError as error:
+        report = [str(error)]
+    if report != ["ok"]:
+        yield from (Damage("; ".join(line.splitlines()), structural=True) for line in report)

@@ -1,133 +1,132 @@
-"""The one process that adds to a store; what it was told is kept is on the disk."""
+"""A store open for writing: appended tracks and labels are on the disk when the call returns."""
 
 from __future__ import annotations
 
 import os
-import zlib
+import sqlite3
 from collections.abc import Iterable
 from datetime import datetime
-from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Self
+from typing import Self
 from uuid import uuid4
 
 from lcorpp.errors import DataError, FileError
-from lcorpp.files import sync, sync_folder, write_atomically
-from lcorpp.learning.store.contents import Contents, read_head
-from lcorpp.learning.store.frames import MARKER, Frame, framed
-from lcorpp.learning.store.layout import Head, TrackSchema, head_bytes
-from lcorpp.learning.store.locking import GUARDED, close_in_children, lock
-from lcorpp.learning.store.reading import Snapshot, reading
-from lcorpp.learning.store.tracks import NewTrack, encoded, encoded_judgement, said
+from lcorpp.files import sync, sync_folder
+from lcorpp.learning.store.contents import LAST_RECORD
+from lcorpp.learning.store.conversion import convert, rebuild
+from lcorpp.learning.store.database import (
+    INSERT_LABEL,
+    INSERT_TRACK,
+    acquire_lock,
+    check_is_file,
+    connect_writer,
+    detect_version,
+    write_store,
+)
+from lcorpp.learning.store.records import NewTrack, Row, encode_label, encode_track
+from lcorpp.learning.store.schema import StoreHeader, TrackSchema
+from lcorpp.learning.store.snapshot import Snapshot, load_contents
 from lcorpp.values import Distribution
 
 
 class Store:
     """An append-only file of tracks, open for writing by this process alone.
 
-    A crash at any moment loses at most the record that is being written: every record is known whole by its
-    checksum, and `append` returns when it is on the disk. Nothing that was written is changed; what a crash
-    left behind the last record is moved to a file beside the store when it is opened again.
+    A crash at any moment loses at most the records of the unfinished call: `append` returns when its
+    transaction is on the disk. Stored records never change; a later label is a new record.
 
-    notes: what opening it found and did, in words, for people to read.
+    path: the file. schema: channels, interval, classes and length of the tracks.
+    identity: 32 hexadecimal digits that no other store has.
+    notes: the damage found when the store was opened, and what was done about it, as sentences.
     """
 
     notes: tuple[str, ...]
+    identity: str
 
     def __init__(self, path: str | Path, schema: TrackSchema) -> None:
-        """Open a store, or make it where there is none or an empty file.
+        """Open a store; create it if there is no file, or an empty one.
+
+        A store of version 1 is converted to SQLite, with a warning in the log. A store whose structure is
+        damaged is rebuilt from its readable records. The damaged or converted file is kept beside it.
 
         Args:
-            path: the file; by custom its name ends in .tracks.
-            schema: what all tracks have in common; that of an existing store must be equal.
+            path: the file; its name usually ends in .tracks.
+            schema: channels, interval, classes and length of the tracks; an existing store has the same.
 
         Raises:
             FileError: the file cannot be read or written, or another process (or this one) writes to it.
-            DataError: it is no store, is of another version or has another schema.
+            DataError: the file is not a store, has a newer version or another schema, or its header is
+                damaged.
         """
-        self.path = Path(path)
-        self._file = _opened(self.path)
+        self.path, self.schema = Path(path), schema
+        check_is_file(self.path)
+        if self.path.exists():
+            detect_version(self.path)
+        self._lock = acquire_lock(self.path)
         try:
-            if not lock(self._file.fileno()):
-                raise FileError(
-                    f"{path}: is being written to already, by another process or by this one; a store has one"
-                    " writer (reading goes on meanwhile)"
-                )
-            self._contents, self.notes = self._recovered(schema)
-        except OSError as error:
-            self.close()
-            raise FileError(f"{path}: cannot be opened: {error.strerror}") from None
-        except BaseException:
-            self.close()
+            self.identity, self.notes = self._prepare()
+            self._connection = connect_writer(self.path)
+        except BaseException as error:
+            self._lock.close()
+            if isinstance(error, sqlite3.Error):
+                raise FileError(f"{path}: cannot be opened for writing: {error}") from None
             raise
-        close_in_children(self)
+        self._process, self._closed, self._file = os.getpid(), False, _identify_file(self.path)
 
     @property
-    def schema(self) -> TrackSchema:
-        """What all tracks have in common."""
-        return self._contents.head.schema
-
-    @property
-    def marker(self) -> str:
-        """What tells this store from any other: the marker of its records in hexadecimal digits."""
-        return self._contents.head.marker.hex()
-
-    @property
-    def last(self) -> int:
-        """The number of the last record: how many were ever written, tracks and later judgements."""
-        return self._contents.last
+    def last_record(self) -> int:
+        """Number of the last record that was ever written; tracks and later labels are records."""
+        (last,) = self._select(LAST_RECORD)
+        return last
 
     def snapshot(self) -> Snapshot:
-        """What is in the store now, as a value that stays as it is."""
-        return reading(self.path, self._contents, self._contents.end)
+        """Return the current content; it stays the same when the store grows."""
+        return Snapshot.from_contents(self.path, load_contents(self.path))
 
     def __len__(self) -> int:
-        """How many tracks there are."""
-        return len(self._contents.tracks)
+        """Number of tracks."""
+        (count,) = self._select("SELECT count(*) FROM track")
+        return count
 
     def __contains__(self, id: object) -> bool:
-        """Whether there is a track of this id."""
-        return id in self._contents.tracks
+        """Whether a track has this id."""
+        return isinstance(id, str) and bool(self._select("SELECT record FROM track WHERE id = ?", id))
+
+    def __repr__(self) -> str:
+        return f"Store({str(self.path)!r}, {'closed' if self._closed else f'{len(self)} tracks'})"
 
     def append(self, track: NewTrack, *, durable: bool = True) -> str:
-        """Add one track; when this returns, it is on the disk.
+        """Add one track; it is on the disk when this returns.
 
         Args:
-            durable: False leaves it to the operating system when the disk gets it. The track then survives
-                a killed process, but not a power loss before the next `sync`.
+            durable: False leaves it to the operating system when the disk receives the track. It then
+                survives a killed process, but not a power loss before the next `sync`.
 
         Returns:
-            Its id.
+            The id of the track.
 
         Raises:
-            DataError: the track does not fit, or its id is taken; nothing has been written.
-            FileError: it cannot be written, e.g. on a full disk; the store is as it was.
+            DataError: the track does not fit the schema, or its id is taken; nothing is written.
+            FileError: the track cannot be written, e.g. because the disk is full; the store is unchanged.
         """
         return self.extend([track], durable=durable)[0]
 
     def extend(self, tracks: Iterable[NewTrack], *, durable: bool = True) -> list[str]:
-        """Add several tracks with one wait for the disk; arguments, result and errors as in `append`.
-
-        Nothing is written unless all of them fit. A crash meanwhile keeps the first of them, in their order.
-        """
-        marker, number = self._contents.head.marker, self._contents.last
-        ids, pieces = dict[str, None](), list[tuple[bytes, bytes]]()
-        tracks = list(tracks)
-        for row, track in enumerate(tracks):
-            number += 1
+        """Add several tracks in one transaction: all or none. Arguments, result and errors: as `append`."""
+        ids, rows = dict[str, None](), list[Row]()
+        tracks, last = list(tracks), self.last_record
+        for index, track in enumerate(tracks):
             id = uuid4().hex if track.id is None else track.id
             try:
-                if not isinstance(id, str) or not id:
-                    raise DataError(f"the id of a track is text, not {id!r}")
+                rows.append(encode_track(track, last + 1 + index, id, self.schema))
                 if id in self or id in ids:
                     raise DataError(f"there is a track {id!r} already")
-                pieces.append(encoded(track, number, id, self.schema))
             except DataError as error:
-                which = f"track {row} of {len(tracks)} (counted from 0)" if len(tracks) > 1 else "the track"
+                which = f"track {index} of {len(tracks)} (counted from 0)" if len(tracks) > 1 else "the track"
                 raise DataError(f"{self.path}: {which} is not stored: {error}") from None
             ids[id] = None
-        self._write([(framed(marker, *piece), *piece) for piece in pieces], durable)
+        self._write(INSERT_TRACK, rows, durable)
         return list(ids)
 
     def relabel(
@@ -139,38 +138,48 @@ class Store:
         belief: Distribution | None = None,
         time: datetime | None = None,
     ) -> None:
-        """Add what somebody says of a track that is stored; a person's word holds over the robot's.
+        """Add a label record to a stored track; a person's label takes precedence over the robot's.
 
-        What was said before stays in the store (`StoredTrack.label_history`). On the disk when this returns.
+        Earlier label records remain (`StoredTrack.label_history`). The record is on the disk when this
+        returns.
 
         Raises:
-            DataError: there is no such track, class or source; nothing has been written.
-            FileError: it cannot be written.
+            DataError: an unknown track, class or source; nothing is written.
+            FileError: the record cannot be written.
         """
-        if id not in self:
+        track = self._select("SELECT record FROM track WHERE id = ?", id)
+        if not track:
             raise DataError(f"{self.path}: no track {id!r} to label")
         try:
-            facts = said(label, source, belief, time, self.schema)
-            piece = encoded_judgement(self._contents.last + 1, id, facts)
+            row = encode_label(self.last_record + 1, track[0], label, source, belief, time, self.schema)
         except DataError as error:
             raise DataError(f"{self.path}: track {id!r} not labelled: {error}") from None
-        self._write([(framed(self._contents.head.marker, piece, b""), piece, b"")], True)
+        self._write(INSERT_LABEL, [row], True)
 
     def sync(self) -> None:
-        """Return when everything that was appended is on the disk.
+        """Return when all appended records are on the disk.
 
         Raises:
-            FileError: the disk says that it is not.
+            FileError: the disk reports an error; the store is closed.
         """
+        self._connect()
         try:
-            sync(self._live())
+            log = os.open(f"{os.path.realpath(self.path)}-wal", os.O_RDWR)
+            try:
+                sync(log)
+            finally:
+                os.close(log)
+            sync_folder(self.path)
         except OSError as error:
-            self.close()  # what is on the disk now, only reading it again can tell
+            self.close()
             raise FileError(f"{self.path}: cannot be written to the disk: {error.strerror}") from None
 
     def close(self) -> None:
-        """Let another process write. A store that is closed can still be read."""
-        self._file.close()
+        """Write everything to the one file and release the lock. Snapshots remain usable."""
+        if not self._closed and os.getpid() == self._process:
+            self._connection.close()
+            self._lock.close()
+        self._closed = True
 
     def __enter__(self) -> Self:
         return self
@@ -180,103 +189,52 @@ class Store:
     ) -> None:
         self.close()
 
-    def _write(self, records: list[tuple[bytes, bytes, bytes]], durable: bool) -> None:
-        """Append frames, given with their facts and numbers; all or, on an error, none."""
-        file, start = self._live(), self._contents.end
-        status = os.fstat(file)
-        if status.st_nlink == 0 or status.st_size != start:
-            what = "deleted" if status.st_nlink == 0 else f"changed ({status.st_size} bytes, not {start})"
-            raise FileError(f"{self.path}: has been {what} by another program; open it again")
-        try:
-            _write_all(file, b"".join(frame for frame, _, _ in records), start)
-        except OSError as error:
-            self._undo(start)
-            raise FileError(f"{self.path}: cannot be written: {error.strerror}") from None
-        except BaseException:  # Ctrl-C between two parts of a long write
-            self._undo(start)
-            raise
-        for frame, facts, numbers in records:
-            self._contents.add(Frame(start, start + len(frame), facts, numbers))
-            start += len(frame)
-        if durable:
-            self.sync()
+    def _prepare(self) -> tuple[str, tuple[str, ...]]:
+        """Create, convert or rebuild the file if necessary; return its identity and the notes."""
+        version = detect_version(self.path) if self.path.exists() else 0
+        if version == 0:
+            write_store(self.path, StoreHeader(self.schema, uuid4().hex))
+        elif version == 1:
+            convert(self.path)
+        contents = load_contents(self.path)
+        contents.header.schema.check_equal(self.schema, str(self.path))
+        notes = list(map(str, contents.damage))
+        if any(damage.structural for damage in contents.damage):
+            notes.append(rebuild(self.path, contents))
+        return contents.header.identity, tuple(f"{self.path}: {note}" for note in notes)
 
-    def _undo(self, end: int) -> None:
-        """Cut what was written of frames that could not be written whole."""
+    def _write(self, statement: str, rows: list[Row], durable: bool) -> None:
+        """Insert rows in one transaction: all or, on an error, none."""
+        connection = self._connect()
+        if _identify_file(self.path) != self._file:
+            raise FileError(f"{self.path}: was deleted or replaced by another program; open it again")
         try:
-            os.ftruncate(self._live(), end)
-        except OSError:
-            self.close()  # the next opening cuts it
+            connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
+            with connection:
+                connection.execute("BEGIN IMMEDIATE")
+                connection.executemany(statement, rows)
+        except sqlite3.Error as error:
+            if error.sqlite_errorcode not in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_BUSY):
+                self.close()  # only reading the file again shows what the disk has
+            raise FileError(f"{self.path}: cannot be written: {error}") from None
 
-    def _live(self) -> int:
-        if self._file.closed:
+    def _select(self, query: str, *values: str) -> list[int]:
+        """Return the first column of a query."""
+        try:
+            return [row[0] for row in self._connect().execute(query, values)]
+        except sqlite3.Error as error:
+            raise FileError(f"{self.path}: cannot be read: {error}") from None
+
+    def _connect(self) -> sqlite3.Connection:
+        if self._closed or os.getpid() != self._process:
             raise FileError(f"{self.path}: this store is closed; open it again to write")
-        return self._file.fileno()
-
-    def _recovered(self, schema: TrackSchema) -> tuple[Contents, tuple[str, ...]]:
-        """Read what is there, move aside what is behind the last record, and begin a new store if need be."""
-        size = os.fstat(self._file.fileno()).st_size
-        notes = list[str]()
-        if not GUARDED:
-            notes.append("this system has no flock: that nobody else writes to the store is not checked")
-        with os.fdopen(os.dup(self._file.fileno()), "rb") as file:
-            head = read_head(file, self.path)
-            if head is not None:
-                head.schema.check_same(schema, str(self.path))
-            if head is None or size < head.length:  # no record can be behind a head that is not complete
-                if size:
-                    notes.append(self._cut(file, 0, size))
-                contents = Contents(self._begun(schema))
-            else:
-                contents = Contents(head)
-                contents.read(file, size)
-                notes += [str(damage) for damage in contents.damage]
-                if contents.end < size:
-                    notes.append(self._cut(file, contents.end, size))
-        return contents, tuple(f"{self.path}: {note}" for note in notes)
-
-    def _begun(self, schema: TrackSchema) -> Head:
-        marker = os.urandom(MARKER)
-        content = head_bytes(schema, marker)
-        _write_all(self._file.fileno(), content, 0)
-        sync(self._file.fileno())
-        sync_folder(self.path)
-        return Head(schema, marker, len(content))
-
-    def _cut(self, file: BinaryIO, start: int, stop: int) -> str:
-        """Move the last bytes of the file to one beside it, and say so.
-
-        Its name tells them apart from others: after a crash in between they are moved once more, to it.
-        """
-        file.seek(start)
-        rest = file.read(stop - start)
-        aside = self.path.with_name(f"{self.path.name}.cut-{start}-{zlib.crc32(rest):08x}")
-        write_atomically(aside, rest)
-        sync_folder(aside)
-        os.ftruncate(self._file.fileno(), start)
-        sync(self._file.fileno())
-        return (
-            f"bytes {start} to {stop} are no whole record, as a crash while it was written leaves them: moved"
-            f" to {aside.name}"
-        )
+        return self._connection
 
 
-def _opened(path: Path) -> FileIO:
-    """A file for reading and writing, made where there is none; no device, folder or pipe."""
+def _identify_file(path: Path) -> tuple[int, int] | None:
+    """Device and inode of a file; None if it is missing."""
     try:
-        if path.exists() and not path.is_file():
-            raise FileError(f"{path}: is not a file; a store of tracks is one")
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
-    except (OSError, ValueError) as error:
-        raise FileError(
-            f"{path}: cannot be opened for writing: {getattr(error, 'strerror', None) or error}"
-        ) from None
-    return FileIO(handle, "r+")
-
-
-def _write_all(file: int, content: bytes, at: int) -> None:
-    """Write at a place; the system may take less than all at once."""
-    os.lseek(file, at, os.SEEK_SET)
-    view = memoryview(content)
-    while view:
-        view = view[os.write(file, view) :]
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino

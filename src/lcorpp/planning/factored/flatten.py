@@ -1,6 +1,6 @@
-"""From variables to one state, one action and one observation.
+"""Flattening: from variables to a single state, action and observation.
 
-All states of an action are worked out at once, and only what has a probability above 0 is held.
+The tables of an action are multiplied for all states at once; only positive probabilities are stored.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
 Values = Mapping[str, Numbers]
-"""For n states, the numbers (n,) of the values of each variable."""
+"""Indices (n,) of the values of each variable, for n states."""
 
-MOST_STATES = 2**24
-"""The most states written out: beyond it not even their names fit into memory."""
+MAX_STATES = 2**24
+"""The maximal number of flat states: the names of more do not fit into memory."""
 
-MOST_CODES = 2**62
-"""The most combinations that a number can tell apart."""
+MAX_CODES = 2**62
+"""The maximal number of combinations that an integer can encode."""
 
 
 def flatten(problem: Factored, *, reachable: bool = False) -> Pomdp:
@@ -44,42 +44,45 @@ def flatten(problem: Factored, *, reachable: bool = False) -> Pomdp:
         ModelError: there are too many states, or the rewards are too large.
     """
     states, actions = MixedRadix(problem.states), MixedRadix(problem.actions)
-    seen = MixedRadix(
+    observations = MixedRadix(
         (*problem.observed, *problem.observations),
         [*(variable.name + AFTER for variable in problem.observed), *(v.name for v in problem.observations)],
     )
-    if not reachable and MOST_STATES < states.count <= MOST_CODES:
+    if not reachable and MAX_STATES < states.count <= MAX_CODES:
         raise ModelError(f"{states.count} states are too many to be written out; see `reachable`")
-    for kind, count, most in (
-        ("states", states.count, MOST_CODES),
-        ("actions", actions.count, MOST_STATES),
-        ("observations", seen.count, MOST_CODES),
+    for kind, count, limit in (
+        ("states", states.count, MAX_CODES),
+        ("actions", actions.count, MAX_STATES),
+        ("observations", observations.count, MAX_CODES),
     ):
-        if count > most:
+        if count > limit:
             raise ModelError(f"{count} {kind} are too many")
     step = _Step(problem, states, actions)
-    begin, chance = step.start()
-    known = step.reached(begin) if reachable else np.arange(states.count)
-    now = states.values(known)
-    S, A = len(known), actions.count
-    moves, views = _Entries(A, S), _Entries(A, S)
+    start_codes, start_weights = step.start()
+    codes = step.reachable(start_codes) if reachable else np.arange(states.count)
+    before = states.decode(codes)
+    S, A = len(codes), actions.count
+    transition, observation = _TableParts(A, S), _TableParts(A, S)
     reward = np.zeros((A, S))
     for a in range(A):
-        joint = step.after(now, S, a)
-        moves.add(joint.case, np.searchsorted(known, step.next.of(joint.values)), joint.weight)
-        reward[a] = step.reward(joint, now, S, a)
-        looks = step.looks(now, S, a)
-        views.add(looks.case, np.broadcast_to(seen.of(looks.values), looks.case.shape), looks.weight)
-    # of one variable alone all values are there, as in any table; of several what occurs together
-    occurring = np.arange(seen.count) if len(seen.variables) == 1 else views.columns()
+        joint = step.transition(before, S, a)
+        following = np.searchsorted(codes, step.states_after.encode(joint.values))
+        transition.add(joint.case, following, joint.weight)
+        reward[a] = step.reward(joint, before, S, a)
+        observed = step.observation(before, S, a)
+        columns = np.broadcast_to(observations.encode(observed.values), observed.case.shape)
+        observation.add(observed.case, columns, observed.weight)
+    # of a single variable all values are included, of several variables only combinations that occur
+    single = len(observations.variables) == 1
+    columns = np.arange(observations.count) if single else observation.columns()
     start = np.zeros(S)
-    start[np.searchsorted(known, begin)] = chance
+    start[np.searchsorted(codes, start_codes)] = start_weights
     return Pomdp(
-        states.labels(known),
+        states.labels(codes),
         actions.labels(np.arange(A)),
-        seen.labels(occurring),
-        moves.rows(np.arange(S)),
-        views.rows(occurring),
+        observations.labels(columns),
+        transition.build(np.arange(S)),
+        observation.build(columns),
         reward,
         problem.discount,
         start / start.sum() if abs(start.sum() - 1) > SUM_TOLERANCE else start,
@@ -96,92 +99,93 @@ def start_beliefs(problem: Factored, pomdp: Pomdp) -> Array:
     Args:
         pomdp: `flatten(problem)`.
     """
-    code = MixedRadix(problem.states)
-    begin, chance = _Step(problem, code, MixedRadix(problem.actions)).start()
-    seen = np.broadcast_to(MixedRadix(problem.observed).of(code.values(begin)), begin.shape)
-    kinds, kind = np.unique(seen, return_inverse=True)
-    beliefs: Array = np.zeros((len(kinds), len(pomdp.states)))
-    beliefs[kind.reshape(-1), [pomdp.state_index(name) for name in code.labels(begin)]] = chance
-    share = beliefs.sum(axis=1)
-    order = np.argsort(-share, kind="stable")
-    return np.asarray(beliefs[order] / share[order, None])
+    states = MixedRadix(problem.states)
+    codes, weights = _Step(problem, states, MixedRadix(problem.actions)).start()
+    observed = MixedRadix(problem.observed).encode(states.decode(codes))
+    distinct, row = np.unique(np.broadcast_to(observed, codes.shape), return_inverse=True)
+    beliefs: Array = np.zeros((len(distinct), len(pomdp.states)))
+    beliefs[row.reshape(-1), [pomdp.state_index(name) for name in states.labels(codes)]] = weights
+    probability = beliefs.sum(axis=1)
+    order = np.argsort(-probability, kind="stable")
+    return np.asarray(beliefs[order] / probability[order, None])
 
 
 class _Step:
-    """One step of the network, for many states at once."""
+    """One step of the dynamic Bayesian network, for many states at once."""
 
     def __init__(self, problem: Factored, states: MixedRadix, actions: MixedRadix) -> None:
         self.problem, self.states, self.actions = problem, states, actions
-        self.next = MixedRadix(problem.states, [variable.name + AFTER for variable in problem.states])
+        self.states_after = MixedRadix(problem.states, [v.name + AFTER for v in problem.states])
 
     def start(self) -> tuple[Numbers, Array]:
-        """The states that are possible at the start, rising, and their probabilities."""
+        """Return the codes of the possible start states, increasing, and their probabilities."""
         joint = Joint.of(1, {}).multiply(self.problem.start)
-        code = np.broadcast_to(self.states.of(joint.values), joint.case.shape)
-        order = np.argsort(code)
+        codes = np.broadcast_to(self.states.encode(joint.values), joint.case.shape)
+        order = np.argsort(codes)
         possible = order[joint.weight[order] > 0]
-        return code[possible], joint.weight[possible]
+        return codes[possible], joint.weight[possible]
 
-    def after(self, now: Values, count: int, action: int) -> Joint:
-        """What an action leads to from states given by the values of their variables; they are the cases."""
-        return Joint.of(count, {**self._action(action), **now}).multiply(self.problem.transition)
+    def transition(self, before: Values, count: int, action: int) -> Joint:
+        """Return the distribution of the next state for an action; the cases are the states `before`."""
+        return Joint.of(count, {**self._action(action), **before}).multiply(self.problem.transition)
 
-    def looks(self, after: Values, count: int, action: int) -> Joint:
-        """What is observed in states reached by an action."""
+    def observation(self, after: Values, count: int, action: int) -> Joint:
+        """Return the distribution of the observation after an action; the cases are the states `after`."""
         values = {name + AFTER: value for name, value in after.items()}
         return Joint.of(count, {**self._action(action), **values}).multiply(self.problem.observation)
 
-    def reached(self, begin: Numbers) -> Numbers:
-        """All states that can be reached from some, with them, rising."""
-        known = edge = np.unique(begin)
-        while len(edge):
-            if len(known) > MOST_STATES:
-                raise ModelError(f"over {MOST_STATES} states can be reached: too many to be written out")
-            now = self.states.values(edge)
-            after = [self.after(now, len(edge), a) for a in range(self.actions.count)]
-            found = [np.unique(self.next.of(joint.values)) for joint in after]
-            edge = np.setdiff1d(np.concatenate(found), known)
-            known = np.union1d(known, edge)
-        return known
+    def reachable(self, start: Numbers) -> Numbers:
+        """Return the codes of all states that are reachable from `start`, increasing."""
+        codes = frontier = np.unique(start)
+        while len(frontier):
+            if len(codes) > MAX_STATES:
+                raise ModelError(f"over {MAX_STATES} states can be reached: too many to be written out")
+            before = self.states.decode(frontier)
+            joints = [self.transition(before, len(frontier), a) for a in range(self.actions.count)]
+            following = [np.unique(self.states_after.encode(joint.values)) for joint in joints]
+            frontier = np.setdiff1d(np.concatenate(following), codes)
+            codes = np.union1d(codes, frontier)
+        return codes
 
-    def reward(self, joint: Joint, now: Values, count: int, action: int) -> Array:
-        """(n,) the expected immediate reward of an action in states; `joint` is what comes after."""
-        cases = Joint.of(count, {**self._action(action), **now})
+    def reward(self, joint: Joint, before: Values, count: int, action: int) -> Array:
+        """Return (n,) the expected immediate reward; `joint` is the distribution of the next state."""
+        cases = Joint.of(count, {**self._action(action), **before})
         total = np.zeros(count)
         for table in self.problem.reward.values():
             if all(name in cases.values for name in table.parents):
                 total += cases.mean(table, count)
             else:
-                total += joint.multiply(_needed(self.problem.observation, table.parents)).mean(table, count)
+                observed = joint.multiply(_ancestors(self.problem.observation, table.parents))
+                total += observed.mean(table, count)
         return total
 
     def _action(self, action: int) -> dict[str, Numbers]:
-        return self.actions.values(np.array(action))
+        return self.actions.decode(np.array(action))
 
 
-class _Entries:
-    """A table (A, R, N) while its entries are found, one action after the other."""
+class _TableParts:
+    """The entries of a table (A, R, N), collected action by action."""
 
     def __init__(self, actions: int, rows: int) -> None:
         self.actions, self.height = actions, rows
-        self._parts: list[tuple[Numbers, Numbers, Array]] = []  # of each action: per row, columns, values
+        self._parts: list[tuple[Numbers, Numbers, Array]] = []  # of each action: row sizes, columns, values
 
     def add(self, row: Numbers, column: Numbers, value: Array) -> None:
-        """The entries of the next action, by rising row."""
-        kept = value > 0
-        if not kept.all():
-            row, column, value = row[kept], column[kept], value[kept]
+        """Add the entries of the next action, by non-decreasing row."""
+        positive = value > 0
+        if not positive.all():
+            row, column, value = row[positive], column[positive], value[positive]
         if not ((np.diff(row) > 0) | (np.diff(column) > 0)).all():
             order = np.lexsort((column, row))
             column, value = column[order], value[order]
         self._parts.append((np.bincount(row, minlength=self.height), column, value))
 
     def columns(self) -> Numbers:
-        """The columns with entries, rising."""
+        """Return the columns with entries, increasing."""
         return np.unique(np.concatenate([np.unique(column) for _, column, _ in self._parts]))
 
-    def rows(self, columns: Numbers) -> SparseTables:
-        """The table of these columns. Tables that are right up to rounding may be further off multiplied."""
+    def build(self, columns: Numbers) -> SparseTables:
+        """Return the table of these columns; rows with accumulated rounding errors are normalised."""
         counts = np.concatenate([np.zeros(1, dtype=np.int64), *(count for count, _, _ in self._parts)])
         table = SparseTables(
             (self.actions, self.height, len(columns)),
@@ -196,10 +200,10 @@ class _Entries:
         return table.scale_rows(np.where(off, 1 / sums, 1.0)) if off.any() else table
 
 
-def _needed(tables: Sequence[Table], names: Iterable[str]) -> Iterator[Table]:
-    """The tables of those names that are children, and all that they depend on, in order."""
-    wanted = set(names)
+def _ancestors(tables: Sequence[Table], names: Iterable[str]) -> Iterator[Table]:
+    """Yield the tables of some children and of all that they depend on, in order."""
+    needed = set(names)
     for table in reversed(tables):
-        if wanted.intersection(table.children):
-            wanted.update(table.parents)
-    return (table for table in tables if wanted.intersection(table.children))
+        if needed.intersection(table.children):
+            needed.update(table.parents)
+    return (table for table in tables if needed.intersection(table.children))

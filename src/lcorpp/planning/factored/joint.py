@@ -1,4 +1,4 @@
-"""The tables of a factored problem multiplied out, for many cases at once."""
+"""Joint distributions: products of a factored problem's tables, for many cases at once."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Numbers = npt.NDArray[np.int64]
 
 
 class Joint:
-    """What may happen in each of C cases: n outcomes that are possible, over the variables so far.
+    """A joint distribution over some variables in each of C cases, as a list of n possible outcomes.
 
-    case: (n,) the case of each outcome, never falling.
-    values: by name the number of a variable's value, (n,) or one for all.
+    case: (n,) the case of each outcome, non-decreasing.
+    values: by name the indices of a variable's values, (n,) or one index for all.
     weight: (n,) the probability of the outcome in its case.
     """
 
@@ -28,17 +28,17 @@ class Joint:
 
     @classmethod
     def of(cls, cases: int, values: Mapping[str, Numbers]) -> Joint:
-        """Cases with what is known in them: (C,) or one number for all, by name."""
+        """Return cases with known values by name: (C,) or one index for all."""
         return cls(np.arange(cases), values, np.ones(cases))
 
     def multiply(self, tables: Iterable[Table]) -> Joint:
-        """With the children of some tables, each after those it depends on."""
+        """Multiply with conditional tables, each of which must follow its parents' tables."""
         joint = self
         for table in tables:
-            joint = joint._with(table)
+            joint = joint._multiply_table(table)
         return joint
 
-    def _with(self, table: Table) -> Joint:
+    def _multiply_table(self, table: Table) -> Joint:
         begins = table.rows.begins
         row = self.row(table)
         counts = begins[row + 1] - begins[row]
@@ -47,7 +47,7 @@ class Joint:
         if (counts != 1).any():
             counts = np.broadcast_to(counts, self.case.shape)
             source = np.repeat(np.arange(len(case)), counts)
-            # the first entry of the row, and how many outcomes of the same source come before this one
+            # the first entry of the row, plus the number of previous outcomes of the same source
             begin = begin[source] + np.arange(len(source)) - np.repeat(np.cumsum(counts) - counts, counts)
             case, weight = case[source], weight[source]
             values = {name: v[source] if v.ndim else v for name, v in values.items()}
@@ -59,22 +59,22 @@ class Joint:
         return Joint(case, values, weight * table.rows.values[begin])
 
     def row(self, table: Table) -> Numbers:
-        """(n,) the row of a table that holds in each outcome, or one number for all."""
+        """Return (n,) the row of a table for each outcome, or one row for all."""
         row = np.zeros((), dtype=np.int64)
         for name, stride in zip(table.parents, table.strides, strict=True):
             row = row + self.values[name] * stride
         return row
 
     def mean(self, table: Table, cases: int) -> Array:
-        """(C,) the mean in each case of a table without children."""
-        worth = np.broadcast_to(table.reward(np.atleast_1d(self.row(table))), self.case.shape)
-        return np.asarray(np.bincount(self.case, self.weight * worth, minlength=cases), dtype=np.float64)
+        """Return (C,) the mean of a reward table in each case."""
+        reward = np.broadcast_to(table.reward(np.atleast_1d(self.row(table))), self.case.shape)
+        return np.asarray(np.bincount(self.case, self.weight * reward, minlength=cases), dtype=np.float64)
 
 
 class MixedRadix:
-    """Combinations of values of some variables as one number, the last variable counting fastest.
+    """Combinations of variables' values as single numbers; the last variable varies fastest.
 
-    names: what the variables are called among values; as they are themselves, where not given.
+    names: the variables' keys among values; their own names by default.
     """
 
     def __init__(self, variables: Iterable[Variable], names: Iterable[str] | None = None) -> None:
@@ -83,28 +83,28 @@ class MixedRadix:
         self.sizes = tuple(len(variable.values) for variable in self.variables)
         self.count = prod(self.sizes)
 
-    def of(self, values: Mapping[str, Numbers]) -> Numbers:
-        """The numbers of combinations given by variable."""
+    def encode(self, values: Mapping[str, Numbers]) -> Numbers:
+        """Return the codes of combinations of values, given by name."""
         code = np.zeros((), dtype=np.int64)
         for name, size in zip(self.names, self.sizes, strict=True):
             code = code * size + values[name]
         return code
 
-    def values(self, code: Numbers) -> dict[str, Numbers]:
-        """By variable, the values in combinations (n,)."""
-        found = {}
+    def decode(self, code: Numbers) -> dict[str, Numbers]:
+        """Return the values by name of codes (n,)."""
+        values = {}
         for name, size in zip(reversed(self.names), reversed(self.sizes), strict=True):
-            code, found[name] = np.divmod(code, size)
-        return found
+            code, values[name] = np.divmod(code, size)
+        return values
 
     def labels(self, code: Numbers) -> tuple[str, ...]:
-        """The names of combinations (n,): ``x=1,y=2``, or the value alone of a single variable."""
+        """Return the names of codes (n,): ``x=1,y=2``, or the plain value of a single variable."""
         if not self.variables:
             return ("none",) * len(code)
-        values = self.values(code)
-        alone = len(self.variables) == 1
+        values = self.decode(code)
+        single = len(self.variables) == 1
         columns = [
-            np.array([value if alone else f"{v.name}={value}" for value in v.values], dtype=object)[
+            np.array([value if single else f"{v.name}={value}" for value in v.values], dtype=object)[
                 values[name]
             ]
             for v, name in zip(self.variables, self.names, strict=True)

@@ -1,4 +1,4 @@
-"""The problem in its parts: a POMDP whose states, actions and observations are values of variables."""
+"""Factored POMDPs: states, actions and observations are values of variables."""
 
 from __future__ import annotations
 
@@ -10,34 +10,35 @@ from types import MappingProxyType
 import numpy as np
 
 from lcorpp.errors import ModelError, expected_one_of
-from lcorpp.planning.factored.cpt import Spec, Words, distribution, words
+from lcorpp.notebook import html_table, join_some
+from lcorpp.planning.factored.cpt import Spec, Words, build_table, split_words
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.validation import check_reward, topological_order
-from lcorpp.planning.factored.variables import AFTER, Scope, Variable, check_word, scope_of
+from lcorpp.planning.factored.variables import AFTER, Scope, Variable, build_scope, check_word
 from lcorpp.planning.pomdp import Pomdp, discount_message
 from lcorpp.planning.sparse import SparseTables
 
 Domain = Words | Mapping[str, Words]
-"""The values of one variable, or of several by name."""
+"""The values of one variable, or of several variables by name."""
 
 
 @dataclass(frozen=True, eq=False)
 class Factored:
-    """A POMDP in parts: a dynamic Bayesian network over one step. `Factored.of` makes one from plain words.
+    """A POMDP as a dynamic Bayesian network over one step. `Factored.of` builds one from text.
 
-    states, actions, observations: the variables; a state variable may always be `observed` (mixed
-        observability). There may be no observation variable.
+    states, actions, observations: the variables. A state variable may be `observed` (mixed observability);
+        there may be no observation variable.
     start:       tables P(x | ...) over the state variables, before the first action
     transition:  tables P(x' | ...) given actions, states before (x) and after (y')
     observation: tables P(o | ...) given actions, states after and other observations
-                 together they hold each variable once, and no two of them depend on each other
-    reward:      tables by name; the reward is their sum. They may depend on any variable
+                 each variable is a child in exactly one table, and dependencies have no cycle
+    reward:      tables by name, over any variables; the reward is their sum
     discount:    0 < discount < 1
-    file:        where it was read from, for people to read; "" when it was not
+    file:        name of the source file, for messages; "" if there is none
 
     Raises:
-        ModelError: two names are the same, a table is missing, there twice, of the wrong shape or depends on
-            what it cannot depend on, variables depend on each other in a circle, or a row is no distribution.
+        ModelError: a name appears twice, a table is missing, appears twice or has a wrong shape or parent,
+            dependencies have a cycle, or a row is not a distribution.
 
     Source: Boutilier, Dean and Hanks, JAIR 1999 (factored); Ong, Png, Hsu and Lee, RSS 2009 (observed parts).
     """
@@ -60,19 +61,19 @@ class Factored:
         object.__setattr__(self, "discount", float(self.discount))
         for variable in (*self.actions, *self.observations):
             if variable.observed:
-                raise ModelError(f"{variable.name!r} is no part of the state: it cannot be 'observed'")
-        scope = scope_of(self.states, self.actions, self.observations)
+                raise ModelError(f"{variable.name!r} is not a state variable: it cannot be 'observed'")
+        scope = build_scope(self.states, self.actions, self.observations)
         object.__setattr__(self, "scope", scope)
         if not 0 < self.discount < 1:
             raise ModelError(discount_message(self.discount))
         before = [variable.name for variable in self.states]
         after = [name + AFTER for name in before]
         actions = [variable.name for variable in self.actions]
-        seen = [variable.name for variable in self.observations]
+        observations = [variable.name for variable in self.observations]
         for kind, children, parents in (
             ("start", before, before),
             ("transition", after, [*actions, *before, *after]),
-            ("observation", seen, [*actions, *after, *seen]),
+            ("observation", observations, [*actions, *after, *observations]),
         ):
             object.__setattr__(
                 self, kind, topological_order(kind, getattr(self, kind), scope, children, parents)
@@ -97,7 +98,7 @@ class Factored:
         reward: Mapping[str, Spec] | Spec,
         discount: float,
     ) -> Factored:
-        """A problem in plain words.
+        """Build a problem from text.
 
             Factored.of(
                 states={"place": "hall kitchen", "cup": "clean dirty"},
@@ -118,63 +119,71 @@ class Factored:
             )
 
         Args:
-            states: the values of each state variable, as words or as a sequence of anything with a name.
-            observed: the state variables whose value is always seen.
-            actions: the values of each action variable; those of one alone are called ``action``.
-            observations: likewise, ``observation``; there may be none.
-            start, transition, observation: a table for each variable, see `cpt`; several variables that
-                belong together may share one, as ``"x y"``. In `start` and `transition` they are called by
-                their plain names; where tables depend on them, ``x`` is before and ``x'`` after the action.
-            reward: tables of numbers by name, which are added up; cases not given earn 0.
+            states: the values of each state variable, as text or as an iterable of items.
+            observed: the state variables whose value is always observed.
+            actions: the values of each action variable, or of a single variable, named ``action``.
+            observations: likewise, named ``observation``; there may be none.
+            start, transition, observation: a table for each variable, see `cpt`. Dependent variables may
+                share one, as ``"x y"``. Keys are the plain names; among parents, ``x`` is the value before
+                and ``x'`` the value after the action.
+            reward: tables of numbers by name, which are added up; missing cases have reward 0.
             discount: 0 < discount < 1.
 
         Raises:
-            ModelError: as for `Factored`, and for unknown names and numbers of the wrong shape; the table and
-                the row are named.
+            ModelError: as for `Factored`, and for unknown names and arrays of a wrong shape; the message
+                names table and row.
         """
-        seen = words(observed)
-        parts = tuple(Variable(name, words(values), observed=name in seen) for name, values in states.items())
-        for name in seen:
+        observed_names = split_words(observed)
+        parts = tuple(
+            Variable(name, split_words(values), observed=name in observed_names)
+            for name, values in states.items()
+        )
+        for name in observed_names:
             if name not in states:
                 raise ModelError(
                     f"unknown state variable {name!r} is 'observed'; {expected_one_of(tuple(states))}"
                 )
-        acts, looks = _variables("action", actions), _variables("observation", observations)
-        scope = scope_of(parts, acts, looks)
+        action_parts = _variables("action", actions)
+        observation_parts = _variables("observation", observations)
+        scope = build_scope(parts, action_parts, observation_parts)
 
-        def tables(kind: str, specs: Mapping[str, Spec], sign: str) -> tuple[Table, ...]:
-            known = [v.name for v in (looks if kind == "observation" else parts)]
-            for name in (name for names in specs for name in words(names)):
+        def build_tables(kind: str, specs: Mapping[str, Spec], suffix: str) -> tuple[Table, ...]:
+            known = [v.name for v in (observation_parts if kind == "observation" else parts)]
+            for name in (name for names in specs for name in split_words(names)):
                 if name not in known:
                     raise ModelError(f"{kind} has a table for unknown {name!r}; {expected_one_of(known)}")
             return tuple(
-                distribution(scope, spec, tuple(name + sign for name in words(names)), f"{kind} of {names!r}")
+                build_table(
+                    scope, spec, tuple(name + suffix for name in split_words(names)), f"{kind} of {names!r}"
+                )
                 for names, spec in specs.items()
             )
 
         if observation is None:
             observation = {}
         elif not isinstance(observation, Mapping):
-            if len(looks) != 1:
-                raise ModelError(f"observation is one table for {len(looks)} variables; give them by name")
-            observation = {looks[0].name: observation}
+            if len(observation_parts) != 1:
+                raise ModelError(
+                    f"observation is one table for {len(observation_parts)} variables; give them by name"
+                )
+            observation = {observation_parts[0].name: observation}
         rewards = reward if isinstance(reward, Mapping) else {"reward": reward}
         return cls(
             parts,
-            acts,
-            looks,
-            tables("start", start, ""),
-            tables("transition", transition, AFTER),
-            tables("observation", observation, ""),
-            {name: distribution(scope, spec, (), f"reward {name!r}") for name, spec in rewards.items()},
+            action_parts,
+            observation_parts,
+            build_tables("start", start, ""),
+            build_tables("transition", transition, AFTER),
+            build_tables("observation", observation, ""),
+            {name: build_table(scope, spec, (), f"reward {name!r}") for name, spec in rewards.items()},
             discount,
         )
 
     @classmethod
     def of_pomdp(cls, pomdp: Pomdp) -> Factored:
-        """A flat problem as one of a single ``state``, ``action`` and ``observation``."""
+        """Convert a POMDP to a factored one with variables ``state``, ``action`` and ``observation``."""
         S, A = len(pomdp.states), len(pomdp.actions)
-        worth = SparseTables.of(np.reshape(pomdp.reward, (1, A * S, 1)))
+        reward = SparseTables.of(np.reshape(pomdp.reward, (1, A * S, 1)))
         return cls(
             (Variable("state", pomdp.states),),
             (Variable("action", pomdp.actions),),
@@ -182,13 +191,32 @@ class Factored:
             (Table.of((), ("state",), pomdp.start),),
             (_flat_table(pomdp.transition, ("action", "state"), "state'"),),
             (_flat_table(pomdp.observation, ("action", "state'"), "observation"),),
-            {"reward": Table(("action", "state"), (), (A, S), worth)},
+            {"reward": Table(("action", "state"), (), (A, S), reward)},
             pomdp.discount,
             pomdp.file,
         )
 
-    def same(self, other: Factored) -> bool:
-        """Whether both are the same, bit for bit, wherever they were read from."""
+    def __repr__(self) -> str:
+        name = f"{self.file}: " if self.file else ""
+        kinds = (("states", self.states), ("actions", self.actions), ("observations", self.observations))
+        sizes = ", ".join(
+            f"{kind} {' x '.join(str(len(v.values)) for v in variables)}"
+            for kind, variables in kinds
+            if variables
+        )
+        return f"<Factored {name}{sizes}, discount {self.discount:g}>"
+
+    def _repr_html_(self) -> str:
+        kinds = (("state", self.states), ("action", self.actions), ("observation", self.observations))
+        rows = [
+            ("observed state" if variable.observed else kind, variable.name, join_some(variable.values))
+            for kind, variables in kinds
+            for variable in variables
+        ]
+        return html_table(("kind", "variable", "values"), rows, caption=repr(self)[1:-1])
+
+    def equals(self, other: Factored) -> bool:
+        """Whether both problems are bitwise equal; the source file does not count."""
         mine, others = (
             (
                 (f.states, f.actions, f.observations, f.discount, tuple(f.reward)),
@@ -197,20 +225,20 @@ class Factored:
             for f in (self, other)
         )
         return mine[0] == others[0] and all(
-            len(a) == len(b) and all(x.same(y) for x, y in zip(a, b, strict=True))
+            len(a) == len(b) and all(x.equals(y) for x, y in zip(a, b, strict=True))
             for a, b in zip(mine[1], others[1], strict=True)
         )
 
     @cached_property
     def observed(self) -> tuple[Variable, ...]:
-        """The state variables whose value is always seen."""
+        """The state variables whose value is always observed."""
         return tuple(variable for variable in self.states if variable.observed)
 
 
 def _variables(kind: str, domain: Domain) -> tuple[Variable, ...]:
     if isinstance(domain, Mapping):
-        return tuple(Variable(name, words(values)) for name, values in domain.items())
-    values = words(domain)
+        return tuple(Variable(name, split_words(values)) for name, values in domain.items())
+    values = split_words(domain)
     return (Variable(kind, values),) if values or kind == "action" else ()
 
 

@@ -1,4 +1,4 @@
-"""Tables put together statement by statement, as people write them: a rule, then its exceptions."""
+"""Builder of sparse tables from statements, of which later ones override earlier ones."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.factored.table import Table
-from lcorpp.planning.factored.variables import ALL, EACH, Scope, size
+from lcorpp.planning.factored.variables import ALL, EACH, Scope, count_combinations
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
-MOST = 2**26
-"""The most rows, and the most numbers, that a table is made of: beyond it they do not fit into memory."""
+MAX_NUMBERS = 2**26
+"""The maximal number of rows, and of numbers, of a table: more do not fit into memory."""
 
 Selector = int | str
-"""The number of a value, `ALL` or `EACH`."""
+"""The index of a value, `ALL` or `EACH`."""
 
 Indices = npt.NDArray[np.int64]
 
 
 class TableBuilder:
-    """A table under construction; of two statements about the same number the later one counts.
+    """A table under construction. A statement overrides the numbers of earlier statements.
 
-    A statement about whole rows also takes away what was there. Zeros are not kept, and only the numbers
-    that statements name are: memory grows with them.
+    A statement about whole rows also clears them. Only non-zero numbers of statements take memory.
     """
 
     def __init__(self, scope: Scope, parents: Sequence[str], children: Sequence[str]) -> None:
         self.parents, self.children = tuple(parents), tuple(children)
         self.sizes = tuple(len(scope[name].values) for name in (*parents, *children))
-        self._height, self._width = size(scope, parents), size(scope, children)
-        if self._height > MOST or self._width > MOST:
+        self._height, self._width = count_combinations(scope, parents), count_combinations(scope, children)
+        if max(self._height, self._width) > MAX_NUMBERS:
             raise ModelError(
-                f"a table of {self._height} rows of {self._width} numbers is too large, with over {MOST}"
+                f"a table of {self._height} rows of {self._width} numbers is too large,"
+                f" with over {MAX_NUMBERS}"
             )
         heights, widths = self.sizes[: len(parents)], self.sizes[len(parents) :]
-        # a cell is counted by its row, then its column; both are sums of a term for each variable
+        # the index of a cell is row * width + column, a sum of a term for each variable
         self._strides = [
             *(prod(heights[i + 1 :]) * self._width for i in range(len(heights))),
             *(prod(widths[i + 1 :]) for i in range(len(widths))),
@@ -51,44 +51,44 @@ class TableBuilder:
         self._count = 0
 
     def put(self, place: Sequence[Selector], values: npt.ArrayLike) -> None:
-        """State numbers.
+        """Put numbers.
 
         Args:
-            place: for each parent, then each child, the number of a value, `ALL` or `EACH`.
-            values: an axis for each `EACH`, in the order of `place`; any shape of that size will do.
+            place: for each parent, then each child, the index of a value, `ALL` or `EACH`.
+            values: an axis for each `EACH`, in the order of `place`, or another shape of equal size.
 
         Raises:
-            ModelError: the table gets too large.
+            ModelError: the table becomes too large.
         """
         if EACH not in place and ALL not in place:
             self._put_one(place, float(np.asarray(values).reshape(())))
             return
         block = np.asarray(values, dtype=np.float64).reshape(-1)
         shape = [n for n, selector in zip(self.sizes, place, strict=True) if selector == EACH]
-        kept = np.flatnonzero(block) if self._whole(place) else np.arange(len(block))
-        self.put_some(place, np.unravel_index(kept, shape) if shape else (), block[kept])
+        kept = np.flatnonzero(block) if self._covers_rows(place) else np.arange(len(block))
+        self.put_entries(place, np.unravel_index(kept, shape) if shape else (), block[kept])
 
-    def put_some(self, place: Sequence[Selector], where: Sequence[Indices], values: Array) -> None:
-        """State some numbers (n,) of a block; where the place covers whole rows, the others are zero.
+    def put_entries(self, place: Sequence[Selector], where: Sequence[Indices], values: Array) -> None:
+        """Put some numbers (n,) of a block; if the place covers whole rows, all others are zero.
 
         Args:
             place: as for `put`.
-            where: for each `EACH` of the place, (n,) numbers of its values.
+            where: for each `EACH` of the place, (n,) indices of its values.
         """
         turn, self._turn = self._turn, self._turn + 1
         begin = sum(s * t for s, t in zip(place, self._strides, strict=True) if not isinstance(s, str))
         each = np.full(len(values), begin, dtype=np.int64)
         for axis, index in zip((i for i, s in enumerate(place) if s == EACH), where, strict=True):
             each += np.asarray(index, dtype=np.int64) * self._strides[axis]
-        if self._whole(place):
+        if self._covers_rows(place):
             self._cleared[self._rows(place)] = turn
-        spread = self._spread([i for i, selector in enumerate(place) if selector == ALL])
-        self._grow(len(spread) * len(each))
-        cells = (spread[:, None] + each[None, :]).reshape(-1)
-        self._blocks.append((cells, np.tile(values, len(spread)), turn))
+        terms = self._index_terms([i for i, selector in enumerate(place) if selector == ALL])
+        self._count_numbers(len(terms) * len(each))
+        cells = (terms[:, None] + each[None, :]).reshape(-1)
+        self._blocks.append((cells, np.tile(values, len(terms)), turn))
 
-    def table(self) -> Table:
-        """The finished table."""
+    def build(self) -> Table:
+        """Return the table."""
         cell = np.concatenate([*(block[0] for block in self._blocks), np.array(self._single[0], np.int64)])
         value = np.concatenate([*(block[1] for block in self._blocks), np.array(self._single[1], float)])
         turns = [np.full(len(block[0]), block[2], dtype=np.int32) for block in self._blocks]
@@ -98,7 +98,6 @@ class TableBuilder:
         order = np.lexsort((turn[valid], cell[valid]))
         shape = (1, self._height, self._width)
         row, column = row[valid][order], (cell % self._width)[valid][order]
-        # of entries at one place the last one counts
         return Table(
             self.parents,
             self.children,
@@ -110,33 +109,35 @@ class TableBuilder:
         cell = sum(int(s) * t for s, t in zip(place, self._strides, strict=True))
         if not self.children:
             self._cleared[cell // self._width] = self._turn
-        for held, item in zip(self._single, (cell, value, self._turn), strict=True):
-            held.append(item)  # type: ignore[attr-defined]
+        for column, item in zip(self._single, (cell, value, self._turn), strict=True):
+            column.append(item)  # type: ignore[attr-defined]
         self._turn += 1
-        self._grow(1)
+        self._count_numbers(1)
 
-    def _whole(self, place: Sequence[Selector]) -> bool:
+    def _covers_rows(self, place: Sequence[Selector]) -> bool:
         return all(isinstance(selector, str) for selector in place[len(self.parents) :])
 
     def _rows(self, place: Sequence[Selector]) -> Indices:
-        """The rows that a place speaks of."""
+        """Return the rows of a place."""
         parents = place[: len(self.parents)]
         begin = sum(s * t for s, t in zip(parents, self._strides, strict=False) if not isinstance(s, str))
-        return (begin + self._spread([i for i, s in enumerate(parents) if isinstance(s, str)])) // self._width
+        return (
+            begin + self._index_terms([i for i, s in enumerate(parents) if isinstance(s, str)])
+        ) // self._width
 
-    def _spread(self, axes: Sequence[int]) -> Indices:
-        """The terms that all combinations of the values of some variables add to the number of a cell."""
-        if prod(self.sizes[axis] for axis in axes) > MOST:
-            self._grow(MOST + 1)
+    def _index_terms(self, axes: Sequence[int]) -> Indices:
+        """Return the index terms of all combinations of the values of some variables."""
+        if prod(self.sizes[axis] for axis in axes) > MAX_NUMBERS:
+            self._count_numbers(MAX_NUMBERS + 1)
         terms = np.zeros(1, dtype=np.int64)
         for axis in axes:
             steps = np.arange(self.sizes[axis], dtype=np.int64) * self._strides[axis]
             terms = (terms[:, None] + steps).reshape(-1)
         return terms
 
-    def _grow(self, count: int) -> None:
+    def _count_numbers(self, count: int) -> None:
         self._count += count
-        if self._count > MOST:
+        if self._count > MAX_NUMBERS:
             raise ModelError(
-                f"a table over {', '.join((*self.parents, *self.children))} has over {MOST} numbers"
+                f"a table over {', '.join((*self.parents, *self.children))} has over {MAX_NUMBERS} numbers"
             )

@@ -1,4 +1,4 @@
-"""What the tables of a factored problem must obey together."""
+"""Checks of all tables of a factored POMDP together."""
 
 from __future__ import annotations
 
@@ -15,54 +15,54 @@ from lcorpp.planning.factored.variables import AFTER, Scope
 def topological_order(
     kind: str, tables: Sequence[Table], scope: Scope, children: Sequence[str], parents: Sequence[str]
 ) -> tuple[Table, ...]:
-    """The tables of a kind, checked, each after those it depends on.
+    """Check the tables of a kind and order them so that each follows those that it depends on.
 
     Args:
         kind: ``transition`` or another, for messages.
-        children: the variables of which each must be in one table.
-        parents: the variables that they may depend on.
+        children: variables; each must be a child in exactly one table.
+        parents: the variables that the tables may depend on.
 
     Raises:
-        ModelError: a table breaks its law, a variable has no table or two, or they go round in a circle.
+        ModelError: a table is invalid, a variable has no table or two, or the dependencies have a cycle.
     """
-    home: dict[str, int] = {}
+    table_of: dict[str, int] = {}
     for i, table in enumerate(tables):
         for name in table.children:
             if name not in children:
                 raise ModelError(f"{kind} has a table for unknown {name!r}; {expected_one_of(children)}")
-            if name in home:
+            if name in table_of:
                 raise ModelError(f"{kind} has two tables for {name!r}")
-            home[name] = i
+            table_of[name] = i
         if not table.children:
-            raise ModelError(f"{kind} has a table that is about no variable")
+            raise ModelError(f"{kind} has a table without children")
         what = f"{kind} of {' '.join(name.removesuffix(AFTER) for name in table.children)!r}"
         _check_shape(what, table, scope, parents)
         check_distributions(table, scope, what)
     for name in children:
-        if name not in home:
+        if name not in table_of:
             raise ModelError(f"{kind} has no table for {name.removesuffix(AFTER)!r}")
     needs = {
-        i: dict.fromkeys(home[name] for name in table.parents if name in home)
+        i: dict.fromkeys(table_of[name] for name in table.parents if name in table_of)
         for i, table in enumerate(tables)
     }
     try:
         return tuple(tables[i] for i in TopologicalSorter(needs).static_order())
     except CycleError as error:
-        circle = [" ".join(tables[i].children) for i in reversed(error.args[1])]
-        raise ModelError(f"in {kind}, {' depends on '.join(circle)}: a circle") from None
+        cycle = [" ".join(tables[i].children) for i in reversed(error.args[1])]
+        raise ModelError(f"in {kind}, {' depends on '.join(cycle)}: a cycle") from None
 
 
 def check_reward(what: str, table: Table, scope: Scope) -> None:
-    """Refuse a reward that is no table of finite numbers over the variables.
+    """Check that a reward is a table of finite numbers over the variables.
 
     Raises:
-        ModelError: it is not.
+        ModelError: the table has children, a wrong shape or a number that is not finite.
     """
     if table.children:
-        raise ModelError(f"{what} is a table of numbers: it has parents, no children")
+        raise ModelError(f"{what} is a reward table: it must not have children")
     _check_shape(what, table, scope, tuple(scope))
     if not np.isfinite(table.rows.values).all():
-        raise ModelError(f"{what} holds a number that is not finite")
+        raise ModelError(f"{what} contains a number that is not finite")
 
 
 def _check_shape(what: str, table: Table, scope: Scope, parents: Sequence[str]) -> None:

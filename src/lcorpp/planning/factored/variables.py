@@ -1,4 +1,4 @@
-"""The variables of a factored problem, and what they are called before and after an action."""
+"""Variables of a factored POMDP, and their names before and after an action."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from math import prod
 from lcorpp.errors import ModelError, expected_one_of
 
 AFTER = "'"
-"""What follows the name of a state variable where its value after the action is meant."""
+"""Suffix of a state variable's name that refers to its value after the action."""
 
 ALL, EACH = "*", "-"
-"""In the place of a value: every value alike; every value in turn, each with numbers of its own."""
+"""Wildcards for a value: all values with the same numbers; each value with its own numbers."""
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A named part of the state, of the action or of what is observed, with finitely many values.
+    """A named part of the state, the action or the observation, with finitely many values.
 
-    observed: whether the value is always seen; for parts of the state only.
+    observed: whether the value is always observed; for state variables only.
 
     Raises:
-        ModelError: a name is empty, has blanks in it or is one of the signs * and -; a value is there twice.
+        ModelError: a name is empty, contains blanks or is one of * and -; or a value appears twice.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Variable:
         check_word(self.name, "the name of a variable")
         if self.name.endswith(AFTER):
             raise ModelError(
-                f"the name {self.name!r} ends in {AFTER!r}, the sign for the value after the action"
+                f"the name {self.name!r} ends in {AFTER!r}, the suffix of the value after the action"
             )
         if not self.values:
             raise ModelError(f"variable {self.name!r} has no values")
@@ -45,33 +45,33 @@ class Variable:
             raise ModelError(f"variable {self.name!r} has the value {twice!r} twice")
 
     def index(self, value: str) -> int:
-        """The number of a value. Raises ModelError with the known ones."""
+        """The index of a value. Raises ModelError with the known values."""
         if value not in self.values:
             raise ModelError(f"unknown value {value!r} of {self.name!r}; {expected_one_of(self.values)}")
         return self.values.index(value)
 
 
 Scope = Mapping[str, Variable]
-"""What a table can speak of, by name: state variables as ``x`` and ``x'``, actions, observations."""
+"""The variables of a problem by name; state variables both as ``x`` and as ``x'``."""
 
 
 def check_word(word: object, what: str) -> None:
-    """Refuse what cannot be a name: tables list names with blanks between them."""
+    """Reject a word that cannot be a name; tables separate names by blanks."""
     if not isinstance(word, str) or not word:
         raise ModelError(f"{what} must be a word, not {word!r}")
-    if not word.isprintable() or " " in word:  # no other blank is printable
+    if not word.isprintable() or " " in word:  # the only printable blank
         raise ModelError(f"{what} must be one word of printable characters, not {word!r}")
     if word in (ALL, EACH):
-        raise ModelError(f"{what} cannot be {word!r}, which stands for every value")
+        raise ModelError(f"{what} cannot be {word!r}, which is a wildcard for values")
 
 
-def scope_of(
+def build_scope(
     states: Sequence[Variable], actions: Sequence[Variable], observations: Sequence[Variable]
 ) -> dict[str, Variable]:
-    """The variables by name.
+    """Return the variables by name.
 
     Raises:
-        ModelError: two have the same name, or there is none for states or actions.
+        ModelError: two variables have the same name, or there is none for states or actions.
     """
     scope: dict[str, Variable] = {}
     for kind, variables in (("states", states), ("actions", actions)):
@@ -84,13 +84,13 @@ def scope_of(
     return scope | {variable.name + AFTER: variable for variable in states}
 
 
-def size(scope: Scope, names: Iterable[str]) -> int:
-    """How many combinations of values there are."""
+def count_combinations(scope: Scope, names: Iterable[str]) -> int:
+    """Return the number of combinations of the variables' values."""
     return prod(len(scope[name].values) for name in names)
 
 
-def described(scope: Scope, names: Sequence[str], number: int) -> str:
-    """The combination of values with a number, the last variable counting fastest: ``x=1, y=2``."""
+def format_values(scope: Scope, names: Sequence[str], number: int) -> str:
+    """Return a combination of values as text, ``x=1, y=2``; the last variable varies fastest."""
     parts = []
     for name in reversed(names):
         number, value = divmod(number, len(scope[name].values))

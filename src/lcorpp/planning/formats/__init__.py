@@ -1,1 +1,1 @@
-"""The files of planning: models and policies, read and written, each format in files of its own."""
+"""File formats of models and policies: one module or package for each format."""

@@ -1,9 +1,10 @@
-"""APPL's policy XML: read from any APPL-made file, written so that APPL's tools read it.
+"""APPL's policy XML: reads files made by APPL, and writes files that APPL's tools read.
 
-Format: the files of APPL (https://github.com/AdaCompNUS/sarsop); a `Vector` holds S numbers, a `SparseVector`
-entries of a state's number and a value. What lcorpp writes also carries the fingerprint of its model, in a
-comment that other readers pass over. A policy in pieces that would grow too large over all states is written
-piece by piece, as APPL writes that of a factored model, with the states of each piece in another comment.
+Format: the files of APPL (https://github.com/AdaCompNUS/sarsop). A `Vector` contains S numbers, a
+`SparseVector` has entries of a state's index and a value. Files written by lcorpp also contain the model's
+fingerprint in a comment, which other readers ignore. A policy with several vector sets that would become too
+large over all states is written set by set, as APPL writes the policy of a factored model; another comment
+lists the states of each set.
 """
 
 from __future__ import annotations
@@ -12,53 +13,56 @@ import re
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import PolicyError
 from lcorpp.files import read_bytes, write_atomically
-from lcorpp.planning.formats.numbers import finite_numbers, first_fault, is_count
-from lcorpp.planning.formats.vector_lines import MAX_TEXT, vector_lines, written_out
-from lcorpp.planning.policy import AlphaVectors, Policy
+from lcorpp.planning.formats.numbers import find_invalid_number, is_count, parse_numbers
+from lcorpp.planning.formats.vector_lines import MAX_BYTES, estimate_bytes, format_vectors
+from lcorpp.planning.formats.xml import XmlParser
+from lcorpp.planning.policy import AlphaVectors, Indices, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array
 
+MAX_DEPTH = 9
+"""Maximum nesting of elements; APPL's files have four levels."""
+
 _VECTORS = ("Vector", "SparseVector")
-_PIECES = re.compile(r"\s*lcorpp pieces ([0-9]{1,9}(?:[-, ][0-9]{1,9})*+)\s*")
+_STATE_SETS = re.compile(r"\s*lcorpp pieces ([0-9]{1,9}(?:[-, ][0-9]{1,9})*+)\s*")
 _FINGERPRINT = re.compile(r"\s*lcorpp model sha256 ([0-9a-f]{64})\s*")
 
 
 def write_policy(policy: Policy, path: str | Path) -> None:
-    """Write a policy with all its digits: reading it gives the same vectors bit for bit.
+    """Write a policy with all digits: reading it back gives the same bits.
 
-    Of a policy in pieces each vector is written over all states, with the floor of the policy where its piece
-    does not speak, as APPL's tools want it; beyond 200 MB it is written piece by piece, which lcorpp reads.
+    If the policy has several vector sets, each vector is written over all states, with the floor of the
+    policy outside its set, as APPL's tools require. Beyond 200 MB, it is written set by set; only lcorpp
+    reads that.
 
     Raises:
         FileError: the file cannot be written.
     """
-    # control characters have no place in XML, not even escaped
+    # XML has no control characters, not even escaped
     model = "".join(c if c.isprintable() else "?" for c in Path(policy.model or "unknown.pomdp").name)
     lines = [
         '<?xml version="1.0" encoding="ISO-8859-1"?>',
         f'<Policy version="0.1" type="value" model="{escape(model)}">',
     ]
-    # the space after the last number of a vector is APPL's; some readers drop what follows it
-    if not policy.covers_all_states and written_out(policy) > MAX_TEXT:
-        lines.append(
-            f"<!-- lcorpp pieces {' '.join(_ranges(piece.states) for piece in policy.vector_sets)} -->"
-        )
-        length = max(len(piece.states) for piece in policy.vector_sets)
-        lines.append(_opening(length, len(policy.vector_sets), len(policy)))
-        for number, piece in enumerate(policy.vector_sets):
-            for action, vector in zip(piece.actions.tolist(), piece.vectors.tolist(), strict=True):
+    # APPL writes a space after the last number of a vector; some readers drop what follows it
+    if not policy.covers_all_states and estimate_bytes(policy) > MAX_BYTES:
+        state_sets = " ".join(_format_ranges(part.states) for part in policy.vector_sets)
+        lines.append(f"<!-- lcorpp pieces {state_sets} -->")
+        length = max(len(part.states) for part in policy.vector_sets)
+        lines.append(_format_header(length, len(policy.vector_sets), len(policy)))
+        for number, part in enumerate(policy.vector_sets):
+            for action, vector in zip(part.actions.tolist(), part.vectors.tolist(), strict=True):
                 words = " ".join(map(repr, vector))
                 lines.append(f'<Vector action="{action}" obsValue="{number}">{words} </Vector>')
     else:
-        lines.append(_opening(len(policy.state_names), 1, len(policy)))
-        for action, numbers in vector_lines(policy):
+        lines.append(_format_header(len(policy.state_names), 1, len(policy)))
+        for action, numbers in format_vectors(policy):
             lines.append(f'<Vector action="{action}" obsValue="0">{numbers} </Vector>')
     lines.append("</AlphaVector>")
     if policy.fingerprint:
@@ -67,12 +71,12 @@ def write_policy(policy: Policy, path: str | Path) -> None:
     write_atomically(path, ("\n".join(lines) + "\n").encode("ascii", "xmlcharrefreplace"))
 
 
-def _opening(length: int, values: int, count: int) -> str:
+def _format_header(length: int, values: int, count: int) -> str:
     return f'<AlphaVector vectorLength="{length}" numObsValue="{values}" numVectors="{count}">'
 
 
-def _ranges(states: npt.NDArray[np.intp]) -> str:
-    """Rising numbers as ranges: 0-3,7,9-11."""
+def _format_ranges(states: Indices) -> str:
+    """Format increasing indices as ranges: 0-3,7,9-11."""
     ends = np.flatnonzero(np.diff(states) > 1)
     firsts, lasts = states[np.append(0, ends + 1)].tolist(), states[np.append(ends, len(states) - 1)].tolist()
     return ",".join(f"{a}-{b}" if a < b else f"{a}" for a, b in zip(firsts, lasts, strict=True))
@@ -82,162 +86,146 @@ def read_policy(path: str | Path, pomdp: Pomdp, *, blocks: Sequence[npt.ArrayLik
     """Read a policy for `pomdp`.
 
     Args:
-        blocks: for each value of the fully observed variables the indices of its states, in the order of the
-            values of the hidden ones. With them a policy that APPL made for a factored model becomes one in
-            pieces; without them it is refused.
+        blocks: for each value of the fully observed variables, the indices of its states in the order of the
+            values of the hidden variables. Required to read a policy that APPL made for a factored model; the
+            result has one vector set for each block.
 
     Raises:
         FileError: the file cannot be read.
-        PolicyError: it is malformed, holds a DTD, or belongs to another model.
+        PolicyError: the file is malformed, contains a DTD, or belongs to another model.
     """
     return _Reader(str(path), pomdp, blocks).read(read_bytes(path))
 
 
 class _Reader:
-    """Collects vectors while expat walks through the file; a DTD is refused, so no entity is expanded."""
+    """XML handler that collects the vectors.
+
+    state_sets: states of each vector set: a single one, unless the header announces several.
+    """
 
     def __init__(self, file: str, pomdp: Pomdp, blocks: Sequence[npt.ArrayLike] | None) -> None:
         self.file, self.pomdp = file, pomdp
-        self.given = None if blocks is None else [np.asarray(block, dtype=np.intp) for block in blocks]
-        self.own: list[npt.NDArray[np.intp]] = []  # the pieces that the file itself tells of
-        self.blocks = [np.arange(len(pomdp.states))]  # those of this file: one, unless its header has more
-        self.vectors: dict[int, list[Array]] = {}  # by the observed value
+        self.blocks = None if blocks is None else [np.asarray(block, dtype=np.intp) for block in blocks]
+        self.has_own_sets = False  # whether the file lists the states of its vector sets
+        self.state_sets: list[Indices] = [np.arange(len(pomdp.states))]
+        self.vectors: dict[int, list[Array]] = {}  # of each vector set
         self.actions: dict[int, list[int]] = {}
-        self.observed = 0  # the observed value of the vector that is read
+        self.current_set = 0
         self.fingerprint = ""
-        self.open: list[str] = []
-        self.promised = -1  # vectors that the header announces
-        self.text: list[str] = []
-        self.entries: list[tuple[int, float]] = []
-        self.parser = expat.ParserCreate()
-        self.parser.buffer_text = True
-        self.parser.StartDoctypeDeclHandler = self._doctype
-        self.parser.StartElementHandler = self._start
-        self.parser.EndElementHandler = self._end
-        self.parser.CharacterDataHandler = self.text.append
-        self.parser.CommentHandler = self._comment
+        self.announced = -1  # number of vectors in the header
+        self.pieces: list[str] = []  # of the current text
+        self.entries: list[tuple[int, float]] = []  # of the current sparse vector
+        self.text = self.pieces.append
+        self.parser = XmlParser(self, root="Policy", max_depth=MAX_DEPTH, join_text=True)
 
     def read(self, data: bytes) -> Policy:
-        try:
-            self.parser.Parse(data, True)
-        except expat.ExpatError as error:
-            place = f"{self.file}:{error.lineno}:{error.offset + 1}"
-            raise PolicyError(f"{place}: not well-formed XML: {expat.errors.messages[error.code]}") from None
-        except (LookupError, ValueError) as error:  # an encoding that Python or expat does not know
-            raise self._error(f"cannot be decoded: {error}") from None
+        self.parser.parse(data)
         count = sum(map(len, self.vectors.values()))
         if not count:
-            raise self._error("there is no alpha vector in it")
-        if self.promised not in (-1, count):
-            raise self._error(f"{self.promised} vectors are announced, {count} are there")
+            raise self.parser.error("there is no alpha vector in it")
+        if self.announced not in (-1, count):
+            raise self.parser.error(f"the header announces {self.announced} vectors, found {count}")
         if self.fingerprint and self.fingerprint != self.pomdp.fingerprint:
             raise PolicyError(
                 f"{self.file}: this policy is for another model: the fingerprint of its states, actions,"
                 " observations, numbers and discount is not that of"
                 f" {self.pomdp.file or 'the given model'}; solve again"
             )
-        return Policy.of_sets(self.pomdp, [self._piece(value) for value in sorted(self.vectors)])
+        return Policy.of_sets(self.pomdp, [self._vector_set(number) for number in sorted(self.vectors)])
 
-    def _piece(self, observed: int) -> AlphaVectors:
-        order = np.argsort(self.blocks[observed])
-        vectors = np.array(self.vectors[observed])
-        return AlphaVectors(self.blocks[observed][order], vectors[:, order], np.array(self.actions[observed]))
+    def _vector_set(self, number: int) -> AlphaVectors:
+        states = self.state_sets[number]
+        order = np.argsort(states)
+        vectors = np.array(self.vectors[number])
+        return AlphaVectors(states[order], vectors[:, order], np.array(self.actions[number]))
 
-    def _error(self, message: str) -> PolicyError:
-        line, column = self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1
+    def error(self, line: int, column: int, message: str) -> PolicyError:
         return PolicyError(f"{self.file}:{line}:{column}: {message}")
 
-    def _doctype(self, *declaration: object) -> None:
-        raise self._error("a document type declaration is refused; a policy needs none")
+    def comment(self, text: str) -> None:
+        if match := _FINGERPRINT.fullmatch(text):
+            self.fingerprint = match[1]
+        match = _STATE_SETS.fullmatch(text)
+        if match and not self.vectors:
+            self.blocks = [self._parse_ranges(words) for words in match[1].split()]
+            self.has_own_sets = True
 
-    def _comment(self, text: str) -> None:
-        match = _FINGERPRINT.fullmatch(text)
-        if match:
-            self.fingerprint = match.group(1)
-        pieces = _PIECES.fullmatch(text)
-        if pieces and not self.vectors:
-            self.own = self.given = [self._states(words) for words in pieces.group(1).split()]
-
-    def _states(self, words: str) -> npt.NDArray[np.intp]:
-        """The states of a piece, written as ranges."""
+    def _parse_ranges(self, words: str) -> Indices:
+        """The state indices of a vector set, given as increasing ranges."""
         ends = [word.partition("-") for word in words.split(",")]
         ranges = [(int(first), int(last or first)) for first, _, last in ends]
-        rising = [number for pair in ranges for number in pair]
-        if rising != sorted(rising) or rising[-1] >= len(self.pomdp.states):
-            raise self._error(f"{words[:80]!r} are no states of the model, in ranges that rise")
+        numbers = [number for pair in ranges for number in pair]
+        if numbers != sorted(numbers) or numbers[-1] >= len(self.pomdp.states):
+            raise self.parser.error(
+                f"expected increasing ranges of the model's state indices, found {words[:80]!r}"
+            )
         return np.concatenate([np.arange(first, last + 1) for first, last in ranges])
 
-    def _start(self, name: str, attributes: dict[str, str]) -> None:
-        if not self.open and name != "Policy":
-            raise self._error(f"expected <Policy>, found <{name}>")
-        if len(self.open) > 8:
-            raise self._error(f"<{name}> is nested too deeply for a policy")
-        if name in _VECTORS and any(outer in _VECTORS for outer in self.open):
-            raise self._error(f"<{name}> cannot stand in another vector")
-        self.open.append(name)
-        self.text.clear()
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        if name in _VECTORS and any(outer in _VECTORS for outer in self.parser.open):
+            raise self.parser.error(f"<{name}> cannot be inside another vector")
+        self.pieces.clear()
         if name == "AlphaVector":
-            self._header(attributes)
+            self._read_header(attributes)
         elif name in _VECTORS:
-            self._begin_vector(attributes)
+            self._start_vector(attributes)
             self.entries.clear()
 
-    def _header(self, attributes: dict[str, str]) -> None:
+    def _read_header(self, attributes: dict[str, str]) -> None:
         if self.vectors:
-            raise self._error("<AlphaVector> stands twice in this policy")
-        values = self._whole(attributes, "numObsValue") if "numObsValue" in attributes else 1
+            raise self.parser.error("a second <AlphaVector> in this policy")
+        values = self._count(attributes, "numObsValue") if "numObsValue" in attributes else 1
         if values == 1:
             self._check_length(attributes, len(self.pomdp.states), "states")
-        elif self.given is None:
-            raise self._error(
+        elif self.blocks is None:
+            raise self.parser.error(
                 f"this policy is for a factored model with {values} values of its observed"
                 " variables; only policies over one set of states are read"
             )
-        elif values != len(self.given):
-            raise self._error(
+        elif values != len(self.blocks):
+            raise self.parser.error(
                 f"this policy is for another model: its observed variables have {values} values, those of the"
-                f" model {len(self.given)}"
+                f" model {len(self.blocks)}"
             )
         else:
-            self.blocks = self.given
-            for block in () if self.own else self.blocks:
-                self._check_length(attributes, len(block), "values of the hidden variables")
+            self.state_sets = self.blocks
+            for states in () if self.has_own_sets else self.state_sets:
+                self._check_length(attributes, len(states), "values of the hidden variables")
         if "numVectors" in attributes:
-            self.promised = self._whole(attributes, "numVectors")
+            self.announced = self._count(attributes, "numVectors")
 
     def _check_length(self, attributes: dict[str, str], length: int, what: str) -> None:
-        if "vectorLength" in attributes and self._whole(attributes, "vectorLength") != length:
-            raise self._error(
+        if "vectorLength" in attributes and self._count(attributes, "vectorLength") != length:
+            raise self.parser.error(
                 f"this policy is for another model: its vectors have {attributes['vectorLength']} numbers,"
                 f" the model has {length} {what}"
             )
 
-    def _begin_vector(self, attributes: dict[str, str]) -> None:
-        action = self._whole(attributes, "action")
+    def _start_vector(self, attributes: dict[str, str]) -> None:
+        action = self._count(attributes, "action")
         if action >= len(self.pomdp.actions):
-            raise self._error(
+            raise self.parser.error(
                 f"this policy is for another model: action {action} is not among its"
                 f" {len(self.pomdp.actions)} actions, counted from 0"
             )
-        if self.given is None and attributes.get("obsValue", "0") != "0":
-            raise self._error(f"obsValue {attributes['obsValue']!r} belongs to a factored model")
-        self.observed = self._whole(attributes, "obsValue") if "obsValue" in attributes else 0
-        if self.observed >= len(self.blocks):
-            raise self._error(
-                f"obsValue {self.observed} is not among the {len(self.blocks)} values of the observed"
+        if self.blocks is None and attributes.get("obsValue", "0") != "0":
+            raise self.parser.error(f"obsValue {attributes['obsValue']!r} belongs to a factored model")
+        self.current_set = self._count(attributes, "obsValue") if "obsValue" in attributes else 0
+        if self.current_set >= len(self.state_sets):
+            raise self.parser.error(
+                f"obsValue {self.current_set} is not among the {len(self.state_sets)} values of the observed"
                 " variables, counted from 0"
             )
-        self.actions.setdefault(self.observed, []).append(action)
+        self.actions.setdefault(self.current_set, []).append(action)
 
-    def _end(self, name: str) -> None:
-        self.open.pop()
-        text = "".join(self.text)
-        self.text.clear()
-        length = len(self.blocks[self.observed])
+    def end(self, name: str) -> None:
+        text = "".join(self.pieces)
+        self.pieces.clear()
+        length = len(self.state_sets[self.current_set])
         if name == "Vector":
-            vector = self._numbers(text, "vector")
+            vector = self._parse_numbers(text, "vector")
             if len(vector) != length:
-                raise self._error(
+                raise self.parser.error(
                     f"this policy is for another model: a vector of {len(vector)} numbers,"
                     f" the model has {length} states"
                 )
@@ -245,28 +233,31 @@ class _Reader:
         elif name == "Entry":
             words = text.split()
             if len(words) != 2 or not is_count(words[0]) or len(words[0]) > 9:
-                raise self._error(f"an entry is a state's number and a value, not {' '.join(words)[:80]!r}")
-            self.entries.append((int(words[0]), float(self._numbers(words[1], "entry")[0])))
+                raise self.parser.error(
+                    f"an entry is a state's number and a value, not {' '.join(words)[:80]!r}"
+                )
+            self.entries.append((int(words[0]), float(self._parse_numbers(words[1], "entry")[0])))
         elif name == "SparseVector":
             vector = np.zeros(length)
             for state, value in self.entries:
                 if state >= length:
-                    raise self._error(f"state {state} is not among the {length} states, counted from 0")
+                    raise self.parser.error(f"state {state} is not among the {length} states, counted from 0")
                 vector[state] = value
             self._add(vector)
 
     def _add(self, vector: Array) -> None:
-        self.vectors.setdefault(self.observed, []).append(vector)
+        self.vectors.setdefault(self.current_set, []).append(vector)
 
-    def _whole(self, attributes: dict[str, str], name: str) -> int:
+    def _count(self, attributes: dict[str, str], name: str) -> int:
+        """The value of an attribute that is a whole number."""
         text = attributes.get(name, "")
         if not (is_count(text) and len(text) < 10):
-            raise self._error(f"{name} must be a whole number, not {text[:40]!r}")
+            raise self.parser.error(f"{name} must be a whole number, not {text[:40]!r}")
         return int(text)
 
-    def _numbers(self, text: str, what: str) -> Array:
-        values = finite_numbers(text)
+    def _parse_numbers(self, text: str, what: str) -> Array:
+        values = parse_numbers(text)
         if values is None:
-            index, message = first_fault(text.split())
-            raise self._error(f"{message}, number {index + 1} of this {what}")
+            index, message = find_invalid_number(text.split())
+            raise self.parser.error(f"{message}, number {index + 1} of this {what}")
         return values

@@ -1,4 +1,4 @@
-"""The alpha vectors of a policy as lines of text, for the formats that write out every state."""
+"""Alpha vectors as lines of text, for formats that list every state."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ from collections.abc import Iterator
 from lcorpp.errors import PolicyError
 from lcorpp.planning.policy import Policy
 
-MAX_TEXT = 200_000_000
-"""The most bytes that a policy in pieces may grow to when the states it does not speak of are filled in."""
+MAX_BYTES = 200_000_000
+"""Maximum estimated size of a policy with several vector sets when it is written over all states."""
 
 NUMBER_LENGTH = 19
-"""About how many letters a number with all its digits takes, with the space after it."""
+"""Approximate length of a number with all its digits and a space."""
 
 
-def vector_lines(policy: Policy) -> Iterator[tuple[int, str]]:
-    """The action and the numbers of each vector, with all their digits.
+def format_vectors(policy: Policy) -> Iterator[tuple[int, str]]:
+    """Yield the action and the numbers of each vector, with all digits.
 
-    A flat policy is written as it is, however large; of one in pieces, the floor of the policy stands for the
-    states that a piece does not speak of.
+    States outside a vector's set get the floor of the policy. The size is limited only in that case.
 
     Raises:
-        PolicyError: a policy in pieces would grow too large.
+        PolicyError: a policy with several vector sets would become too large.
     """
-    if not policy.covers_all_states and written_out(policy) > MAX_TEXT:
+    size = estimate_bytes(policy)
+    if not policy.covers_all_states and size > MAX_BYTES:
         raise PolicyError(
-            f"this policy is in {len(policy.vector_sets)} pieces; its {len(policy)} vectors written out over"
-            f" all {len(policy.state_names)} states take about {written_out(policy) / 1e6:.0f} MB;"
-            f" at most {MAX_TEXT / 1e6:.0f} MB are written"
+            f"this policy has {len(policy.vector_sets)} vector sets; its {len(policy)} vectors over"
+            f" all {len(policy.state_names)} states take about {size / 1e6:.0f} MB;"
+            f" at most {MAX_BYTES / 1e6:.0f} MB are written"
         )
     floor = repr(policy.floor)
-    for piece in policy.vector_sets:
-        states = piece.states.tolist()
-        for action, vector in zip(piece.actions.tolist(), piece.vectors.tolist(), strict=True):
+    for part in policy.vector_sets:
+        states = part.states.tolist()
+        for action, vector in zip(part.actions.tolist(), part.vectors.tolist(), strict=True):
             if len(states) == len(policy.state_names):
                 yield action, " ".join(map(repr, vector))
                 continue
@@ -42,10 +42,10 @@ def vector_lines(policy: Policy) -> Iterator[tuple[int, str]]:
             yield action, " ".join(words)
 
 
-def written_out(policy: Policy) -> int:
-    """About how many bytes the vectors of a policy take over all states."""
+def estimate_bytes(policy: Policy) -> int:
+    """Return the approximate size in bytes of the policy's vectors over all states."""
     S, filler = len(policy.state_names), len(repr(policy.floor)) + 1
     return sum(
-        len(piece.actions) * (len(piece.states) * NUMBER_LENGTH + (S - len(piece.states)) * filler)
-        for piece in policy.vector_sets
+        len(part.actions) * (len(part.states) * NUMBER_LENGTH + (S - len(part.states)) * filler)
+        for part in policy.vector_sets
     )

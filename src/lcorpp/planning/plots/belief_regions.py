@@ -1,4 +1,4 @@
-"""A policy on the beliefs over two or three states: few numbers, and the exact places where it changes."""
+"""Regions of the best vectors on the beliefs over two or three states, with exact boundaries."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array, Belief
 
 GRID = 120
-"""Beliefs along an edge of a triangle at which the vectors are looked for that are best somewhere in it."""
+"""Beliefs along a triangle's edge, of the grid on which the best vectors are determined."""
 
-SMALLEST = 1e-9
-"""Share of the line or triangle below which a region comes from rounding."""
+MIN_REGION = 1e-9
+"""Regions below this share of the line or triangle are rounding errors."""
 
 
 class Region(NamedTuple):
-    """Where one vector is the best: among corners' weights, the ends of an interval or a polygon's corners.
+    """The beliefs at which one vector is best.
 
-    vector: its row in `Slice.values`. action: index of the action its plan begins with.
-    points: (2, 2) or (m, 3) weights of the slice's corners.
+    vector: its row in `BeliefSlice.values`. action: index of its plan's first action.
+    points: (2, 2) ends of an interval or (m, 3) vertices of a polygon, as weights of the slice's corners.
     """
 
     vector: int
@@ -35,12 +35,12 @@ class Region(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Slice:
-    """A policy between n corner beliefs: at the belief sum of w_i corner_i, vector k is worth values[k] @ w.
+class BeliefSlice:
+    """A policy on the mixtures of n corner beliefs: with weights w, vector k has the value values[k] @ w.
 
-    states: (n,) indices of the states that the corners are about.
-    share: the probability that the states of the corners have together.
-    corners: (n, S) beliefs. values: (K, n), each row once. actions: (K,).
+    states: (n,) indices of the varied states.
+    share: total probability of these states.
+    corners: (n, S) beliefs. values: (K, n), distinct rows. actions: (K,).
     """
 
     states: tuple[int, ...]
@@ -50,135 +50,136 @@ class Slice:
     actions: Indices
 
     def regions(self) -> list[Region]:
-        """The vectors that are best somewhere, each with the beliefs where it is; n is 2 or 3."""
+        """Return the region of each vector that is best at some belief; n is 2 or 3."""
         return _intervals(self) if len(self.states) == 2 else _polygons(self)
 
     def belief(self, weights: npt.ArrayLike) -> Belief:
-        """(S,) the belief with some weights (n,) of the corners."""
-        mixed: Belief = np.asarray(weights, dtype=np.float64) @ self.corners
-        return mixed
+        """Return (S,) the belief with weights (n,) of the corners."""
+        belief: Belief = np.asarray(weights, dtype=np.float64) @ self.corners
+        return belief
 
     def value(self, weights: Array) -> Array:
-        """(m,) what the policy is worth at weights (m, n)."""
-        worth: Array = (weights @ self.values.T).max(axis=1)
-        return worth
+        """Return (m,) the policy's value at weights (m, n)."""
+        values: Array = (weights @ self.values.T).max(axis=1)
+        return values
 
 
-def slice_of(pomdp: Pomdp, policy: Policy, states: Sequence[str], base: npt.ArrayLike | None = None) -> Slice:
-    """A policy on the beliefs over some states.
+def slice_policy(
+    pomdp: Pomdp, policy: Policy, states: Sequence[str], base: npt.ArrayLike | None = None
+) -> BeliefSlice:
+    """Restrict a policy to the beliefs over some states.
 
     Args:
-        states: the names of two states or three.
-        base: (S,) a belief: the other states keep its probabilities, and what it gives to `states` is shared
-            out among them anew. When None the other states have none.
+        states: the names of two or three states.
+        base: (S,) belief with the probabilities of the other states; only the remaining probability varies
+            over `states`. When None the other states have probability 0.
 
     Raises:
-        ModelError: a state is unknown, named twice or too many, or `base` gives nothing to `states`.
+        ModelError: a state is unknown or appears twice, their number is not 2 or 3, or `base` leaves no
+            probability for `states`.
     """
     if len(states) not in (2, 3):
-        raise ModelError(f"a picture of beliefs is over two states or three, not {len(states)}")
+        raise ModelError(f"a figure of beliefs is over two or three states, not {len(states)}")
     chosen = tuple(pomdp.state_index(name) for name in states)
     if len(set(chosen)) < len(chosen):
-        raise ModelError(f"the states of a picture differ; given are {', '.join(states)}")
+        raise ModelError(f"the states of a figure must differ, not {', '.join(states)}")
     rest = np.zeros(len(pomdp.states))
     if base is not None:
         rest = check_belief(pomdp, base).copy()
     share = 1.0 if base is None else float(rest[list(chosen)].sum())
     if not share > 0:
         raise ModelError(
-            f"the belief gives no probability to {' or '.join(states)}, which the picture is about"
+            f"the belief gives no probability to {' or '.join(states)}, the states of the figure"
         )
     rest[list(chosen)] = 0
     corners = np.tile(rest, (len(chosen), 1))
     corners[np.arange(len(chosen)), chosen] = share
-    pieces = _speaking(policy, corners.sum(axis=0))
-    values = np.concatenate([_at(piece, policy.floor, corners) for piece in pieces])
-    actions = np.concatenate([piece.actions for piece in pieces])
+    sets = _sets_for(policy, corners.sum(axis=0))
+    values = np.concatenate([_values_at(part, policy.floor, corners) for part in sets])
+    actions = np.concatenate([part.actions for part in sets])
     _, first = np.unique(values, axis=0, return_index=True)
-    first.sort()  # of equals the first one counts, as for `Policy.action`
-    return Slice(chosen, share, corners, values[first], actions[first])
+    first.sort()  # the first of equal vectors, as in `Policy.action`
+    return BeliefSlice(chosen, share, corners, values[first], actions[first])
 
 
-def _speaking(policy: Policy, support: Array) -> Sequence[AlphaVectors]:
-    """The pieces that hold all states with any weight; every piece where none does, as in `Policy`."""
+def _sets_for(policy: Policy, support: Array) -> Sequence[AlphaVectors]:
+    """The vector sets that cover the support; all sets if none does, as in `Policy`."""
     needed = np.flatnonzero(support)
-    return [
-        piece for piece in policy.vector_sets if np.isin(needed, piece.states).all()
-    ] or policy.vector_sets
+    return [part for part in policy.vector_sets if np.isin(needed, part.states).all()] or policy.vector_sets
 
 
-def _at(piece: AlphaVectors, floor: float, corners: Array) -> Array:
-    """(K, n) the values of a piece's vectors at the corners."""
-    inside = corners[:, piece.states]
-    values: Array = piece.vectors @ inside.T + floor * np.maximum(
+def _values_at(part: AlphaVectors, floor: float, corners: Array) -> Array:
+    """Return (K, n) the values of a set's vectors at the corners."""
+    inside = corners[:, part.states]
+    values: Array = part.vectors @ inside.T + floor * np.maximum(
         0.0, corners.sum(axis=1) - inside.sum(axis=1)
     )
     return values
 
 
-def _intervals(line: Slice) -> list[Region]:
-    """The upper envelope of straight lines, from the first corner to the second."""
+def _intervals(line: BeliefSlice) -> list[Region]:
+    """Return the upper envelope of lines, from the first corner to the second."""
     heights, slopes = line.values[:, 0], line.values[:, 1] - line.values[:, 0]
-    at, here = 0.0, int(np.lexsort((np.arange(len(slopes)), -slopes, -heights))[0])
-    found = []
+    position, best = 0.0, int(np.lexsort((np.arange(len(slopes)), -slopes, -heights))[0])
+    pieces = []
     while True:
-        steeper = np.flatnonzero(slopes > slopes[here])
-        meets = (heights[here] - heights[steeper]) / (slopes[steeper] - slopes[here])
-        ahead = np.flatnonzero(meets < 1)
+        steeper = np.flatnonzero(slopes > slopes[best])
+        crossings = (heights[best] - heights[steeper]) / (slopes[steeper] - slopes[best])
+        ahead = np.flatnonzero(crossings < 1)
         if not len(ahead):
-            found.append((here, at, 1.0))
+            pieces.append((best, position, 1.0))
             break
-        end = max(at, float(meets[ahead].min()))
-        if end - at > SMALLEST:
-            found.append((here, at, end))
-        level = steeper[ahead][meets[ahead] <= end]
-        at, here = end, int(level[slopes[level].argmax()])
+        end = max(position, float(crossings[ahead].min()))
+        if end - position > MIN_REGION:
+            pieces.append((best, position, end))
+        crossing = steeper[ahead][crossings[ahead] <= end]
+        position, best = end, int(crossing[slopes[crossing].argmax()])
     return [
         Region(k, int(line.actions[k]), np.array([[1 - begin, begin], [1 - end, end]]))
-        for k, begin, end in found
+        for k, begin, end in pieces
     ]
 
 
-def _polygons(triangle: Slice) -> list[Region]:
-    """Each vector's part of the triangle: what is left of it when the others have taken theirs."""
+def _polygons(triangle: BeliefSlice) -> list[Region]:
+    """Return each vector's polygon: the triangle clipped by all other vectors."""
     best = np.unique((grid(GRID) @ triangle.values.T).argmax(axis=1))
     values = triangle.values[best]
-    found = []
+    regions = []
     for k, own in zip(best.tolist(), values, strict=True):
         points = np.eye(3)
         for other in values:
-            points = _clipped(points, own - other)
+            points = _clip(points, own - other)
             if not len(points):
                 break
-        if len(points) and area(points) > SMALLEST:
-            found.append(Region(k, int(triangle.actions[k]), points))
-    return found
+        if len(points) and area(points) > MIN_REGION:
+            regions.append(Region(k, int(triangle.actions[k]), points))
+    return regions
 
 
 def grid(n: int) -> Array:
-    """((n + 1)(n + 2) / 2, 3) weights of three corners, evenly spread."""
+    """Return ((n + 1)(n + 2) / 2, 3) weights of three corners on a regular grid."""
     first, second = np.indices((n + 1, n + 1)).reshape(2, -1)
     inside = first + second <= n
     weights: Array = np.stack([first, second, n - first - second], axis=1)[inside] / n
     return weights
 
 
-def _clipped(points: Array, normal: Array) -> Array:
-    """The part of a convex polygon (m, 3) where normal (3,) times the weights is not negative."""
-    side = points @ normal
-    if side.min() >= 0:
+def _clip(points: Array, normal: Array) -> Array:
+    """Clip a convex polygon (m, 3) to the half-plane where normal (3,) @ weights >= 0."""
+    distances = points @ normal
+    if distances.min() >= 0:
         return points
-    kept = []
-    for i, (point, here) in enumerate(zip(points, side, strict=True)):
-        before, there = points[i - 1], side[i - 1]
+    clipped = []
+    for i, (point, here) in enumerate(zip(points, distances, strict=True)):
+        before, there = points[i - 1], distances[i - 1]
         if here * there < 0:
-            kept.append(before + (point - before) * (there / (there - here)))
+            clipped.append(before + (point - before) * (there / (there - here)))
         if here >= 0:
-            kept.append(point)
-    return np.array(kept).reshape(-1, 3)
+            clipped.append(point)
+    return np.array(clipped).reshape(-1, 3)
 
 
 def area(points: Array) -> float:
-    """The area of a polygon (m, 3) as a share of the whole triangle."""
+    """Return the area of a polygon (m, 3) relative to the triangle."""
     x, y = points[:, 0], points[:, 1]
     return abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))

@@ -1,4 +1,4 @@
-"""How the bounds met: both over time, and how many vectors it took."""
+"""Figure of a search: both bounds and the number of vectors over time."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from lcorpp.errors import ModelError
 from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, despine, with_style
 from lcorpp.values import Array
 
-LONG = 10.0
-"""A search that ended this many times later than it began has its time axis in decades."""
+LOG_SCALE_RATIO = 10.0
+"""The time axis is logarithmic if the last time exceeds the first one by this factor."""
 
 
 @with_style
 def draw_bounds(history: Sequence[tuple[float, float, float, int]], *, title: str = "") -> Figure:
-    """The bounds at the start belief over time, the gap between them shaded, above the number of vectors.
+    """Draw the bounds at the start belief over time, with the gap shaded, and the number of vectors below.
 
     Args:
-        history: (seconds, lower, upper, vectors) in the order of time, as `Solution.history`.
-        title: written above.
+        history: (seconds, lower, upper, vectors) in temporal order, as `Solution.history`.
+        title: of the figure.
 
     Raises:
-        ModelError: there is no history.
+        ModelError: `history` is empty.
     """
     if not len(history):
-        raise ModelError("there is no history to draw: a search that keeps bounds leaves one")
+        raise ModelError("there is no history to draw")
     seconds, lower, upper, vectors = np.array(history, dtype=np.float64).T
     unit, times = ("seconds", seconds) if seconds[-1] >= 0.1 else ("milliseconds", 1000 * seconds)
-    # the last entry holds until the end: a little of it is shown
+    # extend the last values to the right
     times = np.append(times, max(1.04 * times[-1], times[-1] + 1e-3))
     low, high, count = (np.append(series, series[-1]) for series in (lower, upper, vectors))
     figure = Figure(figsize=(7, 4.4), layout="constrained")
@@ -66,9 +66,9 @@ def draw_bounds(history: Sequence[tuple[float, float, float, int]], *, title: st
 
 
 def _scale(axes: Axes, times: Array) -> None:
-    """In decades where the search was long, from the first moment after the call's own."""
+    """Scale the time axis, logarithmically for a long search."""
     first = float(times[times > 0][0])
-    if times[-1] <= LONG * first:
+    if times[-1] <= LOG_SCALE_RATIO * first:
         axes.set_xlim(times[0], times[-1])
         return
     axes.set_xscale("log")

@@ -1,8 +1,9 @@
-"""Where the nodes of a graph go when it is drawn in layers, and which way its arrows take between them.
+"""Layered graph layout: positions of nodes, and routes of arrows between them.
 
 Source: Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", IEEE
-Transactions on Systems, Man and Cybernetics, 1981: long arrows pass through a place of their own in every
-layer, and layers are ordered by the mean place of their neighbours.
+Transactions on Systems, Man and Cybernetics, 1981: long arrows have a dummy node in every layer that they
+cross, and layers are ordered by the barycentre of their neighbours. No light library does this: networkx
+neither orders layers nor routes arrows, and grandalf (GPL) has had no release since January 2023.
 """
 
 from __future__ import annotations
@@ -16,23 +17,23 @@ import numpy as np
 from lcorpp.values import Array
 
 SWEEPS = 24
-"""Times that the layers are ordered anew; the order with the fewest crossings is kept."""
+"""Number of passes of the ordering; the order with the fewest crossings is returned."""
 
-LANE = 0.45
-"""Room that a passing arrow takes in a layer, a node taking 1."""
+DUMMY_SIZE = 0.45
+"""Height of a dummy node, relative to a node."""
 
 
 class Layout(NamedTuple):
-    """places: (n, 2) layer and height of each node. ways: of each arrow (m, 2) its ends and all it passes."""
+    """positions: (n, 2) layer and height of each node. routes: (m, 2) of each arrow: ends and dummy nodes."""
 
-    places: Array
-    ways: list[Array]
+    positions: Array
+    routes: list[Array]
 
 
-def layout(depths: Sequence[int], arrows: Sequence[tuple[int, int]]) -> Layout:
-    """Places for nodes in given layers (n,), and ways for arrows from node to node.
+def layout_graph(depths: Sequence[int], arrows: Sequence[tuple[int, int]]) -> Layout:
+    """Lay out nodes in given layers (n,) and arrows between them.
 
-    An arrow within a layer, or from a node to itself, has its two ends alone.
+    The route of an arrow within a layer, or from a node to itself, consists of its two ends.
     """
     layers: list[list[int]] = [[] for _ in range(max(depths) + 1)]
     for node, depth in enumerate(depths):
@@ -44,23 +45,23 @@ def layout(depths: Sequence[int], arrows: Sequence[tuple[int, int]]) -> Layout:
         low, high = sorted((source, target), key=depths.__getitem__)
         between = range(depths[low] + 1, depths[high])
         chain = [low, *range(count, count + len(between)), high]
-        for place, depth in zip(chain[1:-1], between, strict=True):
-            layers[depth].append(place)
+        for dummy, depth in zip(chain[1:-1], between, strict=True):
+            layers[depth].append(dummy)
         count += len(between)
         if depths[low] < depths[high]:
             links += pairwise(chain)
         chains.append(chain if low == source else chain[::-1])
-    sizes = np.array([1.0 if place < len(depths) else LANE for place in range(count)])
-    heights = _heights(_ordered(layers, links, count), links, sizes)
+    sizes = np.array([1.0 if node < len(depths) else DUMMY_SIZE for node in range(count)])
+    heights = _heights(_order_layers(layers, links, count), links, sizes)
     layer_of = np.zeros(count)
     for number, layer in enumerate(layers):
         layer_of[layer] = number
-    places = np.stack([layer_of, heights], axis=1)
-    return Layout(places[: len(depths)], [places[chain] for chain in chains])
+    positions = np.stack([layer_of, heights], axis=1)
+    return Layout(positions[: len(depths)], [positions[chain] for chain in chains])
 
 
 def _neighbours(links: list[tuple[int, int]], count: int) -> tuple[list[list[int]], list[list[int]]]:
-    """Of each place those it is linked to on its left, and on its right."""
+    """Return the left and the right neighbours of each node."""
     left: list[list[int]] = [[] for _ in range(count)]
     right: list[list[int]] = [[] for _ in range(count)]
     for low, high in links:
@@ -69,44 +70,47 @@ def _neighbours(links: list[tuple[int, int]], count: int) -> tuple[list[list[int
     return left, right
 
 
-def _ordered(layers: list[list[int]], links: list[tuple[int, int]], count: int) -> list[list[int]]:
-    """The layers, each in an order that keeps crossings few."""
+def _order_layers(layers: list[list[int]], links: list[tuple[int, int]], count: int) -> list[list[int]]:
+    """Order each layer so that few links cross."""
     sides = _neighbours(links, count)
-    best, fewest = layers, _crossings(layers, links)
-    now = [list(layer) for layer in layers]
+    best, fewest = layers, _count_crossings(layers, links)
+    current = [list(layer) for layer in layers]
     for sweep in range(SWEEPS):
         side = sides[sweep % 2]
-        inner = range(1, len(now)) if sweep % 2 == 0 else range(len(now) - 2, -1, -1)
+        inner = range(1, len(current)) if sweep % 2 == 0 else range(len(current) - 2, -1, -1)
         rank = np.zeros(count)
-        for layer in now:
+        for layer in current:
             rank[layer] = np.linspace(0, 1, len(layer)) if len(layer) > 1 else 0.5
         for number in inner:
             means = {
-                node: float(np.mean(rank[side[node]])) if side[node] else rank[node] for node in now[number]
+                node: float(np.mean(rank[side[node]])) if side[node] else rank[node]
+                for node in current[number]
             }
-            now[number].sort(key=means.__getitem__)
-            rank[now[number]] = np.linspace(0, 1, len(now[number])) if len(now[number]) > 1 else 0.5
-        crossings = _crossings(now, links)
+            current[number].sort(key=means.__getitem__)
+            rank[current[number]] = (
+                np.linspace(0, 1, len(current[number])) if len(current[number]) > 1 else 0.5
+            )
+        crossings = _count_crossings(current, links)
         if crossings < fewest:
-            best, fewest = [list(layer) for layer in now], crossings
+            best, fewest = [list(layer) for layer in current], crossings
     return best
 
 
-def _crossings(layers: list[list[int]], links: list[tuple[int, int]]) -> int:
-    """How many pairs of links cross."""
-    place = {node: i for layer in layers for i, node in enumerate(layer)}
+def _count_crossings(layers: list[list[int]], links: list[tuple[int, int]]) -> int:
+    """Return the number of crossing pairs of links."""
+    index = {node: i for layer in layers for i, node in enumerate(layer)}
     layer_of = {node: number for number, layer in enumerate(layers) for node in layer}
     crossings = 0
     for number in range(len(layers) - 1):
-        ends = np.array([(place[a], place[b]) for a, b in links if layer_of[a] == number])
+        ends = np.array([(index[a], index[b]) for a, b in links if layer_of[a] == number])
         if len(ends):
-            below, beside = ends[:, 0], ends[:, 1]
-            crossings += int(((below[:, None] < below) & (beside[:, None] > beside)).sum())
+            left, right = ends[:, 0], ends[:, 1]
+            crossings += int(((left[:, None] < left) & (right[:, None] > right)).sum())
     return crossings
 
 
 def _heights(layers: list[list[int]], links: list[tuple[int, int]], sizes: Array) -> Array:
-    """(count,) heights near those of the neighbours, with room for each in its layer."""
+    """Return (count,) heights close to those of the neighbours, without overlap within a layer."""
     left, right = _neighbours(links, len(sizes))
     heights = np.zeros(len(sizes))
     for layer in layers:
@@ -120,21 +124,21 @@ def _heights(layers: list[list[int]], links: list[tuple[int, int]], sizes: Array
                 else heights[node]
                 for node in layer
             ]
-            heights[layer] = _apart(np.array(wanted), sizes[layer])
+            heights[layer] = _separate(np.array(wanted), sizes[layer])
     return heights
 
 
-def _apart(wanted: Array, sizes: Array) -> Array:
-    """Heights in the given order as close to what is wanted as room allows, by least squares.
+def _separate(wanted: Array, sizes: Array) -> Array:
+    """Return non-overlapping heights in the given order, closest to the wanted ones by least squares.
 
-    Source: pooling neighbours that violate their order (isotonic regression), once the room is taken off.
+    Isotonic regression (pool adjacent violators) of the wanted heights minus the required offsets.
     """
-    room = np.concatenate([[0.0], np.cumsum((sizes[:-1] + sizes[1:]) / 2)])
+    offsets = np.concatenate([[0.0], np.cumsum((sizes[:-1] + sizes[1:]) / 2)])
     pools: list[tuple[float, int]] = []
-    for value in wanted - room:
+    for value in wanted - offsets:
         pools.append((float(value), 1))
         while len(pools) > 1 and pools[-2][0] >= pools[-1][0]:
             (a, m), (b, n) = pools[-2:]
             pools[-2:] = [((a * m + b * n) / (m + n), m + n)]
-    flat: Array = np.concatenate([np.full(n, value) for value, n in pools]) + room
-    return flat
+    heights: Array = np.concatenate([np.full(n, value) for value, n in pools]) + offsets
+    return heights

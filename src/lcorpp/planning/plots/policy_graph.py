@@ -1,54 +1,51 @@
-"""A policy as a graph: what is done first, and what after each observation."""
+"""Figure of a policy graph: actions as nodes, observations as arrows."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from lcorpp.errors import ModelError
+from lcorpp.planning.evaluation.policy_graph import PolicyGraph
 from lcorpp.planning.plots.graph_drawing import Arrow, Node, draw
 from lcorpp.plot_style import COLOURS, INK, MUTED, Fill, with_style
 
-if TYPE_CHECKING:
-    from lcorpp.planning.evaluation.policy_graph import PolicyGraph
+MAX_NODES, MAX_ARROWS = 30, 60
+"""Default limits of a readable figure."""
 
-MOST_NODES, MOST_ARROWS = 30, 60
-"""More than these are not read any longer."""
+CONTINUATION = 0.95
+"""Probability to continue after each step, for the expected visits of nodes."""
 
-STAYING = 0.95
-"""Chance to go on after each step, where it is worked out which nodes are met most."""
+VISIT_STEPS = 200
+"""Number of steps for the expected visits."""
 
-PASSES = 200
-"""Steps for which that is followed."""
+MAX_LABEL_LINES = 2
+"""An arrow's label names at most this many observations and sums up the others."""
 
-MOST_LINES = 2
-"""Observations named at one arrow; of more, the others are added up."""
-
-LINES = tuple(INK if colour == COLOURS[4] else colour for colour in COLOURS)  # yellow is lost on white
+LINES = tuple(INK if colour == COLOURS[4] else colour for colour in COLOURS)  # yellow is invisible on white
 STYLES = ("-", "--", ":", "-.")
 
 
 @with_style
 def draw_graph(
-    graph: PolicyGraph, *, nodes: int = MOST_NODES, arrows: int = MOST_ARROWS, title: str = ""
+    graph: PolicyGraph, *, nodes: int = MAX_NODES, arrows: int = MAX_ARROWS, title: str = ""
 ) -> Figure:
-    """A policy graph in layers by the fewest steps to each node, from left to right.
+    """Draw a policy graph in layers by the nodes' depth, from left to right.
 
-    A box is an action, the one with the strong frame is the first. An arrow leads from it by observation,
-    with the probability there; the thicker, the likelier. Of a graph with more nodes or arrows than are asked
-    for those are shown that are met most; the picture says so, and a dashed frame tells whose arrows are
-    missing.
+    A box shows an action; the first one has a strong frame. An arrow is labelled with its observations and
+    their probabilities, and is thicker for likelier ones. Of a graph with more nodes or arrows than the
+    limits, the most visited ones are drawn; a caption states this, and nodes with missing arrows have a
+    dashed frame.
 
     Raises:
         ModelError: `nodes` is below 1 or `arrows` below 0.
     """
     if nodes < 1 or arrows < 0:
-        raise ModelError(f"a picture has at least one node, not {nodes}, and no fewer arrows than 0")
+        raise ModelError(f"a figure needs at least 1 node, not {nodes}, and at least 0 arrows, not {arrows}")
     all_arrows = graph.edges_by_nodes()
-    kept, drawn_arrows = _most_met(graph, list(all_arrows), nodes, arrows)
+    kept, drawn_arrows = _select_most_visited(graph, list(all_arrows), nodes, arrows)
     number = {node: place for place, node in enumerate(kept)}
     missing = {source for source, _ in all_arrows.keys() - set(drawn_arrows)}
     boxes = [
@@ -70,60 +67,60 @@ def draw_graph(
     caption = []
     if len(kept) < len(graph) or len(lines) < len(all_arrows):
         caption.append(
-            f"{len(kept)} of {len(graph)} nodes and {len(lines)} of {len(all_arrows)} arrows, those met most"
+            f"the most visited {len(kept)} of {len(graph)} nodes and {len(lines)} of {len(all_arrows)} arrows"
         )
     if any(box.cut for box in boxes):
-        caption.append("a dashed frame has more arrows than are shown")
+        caption.append("nodes with a dashed frame have more arrows")
     return draw(boxes, lines, title=title, caption="; ".join(caption))
 
 
-def _most_met(
-    graph: PolicyGraph, arrows: Sequence[tuple[int, int]], max_nodes: int, most_arrows: int
+def _select_most_visited(
+    graph: PolicyGraph, arrows: Sequence[tuple[int, int]], max_nodes: int, max_arrows: int
 ) -> tuple[list[int], list[tuple[int, int]]]:
-    """Nodes and arrows that hang together from the start on, each time the arrow that is taken most."""
-    if len(graph) <= max_nodes and len(arrows) <= most_arrows:
+    """Return the connected nodes and arrows that result from adding the most frequent arrow repeatedly."""
+    if len(graph) <= max_nodes and len(arrows) <= max_arrows:
         return list(range(len(graph))), list(arrows)
-    met = np.zeros(len(graph))
-    now = np.eye(1, len(graph))[0]
-    for _ in range(PASSES):
-        met += now
-        moved = STAYING * now[graph.sources] * graph.probabilities
-        now = np.bincount(graph.targets, moved, minlength=len(graph))
+    visits = np.zeros(len(graph))
+    current = np.eye(1, len(graph))[0]
+    for _ in range(VISIT_STEPS):
+        visits += current
+        moved = CONTINUATION * current[graph.sources] * graph.probabilities
+        current = np.bincount(graph.targets, moved, minlength=len(graph))
     flow = dict.fromkeys(arrows, 0.0)
     for edge, ends in enumerate(zip(graph.sources.tolist(), graph.targets.tolist(), strict=True)):
-        flow[ends] += float(met[ends[0]] * graph.probabilities[edge])
-    nodes, kept = {0}, list[tuple[int, int]]()
+        flow[ends] += float(visits[ends[0]] * graph.probabilities[edge])
+    nodes, selected = {0}, list[tuple[int, int]]()
     waiting = sorted(arrows, key=lambda ends: -flow[ends])
-    while len(kept) < most_arrows:
-        open_ones = (
+    while len(selected) < max_arrows:
+        candidates = (
             ends for ends in waiting if ends[0] in nodes and (ends[1] in nodes or len(nodes) < max_nodes)
         )
-        taken = next(open_ones, None)
+        taken = next(candidates, None)
         if taken is None:
             break
         waiting.remove(taken)
         nodes.add(taken[1])
-        kept.append(taken)
-    return sorted(nodes), sorted(kept)
+        selected.append(taken)
+    return sorted(nodes), sorted(selected)
 
 
 def _arrow(graph: PolicyGraph, source: int, target: int, edges: Sequence[int], whole: bool) -> Arrow:
-    """The edges from one node to another as one arrow between two boxes."""
+    """Return all edges from one node to another as one arrow."""
     total = float(graph.probabilities[edges].sum())
     width = 0.8 + 1.6 * total
     if len(edges) > 1:
-        all_lead_here = whole and len(edges) == np.count_nonzero(graph.sources == graph.sources[edges[0]])
-        return Arrow(source, target, ["any"] if all_lead_here else _listed(graph, edges), MUTED, "-", width)
+        covers_all = whole and len(edges) == np.count_nonzero(graph.sources == graph.sources[edges[0]])
+        return Arrow(source, target, ["any"] if covers_all else _label_lines(graph, edges), MUTED, "-", width)
     number = int(graph.observations[edges[0]])
     style = STYLES[number // len(LINES) % len(STYLES)]
-    return Arrow(source, target, _listed(graph, edges), LINES[number % len(LINES)], style, width)
+    return Arrow(source, target, _label_lines(graph, edges), LINES[number % len(LINES)], style, width)
 
 
-def _listed(graph: PolicyGraph, edges: Sequence[int]) -> list[str]:
-    """A line for each observation with its probability, the likeliest first."""
+def _label_lines(graph: PolicyGraph, edges: Sequence[int]) -> list[str]:
+    """Return a line for each observation with its probability, the likeliest first."""
     likely = sorted(edges, key=lambda edge: -graph.probabilities[edge])
     lines = []
-    for edge in likely[:MOST_LINES] if len(likely) > MOST_LINES + 1 else likely:
+    for edge in likely[:MAX_LABEL_LINES] if len(likely) > MAX_LABEL_LINES + 1 else likely:
         name, chance = graph.observation_names[graph.observations[edge]], graph.probabilities[edge]
         lines.append(name if chance > 0.9995 else f"{name}: {chance:.2g}")
     rest = likely[len(lines) :]

@@ -1,4 +1,4 @@
-"""What is done among three states: a triangle of beliefs, coloured by action."""
+"""Figure of a policy on the beliefs over three states: a triangle coloured by action."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
-from lcorpp.planning.plots.belief_regions import Region, Slice, area, grid, slice_of
+from lcorpp.planning.plots.belief_regions import BeliefSlice, Region, area, grid, slice_policy
 from lcorpp.planning.policy import Policy, UpperBound
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.plot_style import INK, MUTED, Fill, with_style, wrap_text
 
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
-"""(3, 2) where the certain beliefs are drawn."""
+"""(3, 2) coordinates of the certain beliefs."""
 
-NAME = 26
-"""Letters of a state's name in one line."""
+MAX_LINE_LETTERS = 26
+"""Longer state names are broken into lines."""
 
 STEPS = 60
-"""Beliefs along an edge at which the upper bound is measured."""
+"""Beliefs along an edge at which the upper bound is evaluated."""
 
 
 @with_style
@@ -35,20 +35,20 @@ def draw_triangle(
     bound: bool = True,
     title: str = "",
 ) -> Figure:
-    """The policy on the beliefs over three states; each vector's region has a thin white outline.
+    """Draw a policy on the beliefs over three states; each vector's region has a thin white outline.
 
-    Where the policy knows an upper bound, a second triangle shows the gap to it.
+    If the policy has an upper bound, a second triangle shows the gap.
 
     Args:
-        states: names of three states: the corners at the left, at the right and on top.
-        base: (S,) a belief whose other probabilities are kept; when None they are 0.
-        bound: show the gap where the policy has an upper bound.
-        title: written above.
+        states: names of three states: at the left, at the right and on top.
+        base: (S,) belief with the probabilities of all other states; 0 when None.
+        bound: show the gap if the policy has an upper bound.
+        title: of the figure.
 
     Raises:
-        ModelError: a state is unknown or named twice, or `base` gives none any probability.
+        ModelError: a state is unknown or appears twice, or `base` leaves no probability for the states.
     """
-    triangle = slice_of(pomdp, policy, states, base)
+    triangle = slice_policy(pomdp, policy, states, base)
     regions = triangle.regions()
     above = policy.upper_bound if bound else None
     figure = Figure(figsize=(6, 5.6) if above is None else (11, 5.6), layout="constrained")
@@ -56,7 +56,7 @@ def draw_triangle(
     for axes in (left, *right):
         _frame(axes, states)
     _regions(left, regions)
-    lines = max(wrap_text(name, NAME).count("\n") + 1 for name in states[:2])
+    lines = max(wrap_text(name, MAX_LINE_LETTERS).count("\n") + 1 for name in states[:2])
     _legend(left, regions, pomdp.actions, lines)
     if above is not None:
         _gap(right[0], triangle, above)
@@ -69,13 +69,13 @@ def draw_triangle(
 
 
 def _frame(axes: Axes, states: Sequence[str]) -> None:
-    """The outline, with the name of a state at each corner."""
+    """Draw the outline, with a state's name at each corner."""
     axes.set_aspect("equal")
     axes.axis("off")
     axes.add_patch(Polygon(CORNERS, facecolor="none", edgecolor=INK, linewidth=1.2, zorder=4))
     for name, corner, side, up in zip(states, CORNERS, ("left", "right", "center"), (-1, -1, 1), strict=True):
         axes.annotate(
-            wrap_text(name, NAME),
+            wrap_text(name, MAX_LINE_LETTERS),
             corner,
             xytext=(0, 6 * up),
             textcoords="offset points",
@@ -95,7 +95,7 @@ def _regions(axes: Axes, regions: Sequence[Region]) -> None:
 
 
 def _legend(axes: Axes, regions: Sequence[Region], names: Sequence[str], lines: int) -> None:
-    """The actions, and how much of the triangle each has, below the corners' names of so many lines."""
+    """List the actions with their shares of the triangle, below corner names of `lines` lines."""
     shares: dict[int, float] = {}
     for region in regions:
         shares[region.action] = shares.get(region.action, 0.0) + area(region.points)
@@ -111,13 +111,13 @@ def _legend(axes: Axes, regions: Sequence[Region], names: Sequence[str], lines: 
     )
 
 
-def _gap(axes: Axes, triangle: Slice, bound: UpperBound) -> None:
-    """How far the policy may be from the best, belief by belief."""
+def _gap(axes: Axes, triangle: BeliefSlice, bound: UpperBound) -> None:
+    """Draw the gap between upper bound and policy."""
     weights = grid(STEPS)
     high = np.array([bound.value(triangle.belief(weight)) for weight in weights])
     gap = np.maximum(0.0, high - triangle.value(weights))
     x, y = (weights @ CORNERS).T
     painted = axes.tripcolor(x, y, gap, shading="gouraud", cmap="cividis_r", vmin=0, rasterized=True)
     colours = axes.figure.colorbar(painted, ax=axes, shrink=0.7, pad=0.02)
-    colours.set_label("gap: upper bound less the policy's value")
+    colours.set_label("gap: upper bound minus policy value")
     colours.outline.set_visible(False)

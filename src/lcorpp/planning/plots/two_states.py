@@ -1,4 +1,4 @@
-"""What is done between two states: the value of the policy along a line of beliefs, the actions below."""
+"""Figure of a policy on the beliefs over two states: value above, actions below."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from lcorpp.planning.plots.belief_regions import Region, Slice, slice_of
+from lcorpp.planning.plots.belief_regions import BeliefSlice, Region, slice_policy
 from lcorpp.planning.policy import Policy, UpperBound
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.plot_style import INK, ORANGE, Fill, despine, with_style, wrap_text
 
 POINTS = 201
-"""Beliefs at which the upper bound is measured."""
+"""Beliefs at which the upper bound is evaluated."""
 
-MOST_GAP = 1.5
-"""An upper bound is shown up to this many times the height of the policy's curve above it."""
+MAX_GAP_HEIGHT = 1.5
+"""The upper bound is shown up to this multiple of the curve's height above the curve."""
 
-LETTER = 0.017
-"""Roughly the width of a letter as a share of the bands': which names fit is decided by it."""
+LETTER_WIDTH = 0.017
+"""Approximate width of a letter relative to the bands; decides which names fit."""
 
 
 @with_style
@@ -35,21 +35,21 @@ def draw_line(
     bound: bool = True,
     title: str = "",
 ) -> Figure:
-    """The policy on the beliefs over two states.
+    """Draw a policy on the beliefs over two states.
 
-    Above, the value: each piece of the curve belongs to an alpha vector, which goes on as a thin line, in the
-    colour of its action. Where the policy knows an upper bound, the gap to it is shaded. Below, the actions.
+    Above, the value: each segment of the curve belongs to an alpha vector, drawn as a thin line in the colour
+    of its action. If the policy has an upper bound, the gap is shaded. Below, the actions.
 
     Args:
-        states: names of two states, the left end and the right end.
-        base: (S,) a belief whose other probabilities are kept; when None they are 0.
-        bound: show the upper bound where the policy has one.
-        title: written above.
+        states: names of two states, at the left and at the right end.
+        base: (S,) belief with the probabilities of all other states; 0 when None.
+        bound: show the upper bound if the policy has one.
+        title: of the figure.
 
     Raises:
-        ModelError: a state is unknown or named twice, or `base` gives neither any probability.
+        ModelError: a state is unknown or appears twice, or `base` leaves no probability for the states.
     """
-    line = slice_of(pomdp, policy, states, base)
+    line = slice_policy(pomdp, policy, states, base)
     regions = line.regions()
     figure = Figure(figsize=(7, 4.4), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[6, 1])
@@ -78,8 +78,8 @@ def draw_line(
     return figure
 
 
-def _gap(axes: Axes, line: Slice, bound: UpperBound) -> float:
-    """The upper bound, and what is between it and the policy; returned is where it is highest."""
+def _gap(axes: Axes, line: BeliefSlice, bound: UpperBound) -> float:
+    """Draw the upper bound and the gap to the policy; return the bound's maximum."""
     right = np.linspace(0, 1, POINTS)
     weights = np.stack([1 - right, right], axis=1)
     low = line.value(weights)
@@ -90,24 +90,24 @@ def _gap(axes: Axes, line: Slice, bound: UpperBound) -> float:
     return float(high.max())
 
 
-def _value(axes: Axes, line: Slice, regions: Sequence[Region], top: float) -> None:
-    """The envelope, and behind it each of its vectors from end to end, as far as it is near."""
+def _value(axes: Axes, line: BeliefSlice, regions: Sequence[Region], top: float) -> None:
+    """Draw the value function, and behind it each of its vectors from end to end."""
     ends = np.concatenate([line.values[region.vector] @ region.points.T for region in regions])
     low, high = float(ends.min()), float(ends.max())
-    room = 0.08 * (high - low) or 0.5
+    margin = 0.08 * (high - low) or 0.5
     for region in regions:
         colour = Fill.of(region.action).colour
         axes.plot([0, 1], line.values[region.vector], color=colour, linewidth=0.7, alpha=0.7, zorder=2)
         heights = region.points @ line.values[region.vector]
         axes.plot(region.points[:, 1], heights, color=INK, linewidth=3.4, zorder=3, solid_capstyle="round")
         axes.plot(region.points[:, 1], heights, color=colour, linewidth=2.2, zorder=4)
-    axes.set_ylim(low - room, min(max(high, top), high + MOST_GAP * (high - low)) + room)
+    axes.set_ylim(low - margin, min(max(high, top), high + MAX_GAP_HEIGHT * (high - low)) + margin)
 
 
 def _bands(
     axes: Axes, regions: Sequence[Region], fills: Mapping[int, Fill], names: Sequence[str]
 ) -> list[int]:
-    """A band for each run of one action; returned are the actions without room for their name."""
+    """Draw a band for each run of one action; return the actions whose name does not fit."""
     runs: list[tuple[int, float, float]] = []
     for region in regions:
         begin, end = region.points[:, 1].tolist()
@@ -119,7 +119,7 @@ def _bands(
     for action, begin, end in runs:
         fill = fills[action]
         axes.axvspan(begin, end, facecolor=fill.colour, hatch=fill.hatch, edgecolor="white", linewidth=0.8)
-        if len(names[action]) * LETTER < end - begin:
+        if len(names[action]) * LETTER_WIDTH < end - begin:
             named.add(action)
             ground = {"facecolor": fill.colour, "linewidth": 0, "pad": 1.5} if fill.hatch else None
             axes.text(

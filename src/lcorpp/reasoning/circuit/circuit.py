@@ -16,6 +16,7 @@ from lcorpp.reasoning.circuit.matrices import Layer, forward_backward
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.errors import format_conditions, no_value_error, no_world_error
+from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.reasoning.world import World
@@ -238,7 +239,9 @@ class Circuit:
     def world_queries(self) -> WorldQueries:
         """Queries about whole worlds; a loaded circuit expands its program when it first needs them."""
         if self._world_queries is None:
-            self._world_queries = WorldQueries(build_trellis(build_transition_system(self.program, self.do)))
+            self._world_queries = WorldQueries(
+                build_trellis(build_transition_system(ground_program(self.program, self.do)))
+            )
         return self._world_queries
 
     def exact(self, evidence: Mapping[str, str]) -> dict[str, Fraction] | dict[str, dict[str, Fraction]]:

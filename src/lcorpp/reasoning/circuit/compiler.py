@@ -12,6 +12,7 @@ from lcorpp.reasoning.circuit.matrices import Layer, Matrix
 from lcorpp.reasoning.circuit.trellis import Trellis, build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import gc_paused
+from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_interventions, resolve_term, resolve_terms
@@ -51,7 +52,7 @@ def compile_program(
     ]  # fmt: skip
     do = resolve_interventions(program, do)
     observed = dict.fromkeys((*names, *((queries,) if isinstance(queries, str) else queries)))
-    trellis = build_trellis(build_transition_system(program, do, queried=observed))
+    trellis = build_trellis(build_transition_system(ground_program(program, do), observed))
     layers, ending = build_layers(trellis, list(observed))
     circuit = Circuit(program, names, queries, do, layers, ending, WorldQueries(trellis))
     circuit.prepare()

@@ -22,6 +22,7 @@ from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.transitions.selection import ConditionViolation
 from lcorpp.reasoning.transitions.transition import Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
+from lcorpp.reasoning.world import format_world
 
 MAX_ARCS = 2_000_000
 """A trellis has at most this many arcs."""
@@ -212,11 +213,10 @@ def _make_error(trellis: Trellis, step: int, arc: int, violation: ConditionViola
         outgoing = own_sources.index(state)
         path[after], state = own_outcomes[outgoing], own_targets[outgoing]
     world = decode_world(trellis.system, [trellis.outcomes[path[i]][0] for i in range(len(trellis.arcs))])
-    shown = ", ".join(f"{term}={value}" for term, value in world.items())
     program = trellis.system.program
     names = [program.names[term] for term in trellis.system.order[step]]
     message = violation.format(program.source.statements, names)
-    return ProgramError(f"{message}, in the world {{{shown}}}")
+    return ProgramError(f"{message}, in the world {format_world(world)}")
 
 
 def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:

@@ -1,36 +1,36 @@
-"""What the grounder hands to whoever measures worlds: answer sets in plain Python, nothing of the solver."""
+"""Answer sets in plain Python, so that only `asp_translation` depends on clingo."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-Selected = tuple[int, str, str, str]
-"""A selection that applies: its position in the program, label arguments, instance, term."""
+SelectionAtom = tuple[int, str, str, str]
+"""A random selection that applies: (statement, label arguments, instance, term)."""
 
-Possible = tuple[int, str, str, str]
-"""A member of a dynamic range: position of the selection, instance, term, value."""
+RangeAtom = tuple[int, str, str, str]
+"""A member of a dynamic range: (statement of the selection, instance, term, value)."""
 
-Assigned = tuple[int, str, tuple[str, ...], str, str]
-"""A pr-atom that speaks: its position in the program, label arguments, instance, term, value."""
+AssignmentAtom = tuple[int, str, tuple[str, ...], str, str]
+"""A pr-atom that applies: (statement, label arguments, instance, term, value)."""
 
-Derived = tuple[int, str]
-"""A regular rule with a true body: its position in the program, the term of its head."""
+DerivationAtom = tuple[int, str]
+"""A rule with a true body: (statement, term in the head)."""
 
 
 @dataclass(frozen=True)
 class AnswerSet:
-    """One answer set of the logical part of a program.
+    """An answer set of the logical part of a program; statements are indexes into the program.
 
     values: term -> value, sorted by term.
-    selections: those that apply and are not intervened with.
+    selections: the selections that apply to terms without intervention.
     possible: the members of dynamic ranges.
-    assigned: the pr-atoms that speak of a term that is selected.
-    derived: rules whose head has a term that is also selected; kept for the semantics of 2018 alone.
+    assigned: the pr-atoms about selected terms.
+    derived: the rules that derive a value of a selected term; semantics of 2018 only.
     """
 
     values: Mapping[str, str]
-    selections: tuple[Selected, ...]
-    possible: frozenset[Possible]
-    assigned: tuple[Assigned, ...]
-    derived: tuple[Derived, ...] = ()
+    selections: tuple[SelectionAtom, ...]
+    possible: frozenset[RangeAtom]
+    assigned: tuple[AssignmentAtom, ...]
+    derived: tuple[DerivationAtom, ...] = ()

@@ -90,11 +90,10 @@ def parse_query(text: str, program: Program) -> Query:
     """
 
     def query(cursor: Cursor) -> Query:
-        found = program.named(parse_question(cursor))
+        found = parse_question(cursor)
         cursor.accept(".")
         cursor.expect(END)
-        program.check_query(found)
-        return found
+        return program.resolve_query(found)
 
     return _parse_with(text, "<query>", query)
 

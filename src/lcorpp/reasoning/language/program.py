@@ -56,17 +56,15 @@ class Program:
         """Whether there are cr-rules, so that an observation can create possible worlds."""
         return any(isinstance(statement, CrRule) for statement in self.statements)
 
-    def named(self, query: Query) -> Query:
-        """The query with each attribute under the name it has in the program; see `Signature.named`."""
-        return rename_query_terms(query, self.signature.resolve_overload)
-
-    def check_query(self, query: Query) -> None:
-        """Check a query as those in the program are.
+    def resolve_query(self, query: Query) -> Query:
+        """Return a query with resolved overloads after checking it against the program.
 
         Raises:
-            SourceIssue: it names what the program does not know.
+            SourceIssue: a name or value is unknown to the program.
         """
+        query = rename_query_terms(query, self.signature.resolve_overload)
         check_query(query, self.signature)
+        return query
 
     def __str__(self) -> str:
         marked = any(isinstance(s, SortDefinition) and s.has_sort_expression for s in self.statements)

@@ -6,15 +6,12 @@ result to all reachable states; `likelihood_weighting` samples paths of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
-from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.simplification import simplify
-from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Literal as SyntaxLiteral
 from lcorpp.reasoning.transitions.elimination_order import order_components
 from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent
 from lcorpp.reasoning.transitions.transition import Transition
@@ -45,26 +42,13 @@ class TransitionSystem:
         )
 
 
-def build_transition_system(
-    program: Program,
-    do: Mapping[str, str],
-    observed: Iterable[SyntaxLiteral] = (),
-    queried: Iterable[str] = (),
-    asked: Sequence[SyntaxLiteral] = (),
-) -> TransitionSystem:
-    """Ground a program, simplify it, order its components and build their transitions.
+def build_transition_system(ground: GroundProgram, queried: Iterable[str] = ()) -> TransitionSystem:
+    """Simplify a ground program, order its components and build their transitions; drops the ground clauses.
 
     Args:
-        do: interventions besides those in the program, term -> value.
-        observed: literals that are true in every world, besides the observations in the program.
         queried: the terms whose outcomes queries read.
-        asked: the literals that define the term `QUERY_TERM`.
-
-    Raises:
-        ProgramError: arithmetic is undefined.
     """
     with gc_paused():
-        ground = ground_program(program, do, observed, asked)
         clauses, outcomes = simplify(ground)
         components = order_components(clauses, outcomes)
         order = _merge_deterministic_neighbours(ground, clauses, components)

@@ -1,4 +1,4 @@
-"""The decision diagrams of PomdpX: a path to a number says what holds in all cases that agree with it."""
+"""Decision diagrams of PomdpX: each path to a number sets it for all cases that agree with the path."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ import numpy as np
 from lcorpp.errors import expected_one_of
 from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import AFTER, ALL, EACH
+from lcorpp.planning.formats.pomdpx.document import Element
 from lcorpp.planning.formats.pomdpx.tables import Function, check_probabilities
-from lcorpp.planning.formats.pomdpx.xml import Element
 
-MAX_STEPS = 2**20
-"""The most branches followed: templates within templates multiply, so that small files may be huge."""
+MAX_BRANCHES = 2**20
+"""Maximum number of branches visited: nested templates multiply, so a small file can describe a huge tree."""
 
-_SHORTHANDS = {
+_SHORTHAND_ATTRIBUTES = {
     "deterministic": ("type", "var", "val"),
     "persistent": ("type", "var"),
     "uniform": ("type", "var"),
     "template": ("type", "idref"),
 }
 
-_HOLDERS = {"DAG": (), "Edge": ("val",), "SubDAGTemplate": ("id",)}
+_BRANCH_ATTRIBUTES = {"DAG": (), "Edge": ("val",), "SubDAGTemplate": ("id",)}
 
 
-def read_diagram(function: Function, cells: TableBuilder) -> None:
-    """Put what the decision diagram of a function says into a table; cases that no path agrees with are 0.
+def read_diagram(function: Function, builder: TableBuilder) -> None:
+    """Put the decision diagram of a function into a table; cases without a path are 0.
 
     Raises:
-        ParseError: it is malformed, goes round in a circle or has too many branches.
+        ParseError: it is malformed, has a cycle or too many branches.
     """
-    _Diagram(function, cells).read()
+    _DiagramReader(function, builder).read()
 
 
-class _Diagram:
-    def __init__(self, function: Function, cells: TableBuilder) -> None:
-        self.function, self.cells = function, cells
-        self.document = function.source.document
+class _DiagramReader:
+    def __init__(self, function: Function, builder: TableBuilder) -> None:
+        self.function, self.builder = function, builder
+        self.document = function.context.document
         self.templates: dict[str, Element] = {}
 
     def read(self) -> None:
@@ -48,109 +48,110 @@ class _Diagram:
                 if name in self.templates:
                     raise document.error(child, f"a second template {name!r}")
                 self.templates[name] = child
-        root = document.only(parameter, "DAG")
-        # what holds a branch, the cases that lead there, how many templates on end; too deep to be recursive
-        ahead: list[tuple[Element, tuple[Selector, ...], int]] = [(root, (ALL,) * len(self.cells.sizes), 0)]
-        steps = 0
-        while ahead:
-            steps += 1
-            if steps > MAX_STEPS:
-                raise document.error(root, f"the decision diagram has over {MAX_STEPS} branches")
-            holder, place, templates = ahead.pop()
-            document.children(holder, ("Node", "SubDAG", "Terminal"), _HOLDERS[holder.name])
-            branch = document.only(holder, "Node", "SubDAG", "Terminal")
+        root = document.only_child(parameter, "DAG")
+        # depth-first without recursion: parent element, cases on its path, templates in a row before it
+        everything = (ALL,) * len(self.builder.sizes)
+        stack: list[tuple[Element, tuple[Selector, ...], int]] = [(root, everything, 0)]
+        branches = 0
+        while stack:
+            branches += 1
+            if branches > MAX_BRANCHES:
+                raise document.error(root, f"the decision diagram has over {MAX_BRANCHES} branches")
+            parent, place, templates = stack.pop()
+            document.children(parent, ("Node", "SubDAG", "Terminal"), _BRANCH_ATTRIBUTES[parent.name])
+            branch = document.only_child(parent, "Node", "SubDAG", "Terminal")
             if branch.name == "Node":
-                ahead += [(edge, taken, 0) for edge, taken in self._edges(branch, place)]
+                stack += [(edge, next_place, 0) for edge, next_place in self._edges(branch, place)]
             elif branch.name == "Terminal":
-                self._terminal(branch, place)
-            elif self._kind(branch) == "template":
-                ahead.append((self._template(branch, templates), place, templates + 1))
+                self._put_terminal(branch, place)
+            elif self._shorthand_type(branch) == "template":
+                stack.append((self._template(branch, templates), place, templates + 1))
             else:
-                self._shorthand(branch, place)
+                self._put_shorthand(branch, place)
 
-    def _template(self, element: Element, before: int) -> Element:
+    def _template(self, element: Element, nesting: int) -> Element:
         name = self.document.attribute(element, "idref")
         if name not in self.templates:
             raise self.document.error(
                 element, f"unknown template {name!r}; {expected_one_of(tuple(self.templates))}"
             )
-        if before >= len(self.templates):
+        if nesting >= len(self.templates):
             raise self.document.error(element, f"template {name!r} is within itself")
         return self.templates[name]
 
     def _edges(self, node: Element, place: Sequence[Selector]) -> list[tuple[Element, tuple[Selector, ...]]]:
         edges = self.document.children(node, ("Edge",), ("var",))
         axis = self._axis(node, place)
-        found: dict[int, Element] = {}
+        edge_of: dict[int, Element] = {}
         for edge in edges:
             value = self._value(edge, axis)
-            if value in found:
+            if value in edge_of:
                 raise self.document.error(edge, f"a second edge for {edge.attributes['val']!r}")
-            found[value] = edge
-        if not found:
+            edge_of[value] = edge
+        if not edge_of:
             raise self.document.error(node, "<Node> needs <Edge>")
-        return [(edge, (*place[:axis], value, *place[axis + 1 :])) for value, edge in found.items()]
+        return [(edge, (*place[:axis], value, *place[axis + 1 :])) for value, edge in edge_of.items()]
 
-    def _terminal(self, element: Element, place: Sequence[Selector]) -> None:
+    def _put_terminal(self, element: Element, place: Sequence[Selector]) -> None:
         self.document.word(element)
         value = self.document.numbers(element)
         if self.function.children:
             check_probabilities(self.document, element, value)
-        self.cells.put(place, value[0])
+        self.builder.put(place, value[0])
 
-    def _kind(self, element: Element) -> str:
+    def _shorthand_type(self, element: Element) -> str:
         kind = self.document.attribute(element, "type")
-        if kind not in _SHORTHANDS:
+        if kind not in _SHORTHAND_ATTRIBUTES:
             raise self.document.error(
-                element, f"unknown type {kind!r}; {expected_one_of(tuple(_SHORTHANDS))}"
+                element, f"unknown type {kind!r}; {expected_one_of(tuple(_SHORTHAND_ATTRIBUTES))}"
             )
-        self.document.children(element, (), _SHORTHANDS[kind])
+        self.document.children(element, (), _SHORTHAND_ATTRIBUTES[kind])
         if kind != "template" and not self.function.children:
             raise self.document.error(element, f"{kind!r} is for probabilities, not for rewards")
         return kind
 
-    def _shorthand(self, element: Element, place: Sequence[Selector]) -> None:
-        """A distribution over one variable in a word."""
+    def _put_shorthand(self, element: Element, place: Sequence[Selector]) -> None:
+        """Put the distribution of one variable that a keyword describes."""
         axis = self._axis(element, place)
         if axis < len(self.function.parents):
             name = element.attributes["var"]
-            raise self.document.error(element, f"{name!r} is given here; expected the variable itself")
-        kind, size = element.attributes["type"], self.cells.sizes[axis]
+            raise self.document.error(element, f"{name!r} is a parent here; expected the variable itself")
+        kind, size = element.attributes["type"], self.builder.sizes[axis]
         if kind == "uniform":
-            self.cells.put(place, 1.0 / size)
+            self.builder.put(place, 1.0 / size)
         elif kind == "deterministic":
-            self.cells.put((*place[:axis], self._value(element, axis), *place[axis + 1 :]), 1.0)
+            self.builder.put((*place[:axis], self._value(element, axis), *place[axis + 1 :]), 1.0)
         else:
-            self._persistent(element, place, axis)
+            self._put_persistent(element, place, axis)
 
-    def _persistent(self, element: Element, place: Sequence[Selector], axis: int) -> None:
+    def _put_persistent(self, element: Element, place: Sequence[Selector], axis: int) -> None:
         before = self.function.names[axis].removesuffix(AFTER)
         if before == self.function.names[axis] or before not in self.function.parents:
             raise self.document.error(element, "'persistent' needs the value before the action as a parent")
-        earlier = self.function.parents.index(before)
-        both = list(place)
-        if place[earlier] == ALL:
-            diagonal = np.arange(self.cells.sizes[axis])
-            both[earlier] = both[axis] = EACH
-            self.cells.put_some(both, (diagonal, diagonal), np.ones(len(diagonal)))
+        parent_axis = self.function.parents.index(before)
+        equal = list(place)
+        if place[parent_axis] == ALL:
+            diagonal = np.arange(self.builder.sizes[axis])
+            equal[parent_axis] = equal[axis] = EACH
+            self.builder.put_entries(equal, (diagonal, diagonal), np.ones(len(diagonal)))
         else:
-            both[axis] = place[earlier]
-            self.cells.put(both, 1.0)
+            equal[axis] = place[parent_axis]
+            self.builder.put(equal, 1.0)
 
     def _axis(self, element: Element, place: Sequence[Selector]) -> int:
-        """Which variable an element is about; on a path it is the first time."""
-        theirs = self.document.attribute(element, "var")
-        names, function = self.function.source.names, self.function
-        if names.get(theirs) not in function.names:
+        """The axis of an element's variable, which must not occur earlier on the path."""
+        name = self.document.attribute(element, "var")
+        names, function = self.function.context.names, self.function
+        if names.get(name) not in function.names:
             known = [theirs for theirs, ours in names.items() if ours in function.names]
-            raise self.document.error(element, f"unknown variable {theirs!r} here; {expected_one_of(known)}")
-        axis = function.names.index(names[theirs])
+            raise self.document.error(element, f"unknown variable {name!r} here; {expected_one_of(known)}")
+        axis = function.names.index(names[name])
         if place[axis] != ALL:
-            raise self.document.error(element, f"{theirs!r} is decided already on the way here")
+            raise self.document.error(element, f"{name!r} already has a value on this path")
         return axis
 
     def _value(self, element: Element, axis: int) -> int:
-        value, known = self.document.attribute(element, "val"), self.function.numbers[axis]
+        value, known = self.document.attribute(element, "val"), self.function.value_indices[axis]
         if value not in known:
             name = self.function.names[axis]
             raise self.document.error(

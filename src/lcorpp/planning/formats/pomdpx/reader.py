@@ -1,7 +1,7 @@
-"""Reading PomdpX, the XML format of factored problems with observed parts, as published files use it.
+"""Read PomdpX, the XML format of factored POMDPs with mixed observability, as published files use it.
 
 The format: http://bigbird.comp.nus.edu.sg/pmwiki/farm/appl/index.php?n=Main.PomdpXDocumentation, versions 0.1
-and 1.0, tables as well as decision diagrams. Functions may come in any order, and before the variables.
+and 1.0, tables and decision diagrams. Functions may be in any order, also before the variables.
 """
 
 from __future__ import annotations
@@ -11,33 +11,33 @@ from pathlib import Path
 
 from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.files import read_bytes
-from lcorpp.planning.factored.cpt import distribution
+from lcorpp.planning.factored.cpt import build_table
 from lcorpp.planning.factored.flatten import flatten
 from lcorpp.planning.factored.model import Factored
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.table_builder import TableBuilder
-from lcorpp.planning.factored.variables import AFTER, scope_of
+from lcorpp.planning.factored.variables import AFTER, build_scope
 from lcorpp.planning.formats.pomdpx.decision_diagrams import read_diagram
-from lcorpp.planning.formats.pomdpx.tables import Function, Source, checked, read_entries
-from lcorpp.planning.formats.pomdpx.variables import Declared
-from lcorpp.planning.formats.pomdpx.xml import Document, Element
+from lcorpp.planning.formats.pomdpx.document import Document, Element
+from lcorpp.planning.formats.pomdpx.tables import Context, Function, normalize_rows, read_entries
+from lcorpp.planning.formats.pomdpx.variables import Declarations
 from lcorpp.planning.pomdp import Pomdp, discount_message
 
 _SECTIONS = ("InitialStateBelief", "StateTransitionFunction", "ObsFunction", "RewardFunction")
 _PARTS = ("Description", "Discount", "Horizon", "Variable", *_SECTIONS)
-_ENDLESS = ("inf", "infinite", "infinity")
+_INFINITE_HORIZON = ("inf", "infinite", "infinity")
 
 
 def read_pomdpx(path: str | Path, *, reachable: bool = False) -> Pomdp:
-    """Read a .pomdpx file as a flat problem, see `flatten`.
+    """Read a .pomdpx file as a flat POMDP, see `flatten`.
 
     Args:
-        reachable: leave out the states that the start cannot lead to.
+        reachable: keep only states that are reachable from the initial belief.
 
     Raises:
         FileError: the file cannot be read.
-        ParseError: it is malformed; file, line and column are told.
-        ModelError: the problem is too large to be written out.
+        ParseError: it is malformed; the message has file, line and column.
+        ModelError: the flat problem would be too large.
     """
     problem = read_factored(path)
     try:
@@ -47,59 +47,59 @@ def read_pomdpx(path: str | Path, *, reachable: bool = False) -> Pomdp:
 
 
 def read_factored(path: str | Path) -> Factored:
-    """Read a .pomdpx file with its variables.
+    """Read a .pomdpx file as a factored problem.
 
     Raises:
         FileError: the file cannot be read.
-        ParseError: it is malformed; file, line and column are told.
+        ParseError: it is malformed; the message has file, line and column.
     """
     return parse_pomdpx(read_bytes(path), file=str(path))
 
 
 def parse_pomdpx(text: str | bytes, *, file: str = "<text>") -> Factored:
-    """The problem that a text in PomdpX format describes.
+    """Parse a text in PomdpX format.
 
-    A state variable is called as in the file, less the ``_0`` and ``_1`` that tell before from after. Rows
-    that sum to 1 within 1e-4 are normalised. Without a start belief, which only a
-    problem without hidden parts may lack, every state is equally likely.
+    State variables lose the suffixes ``_0`` and ``_1``, which mean before and after an action. Rows that sum
+    to 1 within 1e-4 are normalised. The initial belief may only be missing if all state variables are
+    observed; it is uniform then.
 
     Args:
-        text: the text, or the bytes of a file in the encoding that its first line tells.
+        text: the text, or the bytes of a file in the encoding that its first line declares.
         file: its name, for messages.
 
     Raises:
-        ParseError: it is malformed; file, line and column are told.
+        ParseError: it is malformed; the message has file, line and column.
     """
     return _Reader(Document(text, file, "pomdpx")).read()
 
 
 class _Reader:
-    """The problem in the elements of a document."""
+    """Builds the problem from the elements of a document."""
 
     def __init__(self, document: Document) -> None:
         self.document, root = document, document.root
         self.parts = document.children(root, _PARTS, tuple(root.attributes))
-        self.declared = Declared(document, document.only(root, "Variable"))
+        self.declarations = Declarations(document, document.only_child(root, "Variable"))
 
     def read(self) -> Factored:
-        document, declared = self.document, self.declared
-        discount = self._discount(document.only(document.root, "Discount"))
+        document, declarations = self.document, self.declarations
+        discount = self._discount(document.only_child(document.root, "Discount"))
         for part in self.parts:
-            if part.name == "Horizon" and document.word(part).lower() not in _ENDLESS:
-                raise document.error(part, "a horizon is refused: problems without an end are read", 0)
-        states, actions, seen = declared.states, declared.actions, declared.observations
+            if part.name == "Horizon" and document.word(part).lower() not in _INFINITE_HORIZON:
+                raise document.error(part, "finite horizons are not supported; expected an infinite one", 0)
+        states, actions, observations = declarations.states, declarations.actions, declarations.observations
         before, after = [v.name for v in states], [v.name + AFTER for v in states]
-        acts, looks = [v.name for v in actions], [v.name for v in seen]
+        action_names, observation_names = [v.name for v in actions], [v.name for v in observations]
         try:
-            self.source = Source(document, scope_of(states, actions, seen), declared.names)
+            self.context = Context(document, build_scope(states, actions, observations), declarations.names)
             return Factored(
                 states,
                 actions,
-                seen,
+                observations,
                 self._start(before),
-                self._tables("StateTransitionFunction", after, [*acts, *before, *after]),
-                self._tables("ObsFunction", looks, [*acts, *after, *looks]),
-                self._rewards([*acts, *before, *after, *looks]),
+                self._tables("StateTransitionFunction", after, [*action_names, *before, *after]),
+                self._tables("ObsFunction", observation_names, [*action_names, *after, *observation_names]),
+                self._rewards([*action_names, *before, *after, *observation_names]),
                 discount,
                 document.file,
             )
@@ -113,7 +113,7 @@ class _Reader:
             raise self.document.error(element, discount_message(discount), 0)
         return discount
 
-    def _functions(self, section: str, kind: str) -> Iterator[Element]:
+    def _function_elements(self, section: str, kind: str) -> Iterator[Element]:
         for part in self.parts:
             if part.name == section:
                 yield from self.document.children(part, (kind,))
@@ -121,83 +121,84 @@ class _Reader:
     def _start(self, names: Sequence[str]) -> tuple[Table, ...]:
         if any(part.name == "InitialStateBelief" for part in self.parts):
             return self._tables("InitialStateBelief", names, names)
-        if not all(variable.observed for variable in self.declared.states):
+        if not all(variable.observed for variable in self.declarations.states):
             raise self.document.error(self.document.root, "<pomdpx> needs <InitialStateBelief>")
-        return tuple(distribution(self.source.scope, "uniform", (name,), "start") for name in names)
+        return tuple(build_table(self.context.scope, "uniform", (name,), "start") for name in names)
 
     def _tables(self, section: str, children: Sequence[str], parents: Sequence[str]) -> tuple[Table, ...]:
-        """The tables of a section, which are to be about these children."""
+        """The tables of a section, one for each child variable."""
         document = self.document
         tables = []
-        taken: set[str] = set()
-        for element in self._functions(section, "CondProb"):
+        done: set[str] = set()
+        for element in self._function_elements(section, "CondProb"):
             document.children(element, ("Var", "Parent", "Parameter"))
-            variable = document.only(element, "Var")
+            variable = document.only_child(element, "Var")
             names = self._names(variable, children)
             for i, name in enumerate(names):
-                if name in taken:
+                if name in done:
                     raise document.error(variable, f"a second <CondProb> for {variable.words()[i]!r}", i)
-            taken.update(names)
+            done.update(names)
             if not names:
                 raise document.error(variable, "<Var> names no variable")
-            given = self._names(document.only(element, "Parent"), parents, names)
-            tables.append(
-                self._table(Function(self.source, document.only(element, "Parameter"), given, names))
-            )
-        for theirs, name in self.declared.names.items():
-            if name in children and name not in taken:
+            parent_names = self._names(document.only_child(element, "Parent"), parents, names)
+            parameter = document.only_child(element, "Parameter")
+            tables.append(self._table(Function(self.context, parameter, parent_names, names)))
+        for file_name, name in self.declarations.names.items():
+            if name in children and name not in done:
                 place = next((part for part in self.parts if part.name == section), document.root)
-                raise document.error(place, f"there is no <CondProb> for {theirs!r} in <{section}>")
+                raise document.error(place, f"there is no <CondProb> for {file_name!r} in <{section}>")
         return tuple(tables)
 
     def _rewards(self, parents: Sequence[str]) -> dict[str, Table]:
         document = self.document
         tables: dict[str, Table] = {}
-        for element in self._functions("RewardFunction", "Func"):
+        for element in self._function_elements("RewardFunction", "Func"):
             document.children(element, ("Var", "Parent", "Parameter"))
-            variable = document.only(element, "Var")
+            variable = document.only_child(element, "Var")
             name = document.word(variable)
-            if name not in self.declared.rewards:
+            if name not in self.declarations.rewards:
                 raise document.error(
-                    variable, f"unknown reward {name!r}; {expected_one_of(tuple(self.declared.rewards))}", 0
+                    variable,
+                    f"unknown reward {name!r}; {expected_one_of(tuple(self.declarations.rewards))}",
+                    0,
                 )
             if name in tables:
                 raise document.error(variable, f"a second <Func> for {name!r}", 0)
-            names = self._names(document.only(element, "Parent"), parents)
-            function = Function(self.source, document.only(element, "Parameter"), names, ())
+            names = self._names(document.only_child(element, "Parent"), parents)
+            function = Function(self.context, document.only_child(element, "Parameter"), names, ())
             tables[name] = self._table(function)
-        for name, element in self.declared.rewards.items():
+        for name, element in self.declarations.rewards.items():
             if name not in tables:
                 raise document.error(element, f"there is no <Func> for {name!r} in <RewardFunction>")
-        return {name: tables[name] for name in self.declared.rewards}
+        return {name: tables[name] for name in self.declarations.rewards}
 
     def _table(self, function: Function) -> Table:
-        """The table of a function, whichever way it is written down."""
+        """The table of a function, given by entries or by a decision diagram."""
         document, parameter = self.document, function.parameter
         kind = document.attribute(parameter, "type", "TBL").strip()
         if kind not in ("TBL", "DD"):
-            raise document.error(parameter, f"a parameter of type {kind!r} is not read; expected TBL or DD")
+            raise document.error(parameter, f"unknown parameter type {kind!r}; expected TBL or DD")
         try:
-            cells = TableBuilder(function.source.scope, function.parents, function.children)
-            read_entries(function, cells) if kind == "TBL" else read_diagram(function, cells)
-            table = cells.table()
+            builder = TableBuilder(function.context.scope, function.parents, function.children)
+            read_entries(function, builder) if kind == "TBL" else read_diagram(function, builder)
+            table = builder.build()
         except ModelError as error:
             raise document.error(parameter, str(error)) from None
-        return checked(function, table) if function.children else table
+        return normalize_rows(function, table) if function.children else table
 
     def _names(self, element: Element, allowed: Sequence[str], taken: Sequence[str] = ()) -> tuple[str, ...]:
-        """The variables that an element names, as we call them; `null` for none."""
+        """Our names of the variables that an element lists; `null` is the empty list."""
         words = self.document.words(element)
         if words == ["null"] and element.name == "Parent":
             return ()
-        found: list[str] = []
+        names: list[str] = []
         for i, word in enumerate(words):
-            name = self.declared.names.get(word)
+            name = self.declarations.names.get(word)
             if name is None or name not in allowed:
-                theirs = [theirs for theirs, ours in self.declared.names.items() if ours in allowed]
-                what = f"{word!r} cannot stand here" if name else f"unknown variable {word!r}"
+                theirs = [theirs for theirs, ours in self.declarations.names.items() if ours in allowed]
+                what = f"{word!r} is not allowed here" if name else f"unknown variable {word!r}"
                 raise self.document.error(element, f"{what}; {expected_one_of(theirs)}", i)
-            if name in found or name in taken:
+            if name in names or name in taken:
                 raise self.document.error(element, f"{word!r} is named twice", i)
-            found.append(name)
-        return tuple(found)
+            names.append(name)
+        return tuple(names)

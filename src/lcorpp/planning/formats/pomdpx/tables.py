@@ -1,4 +1,4 @@
-"""The tables of PomdpX: entries with ``*`` and ``-``, of which later ones override earlier ones."""
+"""Tables of PomdpX: entries with ``*`` and ``-``; later entries override earlier ones."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from math import prod
 import numpy as np
 
 from lcorpp.errors import ParseError, expected_one_of
-from lcorpp.planning.factored.table import Table, row_name
+from lcorpp.planning.factored.table import Table, format_row
 from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import ALL, EACH, Scope
 from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE
-from lcorpp.planning.formats.pomdpx.xml import Document, Element
+from lcorpp.planning.formats.pomdpx.document import Document, Element
 from lcorpp.planning.pomdp import SUM_TOLERANCE
 from lcorpp.values import Array
 
 
 @dataclass(frozen=True)
-class Source:
-    """What the functions of a document speak of. names: our names of the variables by those of the file."""
+class Context:
+    """The variables of a document. names: name in the file -> our name."""
 
     document: Document
     scope: Scope
@@ -30,9 +30,9 @@ class Source:
 
 @dataclass(frozen=True)
 class Function:
-    """A ``<CondProb>``, or a ``<Func>`` without children. parents, children: our names of the variables."""
+    """A ``<CondProb>``, or a ``<Func>`` (without children). parents, children: our variable names."""
 
-    source: Source
+    context: Context
     parameter: Element
     parents: tuple[str, ...]
     children: tuple[str, ...]
@@ -43,103 +43,107 @@ class Function:
         return (*self.parents, *self.children)
 
     @cached_property
-    def numbers(self) -> tuple[Mapping[str, int], ...]:
-        """For each of the names, the numbers of its values."""
-        scope = self.source.scope
+    def value_indices(self) -> tuple[Mapping[str, int], ...]:
+        """For each of the names: value -> index."""
+        scope = self.context.scope
         return tuple({value: i for i, value in enumerate(scope[name].values)} for name in self.names)
 
 
-def read_entries(function: Function, cells: TableBuilder) -> None:
-    """Put what the entries of a function say into a table.
+def read_entries(function: Function, builder: TableBuilder) -> None:
+    """Put the entries of a function into a table.
 
     Raises:
         ParseError: an entry is malformed.
     """
-    for entry in function.source.document.children(function.parameter, ("Entry",), ("type",)):
-        _read_entry(function, cells, entry)
+    for entry in function.context.document.children(function.parameter, ("Entry",), ("type",)):
+        _read_entry(function, builder, entry)
 
 
-def _read_entry(function: Function, cells: TableBuilder, entry: Element) -> None:
-    document = function.source.document
-    # the documentation itself has a ProbTable where a reward wants a ValueTable
+def _read_entry(function: Function, builder: TableBuilder, entry: Element) -> None:
+    document = function.context.document
+    # the documentation itself uses ProbTable for rewards in place of ValueTable
     titles = ("ProbTable",) if function.children else ("ValueTable", "ProbTable")
     document.children(entry, ("Instance", *titles))
-    instance, numbers = document.only(entry, "Instance"), document.only(entry, *titles)
-    place = _place(function, instance)
+    instance, numbers = document.only_child(entry, "Instance"), document.only_child(entry, *titles)
+    place = _read_place(function, instance)
     keyword = numbers.text.strip().lower()
     if function.children and keyword == "uniform":
-        _uniform(function, cells, place, numbers)
+        _put_uniform(function, builder, place, numbers)
     elif function.children and keyword == "identity":
-        _identity(function, cells, place, numbers)
+        _put_identity(function, builder, place, numbers)
     else:
         values = document.numbers(numbers)
-        wanted = prod(n for n, selector in zip(cells.sizes, place, strict=True) if selector == EACH)
-        if len(values) != wanted:
+        needed = prod(n for n, selector in zip(builder.sizes, place, strict=True) if selector == EACH)
+        if len(values) != needed:
             raise document.error(
                 numbers,
-                f"{' '.join(instance.words())!r} needs {wanted} numbers, found {len(values)}",
-                min(wanted, len(values) - 1) if len(values) else None,
+                f"{' '.join(instance.words())!r} needs {needed} numbers, found {len(values)}",
+                min(needed, len(values) - 1) if len(values) else None,
             )
         if function.children:
             check_probabilities(document, numbers, values)
-        cells.put(place, values)
+        builder.put(place, values)
 
 
-def _uniform(function: Function, cells: TableBuilder, place: Sequence[Selector], numbers: Element) -> None:
-    own = slice(len(function.parents), None)
-    if not all(isinstance(selector, str) for selector in place[own]):
-        raise function.source.document.error(numbers, "'uniform' needs '-' for the variable itself", 0)
-    loose = [ALL if selector == EACH else selector for selector in place]
-    cells.put(loose, 1.0 / prod(cells.sizes[own]))
+def _put_uniform(
+    function: Function, builder: TableBuilder, place: Sequence[Selector], numbers: Element
+) -> None:
+    children = slice(len(function.parents), None)
+    if not all(isinstance(selector, str) for selector in place[children]):
+        raise function.context.document.error(numbers, "'uniform' needs '-' for the variable itself", 0)
+    every = [ALL if selector == EACH else selector for selector in place]
+    builder.put(every, 1.0 / prod(builder.sizes[children]))
 
 
-def _identity(function: Function, cells: TableBuilder, place: Sequence[Selector], numbers: Element) -> None:
-    each = [n for n, selector in zip(cells.sizes, place, strict=True) if selector == EACH]
+def _put_identity(
+    function: Function, builder: TableBuilder, place: Sequence[Selector], numbers: Element
+) -> None:
+    each = [n for n, selector in zip(builder.sizes, place, strict=True) if selector == EACH]
     if len(each) != 2 or each[0] != each[1] or place[-1] != EACH or len(function.children) != 1:
-        raise function.source.document.error(
+        raise function.context.document.error(
             numbers,
             "'identity' needs '-' for one parent and for the variable itself, and as many values of both",
             0,
         )
     diagonal = np.arange(each[0])
-    cells.put_some(place, (diagonal, diagonal), np.ones(each[0]))
+    builder.put_entries(place, (diagonal, diagonal), np.ones(each[0]))
 
 
-def _place(function: Function, instance: Element) -> list[Selector]:
-    """What an ``<Instance>`` names: for each variable the number of a value, or one of the signs for all."""
-    document = function.source.document
+def _read_place(function: Function, instance: Element) -> list[Selector]:
+    """The selector of each variable in an ``<Instance>``: the index of a value, `ALL` or `EACH`."""
+    document = function.context.document
     words = document.words(instance)
     if len(words) != len(function.names):
         names = ", ".join(function.names) or "no variable"
         raise document.error(instance, f"expected a value for each of {names}; found {len(words)}")
     place: list[Selector] = []
-    for i, (word, known) in enumerate(zip(words, function.numbers, strict=True)):
-        if word not in known and word not in (ALL, EACH):
-            message = f"unknown value {word!r} of {function.names[i]!r}; {expected_one_of(tuple(known))}"
+    for i, (word, indices) in enumerate(zip(words, function.value_indices, strict=True)):
+        if word not in indices and word not in (ALL, EACH):
+            message = f"unknown value {word!r} of {function.names[i]!r}; {expected_one_of(tuple(indices))}"
             raise document.error(instance, message, i)
-        place.append(known.get(word, word))
+        place.append(indices.get(word, word))
     return place
 
 
 def check_probabilities(document: Document, element: Element, values: Array) -> None:
-    """Refuse numbers that no probability can have; the place is that of the number."""
+    """Raise a ParseError at the first number that is no probability."""
     if not values.min() >= 0 or not values.max() <= 1 + ROW_TOLERANCE:
         at = int(np.flatnonzero((values < 0) | (values > 1 + ROW_TOLERANCE))[0])
         raise document.error(element, f"{element.words()[at]} is no probability", at)
 
 
-def checked(function: Function, table: Table) -> Table:
-    """The table, of which every row sums to 1; rounding of the file is taken out.
+def normalize_rows(function: Function, table: Table) -> Table:
+    """Check that every row sums to 1, and remove the file's rounding errors.
 
     Raises:
-        ParseError: a row is missing or its sum is wrong.
+        ParseError: a row is missing or has another sum.
     """
     sums = table.rows.row_sums()
-    off = np.abs(sums - 1)
-    wrong = np.flatnonzero(off[0] > ROW_TOLERANCE)
+    errors = np.abs(sums - 1)
+    wrong = np.flatnonzero(errors[0] > ROW_TOLERANCE)
     if len(wrong):
         raise _row_error(function, table, int(wrong[0]), float(sums[0, wrong[0]]))
-    inexact = off > SUM_TOLERANCE
+    inexact = errors > SUM_TOLERANCE
     if not inexact.any():
         return table
     rows = table.rows.scale_rows(np.where(inexact, 1 / sums, 1.0))
@@ -147,15 +151,16 @@ def checked(function: Function, table: Table) -> Table:
 
 
 def _row_error(function: Function, table: Table, row: int, total: float) -> ParseError:
-    """What is wrong with a row, at the last entry that speaks of it."""
-    document = function.source.document
-    what = f"the row of {' '.join(function.children)}{row_name(table, function.source.scope, row)}"
+    """The error for a row with a wrong sum, at the last entry that sets it."""
+    document = function.context.document
+    what = f"the row of {' '.join(function.children)}{format_row(table, function.context.scope, row)}"
     heights = table.shape[: len(table.parents)]
-    own = np.unravel_index(row, heights) if heights else ()
+    indices = np.unravel_index(row, heights) if heights else ()
     for entry in reversed(function.parameter.children):
         if entry.name == "Entry":
-            instance = document.only(entry, "Instance")
-            if all(s in (ALL, EACH, int(i)) for s, i in zip(_place(function, instance), own, strict=False)):
+            instance = document.only_child(entry, "Instance")
+            place = _read_place(function, instance)
+            if all(s in (ALL, EACH, int(i)) for s, i in zip(place, indices, strict=False)):
                 return document.error(instance, f"{what} sums to {total:.10g}, not 1", 0)
     if total:
         return document.error(function.parameter, f"{what} sums to {total:.10g}, not 1")

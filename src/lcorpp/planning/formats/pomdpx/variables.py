@@ -1,4 +1,4 @@
-"""The variables of PomdpX."""
+"""The ``<Variable>`` section of PomdpX."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from collections.abc import Mapping, Sequence
 from lcorpp.errors import ModelError
 from lcorpp.planning.factored.variables import AFTER, Variable, check_word
 from lcorpp.planning.formats.numbers import is_count
-from lcorpp.planning.formats.pomdpx.xml import Document, Element
+from lcorpp.planning.formats.pomdpx.document import Document, Element
 
 MAX_COUNT = 1_000_000
-"""The most values a count may ask for."""
+"""Maximum number of values of a variable that only counts them."""
+
+VALUE_PREFIXES = {"StateVar": "s", "ObsVar": "o", "ActionVar": "a"}
+"""Names of the values of a variable that only counts them: ``s0``, ``s1`` and so on."""
 
 _ATTRIBUTES = {
     "StateVar": ("vnamePrev", "vnameCurr", "fullyObs"),
@@ -19,19 +22,16 @@ _ATTRIBUTES = {
     "RewardVar": ("vname",),
 }
 
-_LETTERS = {"StateVar": "s", "ObsVar": "o", "ActionVar": "a"}
-"""What the values of a variable are called that only counts them: ``s0``, ``s1`` and so on."""
 
-
-class Declared:
-    """What a ``<Variable>`` declares.
+class Declarations:
+    """The variables that a ``<Variable>`` element declares.
 
     states, actions, observations: the variables.
-    names: our names by those of the file; ``x'`` for x after an action.
-    rewards: the elements of the rewards by name.
+    names: name in the file -> our name; ``x'`` is x after an action.
+    rewards: reward name -> its element.
 
     Raises:
-        ParseError: a variable is malformed, two have the same name, or there is none for state or action.
+        ParseError: a variable is malformed, a name is repeated, or there is no state or no action.
     """
 
     def __init__(self, document: Document, element: Element) -> None:
@@ -39,81 +39,85 @@ class Declared:
         self.names: dict[str, str] = {}
         self.rewards: dict[str, Element] = {}
         children = document.children(element, tuple(_ATTRIBUTES))
-        own = _own_names(
-            [child.attributes for child in children if child.name == "StateVar"], self._taken(children)
+        state_names = _shorten_state_names(
+            [child.attributes for child in children if child.name == "StateVar"], self._check_names(children)
         )
-        found: dict[str, list[Variable]] = {kind: [] for kind in _LETTERS}
+        variables: dict[str, list[Variable]] = {kind: [] for kind in VALUE_PREFIXES}
         for child in children:
             if child.name == "RewardVar":
                 document.children(child, (), _ATTRIBUTES[child.name])
                 self.rewards[child.attributes["vname"]] = child
             elif child.name == "StateVar":
                 before, after = child.attributes["vnamePrev"], child.attributes["vnameCurr"]
-                self.names |= {before: own[before], after: own[before] + AFTER}
-                found[child.name].append(self._variable(child, own[before], observed=self._observed(child)))
+                name = state_names[before]
+                self.names |= {before: name, after: name + AFTER}
+                variables[child.name].append(self._variable(child, name, observed=self._is_observed(child)))
             else:
                 name = child.attributes["vname"]
                 self.names[name] = name
-                found[child.name].append(self._variable(child, name))
+                variables[child.name].append(self._variable(child, name))
         for kind, what in (("StateVar", "state"), ("ActionVar", "action")):
-            if not found[kind]:
+            if not variables[kind]:
                 raise document.error(element, f"a problem needs a variable for the {what}: <{kind}>")
         self.states, self.actions, self.observations = (
-            tuple(found[kind]) for kind in ("StateVar", "ActionVar", "ObsVar")
+            tuple(variables[kind]) for kind in ("StateVar", "ActionVar", "ObsVar")
         )
 
-    def _taken(self, children: Sequence[Element]) -> set[str]:
-        """All names of the file; each is a word, and none is there twice."""
-        taken: set[str] = set()
+    def _check_names(self, children: Sequence[Element]) -> set[str]:
+        """Return all names of the file; each is a single word and unique."""
+        names: set[str] = set()
         for child in children:
             for attribute in _ATTRIBUTES[child.name][:2]:
                 name = self.document.attribute(child, attribute)
-                if name in taken:
+                if name in names:
                     raise self.document.error(child, f"two variables have the name {name!r}")
                 if name == "null":
-                    raise self.document.error(child, "'null' cannot be a name: it stands for no parents")
+                    raise self.document.error(child, "'null' cannot be a name: it means no parents")
                 try:
                     check_word(name, attribute)
                 except ModelError as error:
                     raise self.document.error(child, str(error)) from None
-                taken.add(name)
-        return taken
+                names.add(name)
+        return names
 
     def _variable(self, element: Element, name: str, *, observed: bool = False) -> Variable:
         document = self.document
         document.children(element, ("ValueEnum", "NumValues"), _ATTRIBUTES[element.name])
-        child = document.only(element, "ValueEnum", "NumValues")
-        values = document.words(child) if child.name == "ValueEnum" else self._counted(child, element.name)
+        child = document.only_child(element, "ValueEnum", "NumValues")
+        if child.name == "ValueEnum":
+            values = document.words(child)
+        else:
+            values = self._numbered_values(child, element.name)
         try:
             return Variable(name, tuple(values), observed)
         except ModelError as error:
             raise document.error(child, str(error)) from None
 
-    def _counted(self, element: Element, kind: str) -> list[str]:
+    def _numbered_values(self, element: Element, kind: str) -> list[str]:
         word = self.document.word(element)
         if not is_count(word) or len(word) > 9 or not 0 < int(word) <= MAX_COUNT:
             message = f"expected a number of values from 1 to {MAX_COUNT}, found {word[:40]!r}"
             raise self.document.error(element, message, 0)
-        return [f"{_LETTERS[kind]}{i}" for i in range(int(word))]
+        return [f"{VALUE_PREFIXES[kind]}{i}" for i in range(int(word))]
 
-    def _observed(self, element: Element) -> bool:
+    def _is_observed(self, element: Element) -> bool:
         text = self.document.attribute(element, "fullyObs", "false")
-        # published scripts write Python's True
+        # published files contain Python's True
         if text.strip().lower() not in ("true", "false", "1", "0"):
             raise self.document.error(element, f"fullyObs must be 'true' or 'false', not {text[:40]!r}")
         return text.strip().lower() in ("true", "1")
 
 
-def _own_names(states: Sequence[Mapping[str, str]], taken: set[str]) -> dict[str, str]:
-    """Our names of the state variables by their names before: ``x`` for ``x_0`` and ``x_1``."""
-    found: dict[str, str] = {}
+def _shorten_state_names(states: Sequence[Mapping[str, str]], used: set[str]) -> dict[str, str]:
+    """Return our names of the state variables by `vnamePrev`: ``x`` for ``x_0`` and ``x_1``."""
+    short: dict[str, str] = {}
     for attributes in states:
         before, after = attributes["vnamePrev"], attributes["vnameCurr"]
         stem = before[:-1].removesuffix("_")
-        found[before] = stem if (before, after) == (before[:-1] + "0", before[:-1] + "1") and stem else before
-    used = list(found.values())
-    # where that leaves two with the same name, each keeps its own
+        short[before] = stem if (before, after) == (before[:-1] + "0", before[:-1] + "1") and stem else before
+    stems = list(short.values())
+    # a name that would become ambiguous stays as in the file
     return {
-        before: before if name != before and (used.count(name) > 1 or name in taken) else name
-        for before, name in found.items()
+        before: before if name != before and (stems.count(name) > 1 or name in used) else name
+        for before, name in short.items()
     }

@@ -1,4 +1,4 @@
-"""Writing PomdpX, so that reading gives the same problem bit for bit; APPL's tools read it, too."""
+"""Write PomdpX so that reading it back gives the same bits; APPL's tools read it, too."""
 
 from __future__ import annotations
 
@@ -11,32 +11,30 @@ from lcorpp.files import write_atomically
 from lcorpp.planning.factored.model import Factored
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.variables import AFTER, Variable
-from lcorpp.planning.formats.pomdpx.entries import entries
+from lcorpp.planning.formats.pomdpx.compact_entries import compact_entries
+from lcorpp.planning.formats.pomdpx.variables import VALUE_PREFIXES
 from lcorpp.planning.pomdp import Pomdp
-
-_LETTERS = {"StateVar": "s", "ActionVar": "a", "ObsVar": "o"}
 
 
 def write_pomdpx(problem: Factored | Pomdp, path: str | Path) -> None:
-    """Write a .pomdpx file; reading it gives the same problem exactly.
+    """Write a .pomdpx file; reading it back gives the same problem exactly.
 
     Args:
-        problem: with its variables; a flat one has one for the state, the action and the observation each.
-        path: the file.
+        problem: a factored problem; a flat one gets one variable each for state, action and observation.
 
     Raises:
         FileError: the file cannot be written.
-        ModelError: a name cannot stand in the format, such as one with a space.
+        ModelError: the format does not allow a name, such as one with a space.
     """
-    # characters beyond ASCII as references: the readers of APPL know no other way
+    # non-ASCII characters as references: APPL's readers support nothing else
     write_atomically(path, format_pomdpx(problem).encode("ascii", "xmlcharrefreplace"))
 
 
 def format_pomdpx(problem: Factored | Pomdp) -> str:
-    """The text of a problem in PomdpX format, version 1.0.
+    """Return the text of a problem in PomdpX format, version 1.0.
 
     Raises:
-        ModelError: a name cannot stand in the format.
+        ModelError: the format does not allow a name.
     """
     factored = Factored.of_pomdp(problem) if isinstance(problem, Pomdp) else problem
     return "\n".join(_lines(factored)) + "\n"
@@ -52,7 +50,7 @@ def _lines(problem: Factored) -> Iterator[str]:
     yield f"<Discount>{problem.discount!r}</Discount>"
     yield "<Variable>"
     for variable in problem.states:
-        before, after = (quoteattr(names[variable.name + sign]) for sign in ("", AFTER))
+        before, after = (quoteattr(names[variable.name + suffix]) for suffix in ("", AFTER))
         observed = "true" if variable.observed else "false"
         yield f'<StateVar vnamePrev={before} vnameCurr={after} fullyObs="{observed}">'
         yield from _values("StateVar", variable)
@@ -83,7 +81,7 @@ def _lines(problem: Factored) -> Iterator[str]:
 
 
 def _values(kind: str, variable: Variable) -> Iterator[str]:
-    if variable.values == tuple(f"{_LETTERS[kind]}{i}" for i in range(len(variable.values))):
+    if variable.values == tuple(f"{VALUE_PREFIXES[kind]}{i}" for i in range(len(variable.values))):
         yield f"<NumValues>{len(variable.values)}</NumValues>"
     else:
         yield f"<ValueEnum>{_text(variable.values)}</ValueEnum>"
@@ -98,17 +96,17 @@ def _function(
     yield f"<Var>{_text(children)}</Var>"
     yield f"<Parent>{_text([names[name] for name in table.parents] or ['null'])}</Parent>"
     yield '<Parameter type="TBL">'
-    for instance, numbers in entries(table, problem.scope):
+    for instance, numbers in compact_entries(table, problem.scope):
         yield f"<Entry><Instance>{_text(instance)}</Instance><{title}>{numbers}</{title}></Entry>"
     yield "</Parameter>"
     yield f"</{kind}>"
 
 
 def _names(problem: Factored) -> dict[str, str]:
-    """The names of the file by ours: ``x_0`` and ``x_1`` for x before and after an action.
+    """Our name -> name in the file: ``x_0`` and ``x_1`` for x before and after an action.
 
     Raises:
-        ModelError: a name means something else in the format.
+        ModelError: a name has another meaning in the format.
     """
     plain = [variable.name for variable in (*problem.actions, *problem.observations)]
     states = [variable.name for variable in problem.states]
@@ -117,13 +115,13 @@ def _names(problem: Factored) -> dict[str, str]:
             raise ModelError(
                 "the name 'null' cannot be written into a .pomdpx file, where it means no parents"
             )
-    signs = {"": "_0", AFTER: "_1"}
-    theirs = {*plain, *problem.reward, *(name + end for name in states for end in signs.values())}
-    if len(theirs) < len(plain) + len(problem.reward) + 2 * len(states) or theirs.intersection(states):
-        signs = {"": "", AFTER: AFTER}  # never the end of a name, so that these are always different
+    suffixes = {"": "_0", AFTER: "_1"}
+    written = {*plain, *problem.reward, *(name + end for name in states for end in suffixes.values())}
+    if len(written) < len(plain) + len(problem.reward) + 2 * len(states) or written.intersection(states):
+        suffixes = {"": "", AFTER: AFTER}  # no name ends like this, so all are different
     return {
         **{name: name for name in plain},
-        **{name + ours: name + end for name in states for ours, end in signs.items()},
+        **{name + ours: name + end for name in states for ours, end in suffixes.items()},
     }
 
 

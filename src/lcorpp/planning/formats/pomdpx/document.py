@@ -1,0 +1,198 @@
+"""Element tree of a PomdpX document in which each word has a line and a column."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from lcorpp.errors import ParseError, expected_one_of
+from lcorpp.planning.formats.numbers import find_invalid_number, parse_numbers
+from lcorpp.planning.formats.xml import XmlParser
+from lcorpp.values import Array
+
+MAX_DEPTH = 1000
+"""Maximum nesting: a decision diagram takes two levels for each variable on a path."""
+
+_WORD = re.compile(r"[^ \t\r\n]+")
+_LINE_END = re.compile(r"\r\n|\r|\n")
+_NO_ATTRIBUTES: dict[str, str] = {}
+
+
+class Element:
+    """An element with its position. Its text precedes its first child."""
+
+    __slots__ = ("attributes", "children", "column", "length", "line", "name", "pieces", "text")
+
+    def __init__(self, name: str, attributes: dict[str, str], line: int, column: int) -> None:
+        self.name, self.attributes, self.line, self.column = name, attributes, line, column
+        self.children: list[Element] = []
+        self.text = ""
+        self.length = 0  # of the text so far, during parsing
+        self.pieces: list[tuple[int, int, int]] = []  # offset, line and column of each piece of text
+
+    def words(self) -> list[str]:
+        """The words of the text."""
+        return _WORD.findall(self.text)
+
+    def position(self, word: int | None) -> tuple[int, int]:
+        """Line and column of a word of the text, or of the element."""
+        if word is None:
+            return self.line, self.column
+        offsets = [match.start() for match in _WORD.finditer(self.text)]
+        offset = offsets[word] if word < len(offsets) else len(self.text)
+        begin, line, column = max(
+            piece for piece in self.pieces or [(0, self.line, self.column)] if piece[0] <= offset
+        )
+        return line, column + offset - begin
+
+
+class Document:
+    """A parsed document: access to its elements, and errors with their positions.
+
+    Args:
+        data: the text, or the bytes of a file in the encoding that its first line declares.
+        file: its name, for messages.
+        root: required name of the outermost element.
+
+    Raises:
+        ParseError: it is not well-formed, is nested too deeply, or has a document type declaration.
+    """
+
+    def __init__(self, data: str | bytes, file: str, root: str) -> None:
+        self.file, self._data = file, data
+        builder = _TreeBuilder(self)
+        builder.parser = XmlParser(builder, root=root, max_depth=MAX_DEPTH)
+        builder.parser.parse(data)
+        self.root = builder.root
+
+    def error_at(self, line: int, column: int, message: str) -> ParseError:
+        """A ParseError at a position."""
+        text = self._data if isinstance(self._data, str) else _decode(self._data)
+        begin = 0
+        for _, match in zip(range(line - 1), _LINE_END.finditer(text), strict=False):
+            begin = match.end()
+        end = _LINE_END.search(text, begin)
+        return ParseError(self.file, line, column, message, text[begin : end.start() if end else None])
+
+    def error(self, element: Element, message: str, word: int | None = None) -> ParseError:
+        """A ParseError at an element, or at a word of its text."""
+        return self.error_at(*element.position(word), message)
+
+    def children(
+        self, element: Element, names: Sequence[str], attributes: Sequence[str] = ()
+    ) -> list[Element]:
+        """The children of an element without text.
+
+        Raises:
+            ParseError: the element has text, or a child or an attribute with another name.
+        """
+        self._check_attributes(element, attributes)
+        if element.words():
+            raise self.error(
+                element, f"<{element.name}> contains no text, found {element.words()[0][:40]!r}", 0
+            )
+        for child in element.children:
+            if child.name not in names:
+                known = expected_one_of([f"<{name}>" for name in names]) if names else "it is empty"
+                raise self.error(child, f"unknown <{child.name}> in <{element.name}>; {known}")
+        return element.children
+
+    def only_child(self, element: Element, name: str, *others: str) -> Element:
+        """The only child of an element with one of the names."""
+        matches = [child for child in element.children if child.name in (name, *others)]
+        what = " or ".join(f"<{n}>" for n in (name, *others))
+        if not matches:
+            raise self.error(element, f"<{element.name}> needs {what}")
+        if len(matches) > 1:
+            raise self.error(matches[1], f"a second {what} in <{element.name}>")
+        return matches[0]
+
+    def words(self, element: Element) -> list[str]:
+        """The words of an element without children and attributes."""
+        if element.children:
+            inner = element.children[0]
+            raise self.error(inner, f"<{element.name}> contains words only, found <{inner.name}>")
+        self._check_attributes(element, ())
+        return element.words()
+
+    def word(self, element: Element) -> str:
+        """The only word of an element."""
+        words = self.words(element)
+        if len(words) != 1:
+            raise self.error(element, f"<{element.name}> contains one word, found {len(words)}")
+        return words[0]
+
+    def numbers(self, element: Element) -> Array:
+        """(n,) the numbers in an element."""
+        words = self.words(element)
+        numbers = parse_numbers(element.text)
+        # white space of other scripts is none in XML: it would turn one word into several numbers
+        if numbers is None or len(numbers) != len(words):
+            index, message = find_invalid_number(words)
+            raise self.error(element, message, index)
+        return numbers
+
+    def attribute(self, element: Element, name: str, default: str | None = None) -> str:
+        """The value of an attribute; required if there is no default."""
+        if name in element.attributes:
+            return element.attributes[name]
+        if default is None:
+            raise self.error(element, f"<{element.name}> needs the attribute {name}")
+        return default
+
+    def _check_attributes(self, element: Element, names: Sequence[str]) -> None:
+        for name in element.attributes:
+            if name not in names:
+                known = expected_one_of(names) if names else "there is none"
+                raise self.error(element, f"unknown attribute {name!r} of <{element.name}>; {known}")
+
+
+class _TreeBuilder:
+    """XML handler that builds the tree of elements."""
+
+    parser: XmlParser
+    root: Element
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._open: list[Element] = []
+        self._texts: list[list[str]] = []  # pieces of text of each open element
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        element = Element(name, attributes or _NO_ATTRIBUTES, *self.parser.position)
+        if self._open:
+            self._open[-1].children.append(element)
+        else:
+            self.root = element
+        self._open.append(element)
+        self._texts.append([])
+
+    def end(self, name: str) -> None:
+        self._open.pop().text = "".join(self._texts.pop())
+
+    def text(self, text: str) -> None:
+        element, pieces = self._open[-1], self._texts[-1]
+        if text.isspace():
+            if pieces:
+                pieces.append(" ")
+                element.length += 1
+            return
+        if element.children:
+            raise self.parser.error(f"text among the elements of <{element.name}>: {text.strip()[:40]!r}")
+        element.pieces.append((element.length, *self.parser.position))
+        element.length += len(text)
+        pieces.append(text)
+
+    def comment(self, text: str) -> None:
+        """Ignore it."""
+
+    def error(self, line: int, column: int, message: str) -> ParseError:
+        return self._document.error_at(line, column, message)
+
+
+def _decode(data: bytes) -> str:
+    """Decode bytes for an error message."""
+    try:
+        return data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")

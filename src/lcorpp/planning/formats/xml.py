@@ -1,0 +1,90 @@
+"""XML parsing that is safe for untrusted files: no document types, so no entities, and bounded nesting."""
+
+from __future__ import annotations
+
+from typing import Protocol
+from xml.parsers import expat
+
+from lcorpp.errors import LcorppError
+
+
+class XmlHandler(Protocol):
+    """Receives the elements of an XML file and makes its errors."""
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        """Handle a start tag; `XmlParser.open` contains the element's ancestors."""
+
+    def end(self, name: str) -> None:
+        """Handle an end tag."""
+
+    def text(self, text: str) -> None:
+        """Handle a piece of text."""
+
+    def comment(self, text: str) -> None:
+        """Handle a comment."""
+
+    def error(self, line: int, column: int, message: str) -> LcorppError:
+        """Return the exception to raise for an error at a place, both counted from 1."""
+
+
+class XmlParser:
+    """Passes the elements of an XML file to a handler, and refuses what untrusted files must not contain.
+
+    open: names of the open elements, outermost first.
+
+    Args:
+        root: required name of the outermost element.
+        max_depth: maximum nesting.
+        join_text: whether to join adjacent pieces of text; their positions are then lost.
+    """
+
+    def __init__(self, handler: XmlHandler, *, root: str, max_depth: int, join_text: bool = False) -> None:
+        self._handler, self._root, self._max_depth, self._join_text = handler, root, max_depth, join_text
+        self.open: list[str] = []
+
+    def parse(self, data: str | bytes) -> None:
+        """Parse a text, or the bytes of a file in the encoding that its first line declares.
+
+        Raises:
+            The handler's error: not well-formed, an unknown encoding, nested too deeply, another root, or a
+            document type declaration.
+        """
+        # a decoded text no longer has the encoding that its first line declares
+        self._expat = expat.ParserCreate("utf-8" if isinstance(data, str) else None)
+        self._expat.buffer_text = self._join_text
+        self._expat.StartDoctypeDeclHandler = self._refuse_doctype
+        self._expat.StartElementHandler = self._start
+        self._expat.EndElementHandler = self._end
+        self._expat.CharacterDataHandler = self._handler.text
+        self._expat.CommentHandler = self._handler.comment
+        try:
+            self._expat.Parse(data.encode("utf-8", "surrogatepass") if isinstance(data, str) else data, True)
+        except expat.ExpatError as error:
+            message = f"not well-formed XML: {expat.errors.messages[error.code]}"
+            raise self._handler.error(error.lineno, error.offset + 1, message) from None
+        except (LookupError, ValueError) as error:  # an encoding unknown to Python or expat
+            raise self._handler.error(1, 1, f"cannot be decoded: {error}") from None
+
+    @property
+    def position(self) -> tuple[int, int]:
+        """Line and column of the current tag or text, counted from 1."""
+        return self._expat.CurrentLineNumber, self._expat.CurrentColumnNumber + 1
+
+    def error(self, message: str) -> LcorppError:
+        """The handler's error at the current position."""
+        return self._handler.error(*self.position, message)
+
+    def _refuse_doctype(self, *declaration: object) -> None:
+        raise self.error("a document type declaration is refused; the format needs none")
+
+    def _start(self, name: str, attributes: dict[str, str]) -> None:
+        if not self.open and name != self._root:
+            raise self.error(f"expected <{self._root}>, found <{name}>")
+        if len(self.open) >= self._max_depth:
+            raise self.error(f"<{name}> is nested too deeply; at most {self._max_depth} levels are read")
+        self._handler.start(name, attributes)
+        self.open.append(name)
+
+    def _end(self, name: str) -> None:
+        self.open.pop()
+        self._handler.end(name)

@@ -1,0 +1,229 @@
+"""Damaged stores: intact records are read, every loss is reported, nothing crashes."""
+
+import shutil
+import sqlite3
+from contextlib import closing, suppress
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from lcorpp.errors import DataError, FileError, LcorppError
+from lcorpp.learning.store import Store, read_store
+from tests.learning.store.stores import SCHEMA, filled, track, walk
+
+ROWS, POINTS, PAGE = 60, 40, 4096
+HEADER = 5 * PAGE
+"""Bytes of SQLite's header, the tables' definitions, the store's header and the roots of the tables."""
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The bytes of a store of `ROWS` tracks on several pages."""
+    return filled(tmp_path_factory.mktemp("whole") / "s", ROWS, points=POINTS)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return tmp_path_factory.mktemp("damaged") / "s"
+
+
+def write_file(path, content):
+    for file in path.parent.iterdir():
+        file.unlink()
+    path.write_bytes(content)
+
+
+def edit(path, *statements):
+    """Change a store as another program might; nothing checks it."""
+    with closing(sqlite3.connect(path)) as connection:
+        for statement in statements:
+            connection.execute(statement)
+        connection.commit()
+
+
+def read_rows(path):
+    """Read the store; check that each row is as it was written or is reported. The rows and the snapshot."""
+    snapshot = read_store(path)
+    rows = [stored.extra["row"] for stored in snapshot]
+    assert rows == sorted(set(rows))
+    for row, numbers in zip(rows, snapshot.trajectories(), strict=True):
+        assert np.array_equal(numbers, walk(row, POINTS))
+    for stored in snapshot:
+        assert (stored.label, stored.source) == (
+            track(stored.extra["row"]).label,
+            track(stored.extra["row"]).source,
+        )
+    lost = set(range(ROWS)) - set(rows)
+    assert sum(damage.lost for damage in snapshot.damage) >= len(lost)
+    return rows, snapshot
+
+
+def append_anew(path, rows):
+    """Open the store for writing and add a track; what was readable is still there."""
+    with Store(path, SCHEMA) as store:
+        store.append(track(99, POINTS), durable=False)
+    snapshot = read_store(path)
+    assert [stored.extra["row"] for stored in snapshot] == [*rows, 99]
+    assert not any(damage.structural for damage in snapshot.damage)
+    return store.notes
+
+
+@settings(max_examples=80)
+@given(data=st.data())
+def test_any_flipped_byte_loses_few_records_and_is_reported(whole, path, data):
+    at = data.draw(st.integers(0, len(whole) - 1))
+    flip = data.draw(st.integers(1, 255))
+    write_file(path, whole[:at] + bytes([whole[at] ^ flip]) + whole[at + 1 :])
+    try:
+        rows, snapshot = read_rows(path)
+    except LcorppError:
+        assert at < HEADER
+        return
+    assert at < HEADER or len(rows) >= ROWS - 5  # a damaged page costs its records
+    notes = append_anew(path, rows)
+    assert bool(notes) == bool(snapshot.damage)
+
+
+@settings(max_examples=40)
+@given(data=st.data())
+def test_a_file_that_is_cut_off_keeps_its_readable_records(whole, path, data):
+    write_file(path, whole[: data.draw(st.integers(0, len(whole) - 1))])
+    try:
+        rows, snapshot = read_rows(path)
+    except LcorppError:
+        return
+    assert snapshot.damage
+    append_anew(path, rows)
+
+
+@settings(max_examples=40)
+@given(data=st.data())
+def test_overwritten_pages_lose_only_their_records(whole, path, data):
+    page = data.draw(st.integers(HEADER // PAGE, len(whole) // PAGE - 1))
+    garbage = data.draw(st.just(bytes(PAGE)) | st.binary(min_size=PAGE, max_size=PAGE))
+    write_file(path, whole[: page * PAGE] + garbage + whole[(page + 1) * PAGE :])
+    rows, snapshot = read_rows(path)
+    assert len(rows) >= ROWS - 5
+    assert snapshot.damage
+    append_anew(path, rows)
+
+
+@settings(max_examples=60)
+@given(data=st.data())
+def test_garbage_is_refused_or_empty(whole, path, data):
+    garbage = data.draw(
+        st.binary(max_size=300) | st.text(alphabet="lcorp tracks1{}\n\0", max_size=60).map(str.encode)
+    )
+    start = data.draw(st.sampled_from([b"", b"lcorpp tracks ", whole[:16], whole[:100], whole[:PAGE]]))
+    write_file(path, start + garbage)
+    for act in (read_store, lambda path: Store(path, SCHEMA).close()):
+        with suppress(DataError, FileError):  # any other exception fails
+            act(path)
+
+
+@settings(max_examples=60)
+@given(data=st.data())
+def test_any_prefix_of_the_log_opens_to_a_prefix_of_the_records(path, data):
+    """A crash leaves the main file and a log that ends anywhere."""
+    write_file(path, b"")
+    with Store(path, SCHEMA) as store:
+        for row in range(8):
+            store.append(track(row), durable=False)
+        log = path.with_name("s-wal").read_bytes()
+        copy = path.with_name("copy")
+        shutil.copy(path, copy)
+    end = data.draw(st.integers(0, len(log)))
+    path.with_name("copy-wal").write_bytes(log[:end])
+    snapshot = read_store(copy)
+    assert not snapshot.damage
+    rows = [stored.extra["row"] for stored in snapshot]
+    assert rows == list(range(len(rows)))
+    assert len(rows) == 8 or end < len(log)
+    with Store(copy, SCHEMA) as store:
+        assert (store.notes, store.last_record) == ((), len(rows))
+        store.append(track(99))
+
+
+def test_a_changed_record_is_reported_at_every_opening(tmp_path):
+    path = tmp_path / "s"
+    filled(path, 5)
+    edit(path, "UPDATE track SET label = 'not_interested' WHERE record = 3")
+    for _ in range(2):
+        with Store(path, SCHEMA) as store:
+            assert store.notes == (f"{path}: record 3: its checksum is wrong; 1 record lost",)
+    assert [stored.id for stored in read_store(path)] == ["t0", "t1", "t3", "t4"]
+    assert not list(tmp_path.glob("*.damaged"))
+
+
+def test_missing_records_are_counted(tmp_path):
+    path = tmp_path / "s"
+    filled(path, 8)
+    edit(path, "DELETE FROM track WHERE record IN (3, 4, 8)")
+    snapshot = read_store(path)
+    assert [stored.record for stored in snapshot] == [1, 2, 5, 6, 7]
+    assert [str(damage) for damage in snapshot.damage] == [
+        "records 3 to 4 are missing; 2 records lost",
+        "record 8 is missing; 1 record lost",
+    ]
+
+
+def test_a_label_of_a_lost_track_is_reported(tmp_path):
+    path = tmp_path / "s"
+    filled(path, 2)
+    with Store(path, SCHEMA) as store:
+        store.relabel("t0", "interested")
+    edit(path, "UPDATE track SET context = '{}' WHERE record = 1")
+    snapshot = read_store(path)
+    assert [stored.id for stored in snapshot] == ["t1"]
+    assert str(snapshot.damage[1]) == "record 3: it labels record 1, which is lost; 1 record lost"
+
+
+def test_a_damaged_file_is_rebuilt_and_kept(whole, path):
+    damaged = whole[: -2 * PAGE] + bytes(2 * PAGE)
+    write_file(path, damaged)
+    rows, snapshot = read_rows(path)
+    notes = append_anew(path, rows)
+    assert [note.removeprefix(f"{path}: ") for note in notes[:-1]] == [
+        str(damage) for damage in snapshot.damage
+    ]
+    assert notes[-1].endswith("the readable records are in a new file; the damaged one is s.damaged")
+    backup = path.with_name("s.damaged")
+    assert backup.read_bytes()[PAGE:] == damaged[PAGE:]
+    assert [stored.extra["row"] for stored in read_store(backup)] == rows
+    with Store(path, SCHEMA) as store:  # what is missing is still missing
+        assert all("missing" in note for note in store.notes)
+        assert len(store) == len(rows) + 1
+
+
+def test_a_damaged_file_is_not_rebuilt_while_it_is_read(whole, path):
+    write_file(path, whole[: -2 * PAGE] + bytes(2 * PAGE))
+    with closing(sqlite3.connect(path)) as reader:
+        reader.execute("BEGIN")
+        reader.execute("SELECT identity FROM store").fetchall()
+        with pytest.raises(FileError, match="is damaged and cannot be rebuilt"):
+            Store(path, SCHEMA)
+    Store(path, SCHEMA).close()
+
+
+def test_a_crash_while_a_file_is_rebuilt_loses_nothing(whole, path, monkeypatch):
+    write_file(path, whole[: -2 * PAGE] + bytes(2 * PAGE))
+    rows, _ = read_rows(path)
+
+    def crash(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.replace", crash)
+    with pytest.raises(KeyboardInterrupt):
+        Store(path, SCHEMA)
+    monkeypatch.undo()
+    append_anew(path, rows)
+
+
+def test_data_damaged_after_reading_are_noticed(whole, path):
+    write_file(path, whole)
+    snapshot = read_store(path)
+    edit(path, "UPDATE track SET trajectory = zeroblob(640) WHERE record = 5")
+    with pytest.raises(FileError, match="a track can no longer be read; the file was changed or damaged"):
+        snapshot.dataset()
+    assert len(snapshot.trajectories(snapshot.tracks[5:])) == ROWS - 5

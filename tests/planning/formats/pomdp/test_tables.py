@@ -1,0 +1,136 @@
+"""Statements in any order give what writing them one after the other into full arrays gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from lcorpp.planning import SparseTables
+from lcorpp.planning.formats.pomdp import rewards as pomdp_rewards, tokens as pomdp_tokens
+from lcorpp.planning.formats.pomdp.preamble import read_preamble
+from lcorpp.planning.formats.pomdp.rewards import expected_rewards
+from lcorpp.planning.formats.pomdp.statements import Statements
+from lcorpp.planning.formats.pomdp.tokens import Tokens
+from tests.planning.formats.pomdp.texts import head
+
+S, A, O = 3, 2, 2  # noqa: E741
+SIZES = {"T": (A, S, S), "O": (A, S, O), "R": (A, S, S, O)}
+PROBABILITIES = st.sampled_from([0.0, 0.0, 0.25, 0.5, 1.0])
+REWARDS = st.sampled_from([0.0, -1.0, 2.0, 10.5])
+START = np.array([0.25, 0.0, 0.75])
+
+
+@dataclass
+class Statement:
+    """keyword: T, O or R. indices: a prefix of them, None for all. body: what is given for the others."""
+
+    keyword: str
+    indices: tuple[int | None, ...]
+    body: str | np.ndarray
+
+    def text(self) -> str:
+        words = ["*" if index is None else str(index) for index in self.indices]
+        body = self.body if isinstance(self.body, str) else " ".join(map(repr, self.body.ravel().tolist()))
+        return f"{self.keyword}: {' : '.join(words)} {body}"
+
+    def write(self, tables: dict[str, np.ndarray], given: dict[str, np.ndarray]) -> None:
+        scope = tuple(slice(None) if index is None else index for index in self.indices)
+        N = SIZES[self.keyword][-1]
+        whole = {"identity": np.eye(S), "uniform": np.full(N, 1 / N), "reset": START}
+        tables[self.keyword][scope] = whole[self.body] if isinstance(self.body, str) else self.body
+        given[self.keyword][scope[:2]] = True
+
+
+@st.composite
+def statements(draw: st.DrawFn, keywords: str) -> Statement:
+    keyword = draw(st.sampled_from(keywords))
+    sizes = SIZES[keyword]
+    length = draw(st.integers(2 if keyword == "R" else 1, len(sizes)))
+    indices = tuple(draw(st.none() | st.integers(0, size - 1)) for size in sizes[:length])
+    words = []
+    if keyword != "R" and length < 3:
+        words = ["uniform"] + ["reset"] * (keyword == "T") + ["identity"] * (keyword == "T" and length == 1)
+    if words and draw(st.booleans()):
+        return Statement(keyword, indices, draw(st.sampled_from(words)))
+    shape = sizes[length:]
+    numbers = REWARDS if keyword == "R" else PROBABILITIES
+    count = int(np.prod(shape))
+    return Statement(
+        keyword, indices, np.array(draw(st.lists(numbers, min_size=count, max_size=count))).reshape(shape)
+    )
+
+
+def dense_tables(given: list[Statement]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    tables = {keyword: np.zeros(sizes) for keyword, sizes in SIZES.items()}
+    rows = {keyword: np.zeros(sizes[:2], dtype=bool) for keyword, sizes in SIZES.items()}
+    for statement in given:
+        statement.write(tables, rows)
+    return tables, rows
+
+
+def read_all(given: list[Statement]) -> Statements:
+    text = head(S, A, O) + "start: " + " ".join(map(str, START)) + "\n"
+    tokens = Tokens(text + "".join(statement.text() + "\n" for statement in given), "<text>")
+    read = Statements(tokens, read_preamble(tokens))
+    read.read()
+    return read
+
+
+@pytest.mark.parametrize("batch_size", [1, 3, 10**6])
+@given(given=st.lists(statements("TTOO"), max_size=14))
+@settings(max_examples=60, deadline=None)
+def test_tables_are_what_the_statements_write(batch_size, given):
+    with patch.object(pomdp_tokens, "MAX_BATCH", batch_size):
+        read = read_all(given)
+    tables, rows = dense_tables(given)
+    for keyword, table in (("T", read.transition), ("O", read.observation)):
+        found, places = table.rows()
+        assert (found.dense == tables[keyword]).all()
+        assert ((places >= 0) == rows[keyword]).all()
+
+
+@st.composite
+def distributions(draw: st.DrawFn, N: int) -> np.ndarray:
+    weights = draw(
+        st.lists(
+            st.lists(st.integers(0, 3), min_size=N, max_size=N).filter(any), min_size=A * S, max_size=A * S
+        )
+    )
+    table = np.array(weights, dtype=float).reshape(A, S, N)
+    return table / table.sum(axis=2, keepdims=True)
+
+
+@pytest.mark.parametrize("batch_size", [1, 3, 10**6])
+@given(given=st.lists(statements("R"), max_size=10), T=distributions(S), Z=distributions(O))
+@settings(max_examples=60, deadline=None)
+def test_rewards_are_the_sums_written_out(batch_size, given, T, Z):
+    """With few cases at once, matrix products take the place of looking up all of them."""
+    expected = np.einsum("ast,ato,asto->as", T, Z, dense_tables(given)[0]["R"])
+    with patch.object(pomdp_rewards, "CHUNK_CASES", batch_size):
+        reward = expected_rewards(SparseTables.of(T), SparseTables.of(Z), read_all(given).rewards)
+    assert reward == pytest.approx(expected, abs=1e-12)  # a handful of roundings of numbers up to 10
+
+
+@given(given=st.lists(statements("TTOOR"), min_size=1, max_size=8), data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_a_row_is_placed_at_the_last_statement_that_speaks_of_it(given, data):
+    read = read_all(given)
+    text = read.tokens.text
+    keyword = data.draw(st.sampled_from("TO"))
+    _, places = (read.transition if keyword == "T" else read.observation).rows()
+    for a in range(A):
+        for s in range(S):
+            speaking = [
+                number
+                for number, each in enumerate(given)
+                if each.keyword == keyword
+                and all(i in (None, own) for i, own in zip(each.indices, (a, s), strict=False))
+            ]
+            if not speaking:
+                assert places[a, s] == -1
+            else:
+                assert text[: places[a, s]].count("\n") == 6 + speaking[-1]

@@ -1,0 +1,162 @@
+"""Files that mean harm, or were damaged on the way."""
+
+from __future__ import annotations
+
+import random
+import re
+
+import pytest
+from hypothesis import HealthCheck, given, settings, strategies as st
+
+from lcorpp.errors import LcorppError, ParseError
+from lcorpp.planning import Factored, flatten
+from lcorpp.planning.formats.pomdpx import decision_diagrams as pomdpx_diagrams
+from tests.planning.formats.pomdpx.texts import (
+    DIAGRAMS,
+    HEAD,
+    TEXT,
+    function,
+    node,
+    number,
+    parsed,
+    surely,
+    template,
+)
+
+SUITE = settings(deadline=None, suppress_health_check=list(HealthCheck))
+
+
+def test_document_types_are_refused():
+    bomb = '<?xml version="1.0"?><!DOCTYPE p [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><pomdpx>&b;</pomdpx>'
+    with pytest.raises(ParseError, match="a document type declaration is refused"):
+        parsed(bomb)
+    outside = '<!DOCTYPE p [<!ENTITY a SYSTEM "file:///etc/passwd">]><pomdpx>&a;</pomdpx>'
+    with pytest.raises(ParseError, match="a document type declaration is refused"):
+        parsed(outside)
+
+
+def test_nesting_is_bounded():
+    with pytest.raises(ParseError, match="nested too deeply"):
+        parsed("<pomdpx>" + "<a>" * 5000)
+
+
+def test_a_diagram_over_many_variables_is_not_too_deep():
+    count = 200
+    names = [f"x{i}" for i in range(count)]
+    path = "".join(f'<Node var="{name}_0"><Edge val="a">' for name in names)
+    variables = "".join(
+        f'<StateVar vnamePrev="{name}_0" vnameCurr="{name}_1"><ValueEnum>a</ValueEnum></StateVar>'
+        for name in names
+    )
+    one = "<Parameter><Entry><Instance>-</Instance><ProbTable>1</ProbTable></Entry></Parameter>"
+    starts = "".join(f"<CondProb><Var>{name}_0</Var><Parent>null</Parent>{one}</CondProb>" for name in names)
+    moves = "".join(f"<CondProb><Var>{name}_1</Var><Parent>null</Parent>{one}</CondProb>" for name in names)
+    parents = " ".join(f"{name}_0" for name in names)
+    reward = function("Func", "r", parents, path + number(3) + "</Edge></Node>" * count)
+    text = f"""<pomdpx><Discount>0.5</Discount><Variable>{variables}
+      <ActionVar vname="act"><NumValues>1</NumValues></ActionVar><RewardVar vname="r"/></Variable>
+      <InitialStateBelief>{starts}</InitialStateBelief>
+      <StateTransitionFunction>{moves}</StateTransitionFunction>
+      <RewardFunction>{reward}</RewardFunction></pomdpx>"""
+    assert flatten(parsed(text)).reward.tolist() == [[3.0]]
+
+
+def test_templates_that_multiply_are_bounded(monkeypatch):
+    monkeypatch.setattr(pomdpx_diagrams, "MAX_BRANCHES", 1000)
+    names = [f"x{i}" for i in range(12)]
+    variables = "".join(
+        f'<StateVar vnamePrev="{n}_0" vnameCurr="{n}_1"><ValueEnum>a b</ValueEnum></StateVar>' for n in names
+    )
+    starts = "".join(function("CondProb", f"{n}_0", "null", surely(f"{n}_0", "a")) for n in names)
+    moves = "".join(function("CondProb", f"{n}_1", "null", surely(f"{n}_1", "a")) for n in names)
+    ways = [f'<SubDAG type="template" idref="t{i}"/>' for i in range(13)]
+    templates = "".join(
+        template(f"t{i}", node(f"{n}_0", a=ways[i + 1], b=ways[i + 1])) for i, n in enumerate(names)
+    )
+    reward = function(
+        "Func", "r", " ".join(f"{n}_0" for n in names), ways[0], templates + template("t12", number(1))
+    )
+    text = f"""<pomdpx><Discount>0.5</Discount><Variable>{variables}
+      <ActionVar vname="act"><NumValues>1</NumValues></ActionVar><RewardVar vname="r"/></Variable>
+      <InitialStateBelief>{starts}</InitialStateBelief>
+      <StateTransitionFunction>{moves}</StateTransitionFunction>
+      <RewardFunction>{reward}</RewardFunction></pomdpx>"""
+    with pytest.raises(ParseError, match="the decision diagram has over 1000 branches"):
+        parsed(text)
+    monkeypatch.undo()
+    assert set(flatten(parsed(text)).reward[0]) == {1.0}
+
+
+def test_a_small_file_cannot_ask_for_much():
+    text = TEXT.replace("left middle exit", " ".join(f"s{i}" for i in range(20_000)))
+    text = text.replace(
+        "<ValueEnum>good bad</ValueEnum>\n  </StateVar>", "<NumValues>20000</NumValues>\n  </StateVar>"
+    )
+    start = text.index("<Entry><Instance>-</Instance><ProbTable>0 1.0 0.0")
+    uniform = "<Entry><Instance>-</Instance><ProbTable>uniform</ProbTable></Entry>"
+    text = text[:start] + uniform + text[text.index("</Entry>", start) + len("</Entry>") :]
+    moves = text[text.index("<StateTransitionFunction>") : text.index("</StateTransitionFunction>")]
+    greedy = function("CondProb", "rover_1", "rover_0 rock_0", number(1))
+    with pytest.raises(ParseError, match="a table of 400000000 rows of 20000 numbers is too large"):
+        parsed(text.replace(moves, "<StateTransitionFunction>" + greedy))
+    dense = function("CondProb", "rover_1", "rover_0", number(0.00005))
+    with pytest.raises(ParseError, match="has over 67108864 numbers"):
+        parsed(text.replace(moves, "<StateTransitionFunction>" + dense))
+
+
+def ends_well(data: str | bytes) -> None:
+    """A problem or an error that says where, never anything else."""
+    found: Factored | LcorppError
+    try:
+        found = parsed(data)
+    except LcorppError as error:
+        found = error
+    if isinstance(found, ParseError):
+        lines = len(data.splitlines()) + 1
+        assert 1 <= found.line <= lines
+        assert 1 <= found.column <= len(data) + 1
+    assert isinstance(found, Factored) or str(found).startswith("rover.pomdpx:")
+
+
+@settings(SUITE, max_examples=150)
+@given(st.randoms(use_true_random=False), st.sampled_from([TEXT, HEAD + DIAGRAMS]))
+def test_damaged_files_end_well(chance: random.Random, text: str):
+    """Cut, doubled and moved, and signs put between."""
+    damaged = list(text)
+    for _ in range(chance.randint(1, 4)):
+        at, begin = chance.randrange(len(damaged)), chance.randrange(len(damaged))
+        kind = chance.randrange(4)
+        if kind == 0:
+            damaged[at] = chance.choice("<>/\"'&;-*0.1e x\0é\n")
+        elif kind == 1:
+            del damaged[at : at + chance.randint(1, 30)]
+        else:
+            source = at if kind == 2 else begin
+            damaged[at:at] = damaged[source : source + chance.randint(1, 60)]
+    ends_well("".join(damaged))
+
+
+WORD = re.compile(r"[\w.]+|[*-]")
+
+
+@settings(SUITE, max_examples=200)
+@given(st.randoms(use_true_random=False), st.sampled_from([TEXT, HEAD + DIAGRAMS]))
+def test_words_in_wrong_places_end_well(chance: random.Random, text: str):
+    """Mostly still XML: values, names, numbers and signs where others should be."""
+    begin = text.index("<Discount>")
+    words = [
+        *WORD.findall(text),
+        *("*", "-", "null", "nan", "1e999", "-1", "0.5", "2", "identity", "uniform"),
+    ]
+    for _ in range(chance.randint(1, 3)):
+        spot = chance.choice(list(WORD.finditer(text, begin)))
+        text = text[: spot.start()] + chance.choice(words) + text[spot.end() :]
+    ends_well(text)
+
+
+@settings(SUITE, max_examples=80)
+@given(st.binary(max_size=60), st.integers(0, len(TEXT)))
+def test_any_bytes_end_well(noise, at):
+    data = TEXT.encode()
+    ends_well(noise)
+    ends_well(data[:at] + noise + data[at:])

@@ -1,0 +1,48 @@
+"""The simulated people of Algorithm 1."""
+
+from pathlib import Path
+
+import numpy as np
+
+from lcorpp.domains import load_domain
+from lcorpp.learning.store import NewTrack, Store, TrackSchema
+from lcorpp.simulation.people_stream import GROUP_SIZE, DecisionResult, PeopleStream
+from lcorpp.simulation.trajectories import SimulatedTrajectories
+from lcorpp.values import Episode
+
+ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
+
+
+def test_a_run_that_goes_on_meets_those_whom_it_would_have_met():
+    """Whatever was asked of those before, and within a group that is simulated at once."""
+    domain = load_domain(ROOMS)
+    ask = next(name for name in domain.pomdp.actions if domain.reported_value(name) is None)
+
+    def meet(stream: PeopleStream, count: int, asked: int):
+        met = []
+        for _ in range(count):
+            instance, world = stream.next()
+            answers = [world.act(ask) for _ in range(asked)]
+            outcome = stream.result(Episode(None, {}, None, domain.pomdp.start, (), "lab"))
+            met.append((instance.trajectory, dict(instance.context), answers, outcome))
+        return met
+
+    stream = PeopleStream(domain, SimulatedTrajectories.of(domain), seed=4)
+    whole = meet(stream, 3, 1) + meet(stream, GROUP_SIZE, 2)
+    for first in (3, GROUP_SIZE - 1, GROUP_SIZE):
+        again = meet(PeopleStream(domain, SimulatedTrajectories.of(domain), seed=4, position=first), 3, 2)
+        for one, other in zip(whole[first : first + 3], again, strict=True):
+            assert np.array_equal(one[0], other[0])
+            assert one[1:] == other[1:]
+    assert not np.array_equal(
+        whole[0][0], PeopleStream(domain, SimulatedTrajectories.of(domain), seed=5).next()[0].trajectory
+    )
+
+
+def test_outcomes_are_kept_beside_the_track(tmp_path):
+    outcome = DecisionResult("a", "b", 2.5, -7.0)
+    extras = [outcome.to_extra(), {}, {"simulated": {"cost": 1}}]
+    with Store(tmp_path / "s", TrackSchema(("x",), 1, ("a", "b"))) as store:
+        store.extend([NewTrack([[row, 1.0]], "b", extra=extra) for row, extra in enumerate(extras)])
+        store.relabel(store.snapshot().tracks[0].id, "a")  # a person knows better now: the report stays
+        assert [DecisionResult.from_stored(stored) for stored in store.snapshot()] == [outcome, None, None]
