@@ -17,3 +17,5 @@ from .reasoning import (
 )
 from .values import Instance as Instance
 from .worlds import ConsoleWorld as ConsoleWorld
+
+__version__: str

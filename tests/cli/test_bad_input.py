@@ -31,7 +31,7 @@ FILES = [
     ("a.pomdp", "", "a.pomdp"),
     ("domain.toml", "name = 'a\n", "domain.toml:1:"),
     ("domain.toml", "name = 'a'\n", "reasoning is missing"),
-    ("a.txt", "", "cannot tell what this is"),
+    ("a.txt", "", "unknown kind of file"),
     ("a.policy", "", "give --model"),
 ]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.experiments.results import COLUMNS
+from lcorpp.experiments.tables import COLUMNS
 from lcorpp.planning import read_policy, read_pomdp
 
 ROOT = Path(__file__).parents[2]
@@ -107,7 +107,7 @@ def test_run_trains_an_lstm_on_a_made_up_domain_and_loads_it_again(lcorpp, tmp_p
     common = ("run", ROOMS, "--trials", 60, "--jobs", 1, "--strategy", "LCORPP")
     first = lcorpp(*common, "--epochs", 3, "--out", tmp_path)
     assert first.code == 0, first.err
-    assert "lab people (20) are called: lab" in first.out
+    assert "true class lab (20 cases); predicted: lab" in first.out
     again = lcorpp(*common, "--classifier", tmp_path / "classifier.npz")
     assert again.code == 0, again.err
     table = [line for line in first.out.splitlines() if line.split()[:1] == ["LCORPP"]]
@@ -151,11 +151,11 @@ def test_learn_grows_and_keeps_every_batch(lcorpp, tmp_path):
     "path",
     [INTENTION, INTENTION / "domain.toml", INTENTION / "knowledge.plog", INTENTION / "authors.pomdp", ROOMS],
 )
-def test_check_says_what_is_right(lcorpp, path):
+def test_check_prints_ok(lcorpp, path):
     ended = lcorpp("check", path)
     assert (ended.code, ended.err) == (0, "")
-    assert ended.out.rstrip().endswith("right")
+    assert ended.out.rstrip().endswith("OK")
 
 
 def test_check_knows_shipped_domains(lcorpp):
-    assert lcorpp("check", "intention").out.count("right") == 2
+    assert lcorpp("check", "intention").out.count("OK") == 2

@@ -11,8 +11,8 @@ import pytest
 from lcorpp.learning import read_data, read_recording, save_dataset, write_recording
 from lcorpp.learning.data.repairs import REPAIRS
 from lcorpp.values import Dataset
-from tests.learning.recorded.server import serving
-from tests.learning.recorded.texts import GOOD, atc_rows, crowd, rows
+from tests.learning.data.server import serving
+from tests.learning.data.texts import GOOD, atc_rows, crowd, rows
 
 ROOMS = Path(__file__).parents[2] / "tests/domains/rooms"
 REAL = Path(__file__).parents[3] / "shared" / "data" / "authors"
@@ -132,9 +132,9 @@ def test_what_makes_no_sense(lcorpp, tmp_path):
     refused(lcorpp("data", "describe", good, "--report", tmp_path / "no" / "r.csv"), "cannot be written")
     refused(lcorpp("data", "plot", good, tmp_path / "a.txt"), "not a figure file")
     refused(lcorpp("data", "fetch", "nothing"), "'nothing' is not the address of a file")
-    refused(lcorpp("data", "fetch", "authors", "--sha256", "0" * 64), "--sha256 is for an address")
+    refused(lcorpp("data", "fetch", "authors", "--sha256", "0" * 64), "--sha256 is for a URL")
     (tmp_path / "few.csv").write_text("track,time,x,y\nc,0,1,1\n")
-    refused(lcorpp("data", "describe", tmp_path / "few.csv", "--repair", "all"), "no track is left")
+    refused(lcorpp("data", "describe", tmp_path / "few.csv", "--repair", "all"), "no track remains")
     assert good.read_text() == GOOD
 
 
@@ -159,8 +159,8 @@ def test_what_a_hostile_tester_found(lcorpp, tmp_path):
     file.write_text("track,time,x,y,label\na,0,0,0,p\na,1,1,0,p\na,2,1e200,0,p\nb,0,0,0,q\nb,1,1,1,q\n")
     for arguments, words in (
         ((), "people.csv:4:5: track 'a': the x is 1e+200; expected a finite number up to 1e+09"),
-        (("--report", str(file)), "is the file that is described"),
-        (("--label", "p=1", "--label", "p=2"), "--label p: means '1' and '2'; expected one meaning"),
+        (("--report", str(file)), "is the described file itself"),
+        (("--label", "p=1", "--label", "p=2"), "--label p: has the classes '1' and '2'; expected one"),
     ):
         ended = lcorpp("data", "describe", str(file), *arguments)
         assert (ended.code, "Traceback" in ended.err) == (2, False)

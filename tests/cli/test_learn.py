@@ -27,9 +27,7 @@ def stored(path):
 
 
 def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "lcorpp.experiments.active_learning.write_figure", lambda *_: []
-    )  # takes half the time
+    monkeypatch.setattr("lcorpp.experiments.figures.files.write_figure", lambda *_: [])  # takes half the time
     learn = ("learn", ROOMS, *OPTIONS, "--max-batches", 3)
     plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")
     assert plain.code == 0, plain.err
@@ -64,9 +62,9 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monk
     assert len(outs) == 4
     assert "interrupted: the batches above are kept; every decision is kept in" in outs[0].err
     for ended, words in zip(
-        outs[1:], ("0, 1 decisions of the next are made", "1\n", "1, 4 decisions"), strict=True
+        outs[1:], ("0, 1 decisions of the next batch are stored", "1\n", "1, 4 decisions"), strict=True
     ):
-        assert f"goes on after batch {words}" in ended.out
+        assert f"resumes after batch {words}" in ended.out
     assert (tmp_path / "out" / "batches.csv").read_text() == (tmp_path / "plain" / "batches.csv").read_text()
     assert stored(tmp_path / "s.tracks") == stored(tmp_path / "plain.tracks")
     batches = [line for line in plain.out.splitlines() if line.startswith("batch")]
@@ -74,7 +72,7 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monk
     assert told == batches[3:]
 
     again = lcorpp(*learn, "--store", tmp_path / "s.tracks", "--max-batches", 4)
-    assert "goes on after batch 3\n" in again.out
+    assert "resumes after batch 3\n" in again.out
     assert "stopped after 4 batches" in again.out
     assert len(read_store(tmp_path / "s.tracks")) == 16
 
@@ -123,7 +121,7 @@ def test_check_reports_the_content_and_the_damage_of_a_store(lcorpp, damaged, tm
         "8 tracks (1 interested by a person, 2 interested by report, 1 not_interested by a person, "
         in ended.out
     )
-    assert ended.out.rstrip().endswith("x, y every 0.033 s: right")
+    assert ended.out.rstrip().endswith("x, y every 0.033 s: OK")
     assert np.isfinite(read_store(tmp_path / "right").trajectories()).all()
 
 

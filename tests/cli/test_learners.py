@@ -23,7 +23,12 @@ def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
     passes = ("--epochs", 2) if name in ("lstm", "fast") else ()
     ended = lcorpp("run", *FEW, "--learner", name, *passes, "--out", tmp_path)
     assert ended.code == 0, ended.err
-    for words in (f"{name}, five-fold on", "interested people (30) are called", "AUC", "best youden"):
+    for words in (
+        f"{name}, five-fold cross-validation on",
+        "true class interested (30 cases); predicted",
+        "AUC",
+        "best youden",
+    ):
         assert words in ended.out
     content = json.loads((tmp_path / "report.json").read_text())
     assert list(content["classes"]["interested"]) == [
@@ -41,7 +46,7 @@ def test_one_of_your_own(lcorpp, tmp_path):
     file.write_text("from sklearn.dummy import DummyClassifier\ndef guess():\n    return DummyClassifier()\n")
     ended = lcorpp("run", *FEW, "--learner", f"{file}:guess")
     assert ended.code == 0, ended.err
-    assert "mine.py:guess, five-fold on" in ended.out
+    assert "mine.py:guess, five-fold cross-validation on" in ended.out
 
 
 def test_soft_evidence_now_and_from_the_file(lcorpp, tmp_path):
@@ -71,27 +76,27 @@ def test_soft_evidence_now_and_from_the_file(lcorpp, tmp_path):
 def test_soft_evidence_of_three_rooms(lcorpp):
     ended = lcorpp("run", ROOMS, *FEW, "--learner", "summaries", "--evidence", "soft")
     assert ended.code == 0, ended.err
-    assert "lab people (20) are called" in ended.out
+    assert "true class lab (20 cases); predicted" in ended.out
 
 
 def test_a_threshold_is_chosen_or_given(lcorpp):
     chosen = lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "accuracy", "--prevalence", 0.02)
     assert chosen.code == 0, chosen.err
-    assert "best where the share is: interested 0.02" in chosen.out
+    assert "best thresholds for the prevalence: interested 0.02" in chosen.out
     costly = lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "9:1")
     assert costly.code == 0, costly.err
     assert "least cost" in costly.out
     given = lcorpp("run", *FEW, "--learner", "summaries", "--threshold", 0)
-    assert "interested people are called so from 0.000 on" in given.out
-    assert "not_interested people (30) are called: interested 1.000" in given.out
+    assert "decision threshold: interested from a probability of 0.000" in given.out
+    assert "true class not_interested (30 cases); predicted: interested 1.000" in given.out
 
 
-def test_smoothing_and_channels(lcorpp):
+def test_smoothing_and_features(lcorpp):
     common = (*FEW, "--learner", "summaries", "--threshold", 0)
-    hard = lcorpp("run", *common, "--smoothing", "laplace", "--channels", "x,y,velocity")
+    hard = lcorpp("run", *common, "--smoothing", "laplace", "--features", "x,y,velocity")
     assert hard.code == 0, hard.err
-    assert "called: interested 1.000 [0.888, 1.000]" in hard.out  # Beta(31, 1)
-    assert "called: interested 1.000 [0.920, 1.000]" in lcorpp("run", *common).out  # Beta(30.5, .5)
+    assert "predicted: interested 1.000 [0.888, 1.000]" in hard.out  # Beta(31, 1)
+    assert "predicted: interested 1.000 [0.920, 1.000]" in lcorpp("run", *common).out  # Beta(30.5, .5)
 
 
 def test_explain_with_a_likelihood(lcorpp):
@@ -112,17 +117,20 @@ def test_options_that_make_no_sense(lcorpp, tmp_path):
         "on the cpu alone",
     )
     refused(lcorpp("run", "--learner", "lstm", "--device", "tpu", "--tracks", 40, "--jobs", 1), "'tpu'")
-    refused(lcorpp("run", "--learner", "lstm", "--classifier", "channel"), "both say who classifies")
-    refused(lcorpp("run", "--classifier", "channel", "--evidence", "soft"), "a channel says labels only")
+    refused(lcorpp("run", "--learner", "lstm", "--classifier", "channel"), "both choose the classifier")
+    refused(lcorpp("run", "--classifier", "channel", "--evidence", "soft"), "a channel has labels only")
     refused(lcorpp("run", "--classifier", "channel", "--epochs", 2), "--epochs: nothing is trained")
     refused(
         lcorpp("run", "--classifier", tmp_path / "x.npz", "--threshold", "f1"),
         "nothing is trained",
     )
-    refused(lcorpp("run", "--classifier", tmp_path / "x.npz", "--channels", "x"), "--channels: nothing")
-    refused(lcorpp("run", "--evidence", "soft", "--smoothing", "laplace"), "whose labels are used")
-    refused(lcorpp("run", "--learner", "lstm", "--channels", "x,z", "--tracks", 40, "--jobs", 1), "'z'")
-    refused(lcorpp("run", "--learner", "lstm", "--channels", "facing", "--tracks", 40, "--jobs", 1), "facing")
+    refused(lcorpp("run", "--classifier", tmp_path / "x.npz", "--features", "x"), "--features: nothing")
+    refused(
+        lcorpp("run", "--evidence", "soft", "--smoothing", "laplace"),
+        "labels of a trained classifier",
+    )
+    refused(lcorpp("run", "--learner", "lstm", "--features", "x,z", "--tracks", 40, "--jobs", 1), "'z'")
+    refused(lcorpp("run", "--learner", "lstm", "--features", "facing", "--tracks", 40, "--jobs", 1), "facing")
     refused(lcorpp("run", "--evidence", "firm"), "firm")
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "speed"), "unknown goal 'speed'")
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "1:2:3"), "unknown goal '1:2:3'")
@@ -135,4 +143,4 @@ def test_options_that_make_no_sense(lcorpp, tmp_path):
     refused(lcorpp("explain", "--likelihood", "one=1", "--likelihood", "one=2"), "given twice")
     refused(lcorpp("explain", "--likelihood", "two=1"), "--likelihood 'two'", "one, zero")
     refused(lcorpp("explain", "--likelihood", "one=-1"), "expected finite weights")
-    refused(lcorpp("explain", "--likelihood", "one=1", "--label", "one"), "expected one of them")
+    refused(lcorpp("explain", "--likelihood", "one=1", "--label", "one"), "expected one")

@@ -112,7 +112,7 @@ def test_solve_on_ctrl_c_writes_the_best_so_far(lcorpp, tmp_path, monkeypatch):
 
         return tell
 
-    monkeypatch.setattr("lcorpp.cli.solve._told", interrupted)
+    monkeypatch.setattr("lcorpp.cli.solve._show_bounds", interrupted)
     ended = lcorpp("solve", model, "-o", tmp_path / "a.policy")
     assert (ended.code, ended.err) == (0, "")
     assert "interrupted after" in ended.out
@@ -154,11 +154,11 @@ def test_a_long_search_shows_its_bounds_on_a_terminal(tmp_path):
 
 
 def test_the_bar_shows_bounds_and_never_goes_back():
-    from lcorpp.cli.solve import _told
+    from lcorpp.cli.solve import _show_bounds
     from lcorpp.planning import Progress
 
     told: list[tuple[float, str]] = []
-    tell = _told(lambda share, words: told.append((share, words)), 0.01, 100.0)
+    tell = _show_bounds(lambda share, words: told.append((share, words)), 0.01, 100.0)
     for seconds, upper in ((1.0, 100.0), (2.0, 10.0), (3.0, 1.0), (50.0, 0.99), (60.0, 0.005)):
         tell(Progress(seconds, 0.0, upper, 7, 8, 9))
     shares = [share for share, _ in told]
@@ -167,7 +167,7 @@ def test_the_bar_shows_bounds_and_never_goes_back():
 
 
 def test_pictures_are_told_by_the_suffixes_that_can_be_drawn():
-    from lcorpp.cli.model_files import PICTURES
+    from lcorpp.cli.output_files import FIGURE_SUFFIXES
     from lcorpp.plot_style import SUFFIXES
 
-    assert PICTURES == SUFFIXES
+    assert FIGURE_SUFFIXES == SUFFIXES

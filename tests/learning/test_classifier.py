@@ -11,7 +11,7 @@ from lcorpp.learning import Calibration, Cut, TrainedClassifier, train, train_an
 from lcorpp.protocols import Classifier
 from lcorpp.values import Dataset, Instance
 
-from .data import walkers
+from .walkers import walkers
 
 
 class ByLength:

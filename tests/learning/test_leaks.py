@@ -9,8 +9,8 @@ from lcorpp.learning.evaluation.leakage import _mean_auc
 from lcorpp.learning.evaluation.shortcuts import traces_of
 from lcorpp.values import Dataset
 
-from .data import walkers
-from .recorded.texts import crowd
+from .data.texts import crowd
+from .walkers import walkers
 
 
 def by_name(data, **options):

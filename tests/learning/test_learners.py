@@ -17,7 +17,7 @@ from lcorpp.learning import LEARNERS, Motion, Summaries, cross_validate, learner
 from lcorpp.learning.classifiers.contract import Scored, predicted, with_probabilities
 from lcorpp.values import Dataset, Instance
 
-from .data import walkers
+from .walkers import walkers
 
 DATA = walkers(60)
 AEON = pytest.mark.skipif(

@@ -13,7 +13,7 @@ from lcorpp.learning import cross_validate, learner, plot_report, report_on, wri
 from lcorpp.learning.evaluation.report_files import COLUMNS, as_markdown, rows
 from lcorpp.values import Dataset
 
-from .data import walkers
+from .walkers import walkers
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from lcorpp.learning import (
     train_and_validate,
 )
 
-from .data import walkers
+from .walkers import walkers
 
 pytest.importorskip("torch", reason="the LSTM needs torch: pip install 'lcorpp[torch]'")
 

@@ -12,7 +12,7 @@ from lcorpp.errors import DataError
 from lcorpp.learning import Motion, Scaling, Validation, cross_validate
 from lcorpp.values import ConfusionMatrix, Dataset
 
-from .data import walkers
+from .walkers import walkers
 
 
 def flat(tracks):

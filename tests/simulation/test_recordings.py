@@ -43,8 +43,9 @@ def test_what_cannot_be_made(intention):
     rng = np.random.default_rng(0)
     with pytest.raises(DomainError, match="7 of 6 tracks cannot be positive"):
         simulate_recording(intention, rng, tracks=6, positives=7)
+    unlabelled = replace(intention, learning=replace(intention.learning, positive=None))
     with pytest.raises(DomainError, match="positive is missing"):
-        simulate_recording(replace(intention, positive=None), rng, tracks=6)
+        simulate_recording(unlabelled, rng, tracks=6)
     still = replace(intention, simulation=replace(intention.simulation, recordings=None))
     with pytest.raises(DomainError, match=r"no people\.py with recordings"):
         simulate_recording(still, rng, tracks=6)

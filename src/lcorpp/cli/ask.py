@@ -43,7 +43,7 @@ def ask(
         ),
     ] = False,
 ) -> None:
-    """Ask a P-log program for a probability, or for the distribution of an attribute."""
+    """Answer a query to a P-log program: a probability or a distribution."""
     from lcorpp.reasoning.language.parser import parse_query, read_plog
     from lcorpp.reasoning.reasoner import Reasoner
 

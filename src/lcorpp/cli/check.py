@@ -1,4 +1,4 @@
-"""`lcorpp check`: is this file or folder right?"""
+"""`lcorpp check`: validate a file or a folder."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console as show, model_files as models
+from lcorpp.cli import console, model_files
 from lcorpp.errors import DataError, FileError
 
 if TYPE_CHECKING:
@@ -26,32 +26,35 @@ def check(
         typer.Option("--model", metavar="MODEL", help="The model that a policy belongs to."),
     ] = None,
 ) -> None:
-    """Check a file or a folder and say what it holds; the first thing that is wrong ends in exit code 2."""
+    """Check a file or a folder and print its content.
+
+    The first error ends the command with exit code 2.
+    """
     from lcorpp.domains.loading import SHIPPED_FOLDER, shipped_domains
     from lcorpp.learning.store import is_store
 
     suffix = path.suffix.lower()
     if path.is_dir() and (path / "interposx.csv").exists():
-        _tracks(path)
+        _check_tracks(path)
     elif path.is_dir() or path.name == "domain.toml":
-        _domain(path if path.is_dir() else path.parent)
+        _check_domain(path if path.is_dir() else path.parent)
     elif not path.exists() and str(path) in shipped_domains():
-        _domain(SHIPPED_FOLDER / path)
+        _check_domain(SHIPPED_FOLDER / path)
     elif is_store(path):
-        _store(path)
+        _check_store(path)
     elif suffix == ".plog":
-        _program(path)
-    elif suffix in models.MODELS:
-        _model(path)
-    elif suffix in models.POLICIES and model is not None:
-        _policy(path, model)
-    elif suffix in models.POLICIES:
+        _check_program(path)
+    elif suffix in model_files.MODELS:
+        _check_model(path)
+    elif suffix in model_files.POLICIES and model is not None:
+        _check_policy(path, model)
+    elif suffix in model_files.POLICIES:
         raise FileError(f"{path}: a policy is checked against its model; give --model FILE.pomdp")
     else:
-        raise FileError(f"{path}: cannot tell what this is; expected {KINDS}")
+        raise FileError(f"{path}: unknown kind of file; expected {KINDS}")
 
 
-def _tracks(path: Path) -> None:
+def _check_tracks(path: Path) -> None:
     from lcorpp.learning import check_trainable, read_authors
 
     data = read_authors(path, labels={"0": "0", "1": "1"})
@@ -60,59 +63,59 @@ def _tracks(path: Path) -> None:
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     counts = ", ".join(f"{data.labels.count(label)} of class {label}" for label in sorted(set(data.labels)))
-    show.console.print(f"{path}: {len(data)} tracks ({counts}) of {len(set(data.groups))} people: right")
+    console.out.print(f"{path}: {len(data)} tracks ({counts}) of {len(set(data.groups))} people: OK")
     for note in data.notes:
-        show.console.print(f"  note: {note}")
+        console.out.print(f"  note: {note}")
 
 
-def _store(path: Path) -> None:
+def _check_store(path: Path) -> None:
     from lcorpp.learning.store import read_store
 
     store = read_store(path)
     points = f"{store.schema.points} time points of " if store.schema.points else ""
-    show.console.print(
+    console.out.print(
         f"{path}: {store.summary()}; {points}{', '.join(store.schema.channels)} every"
-        f" {store.schema.interval:g} s{'' if store.damage else ': right'}"
+        f" {store.schema.interval:g} s{'' if store.damage else ': OK'}"
     )
     if store.damage:
         places = "\n".join(f"  {damage}" for damage in store.damage)
         count = f"{len(store.damage)} place{'s' * (len(store.damage) > 1)}"
-        raise DataError(f"{path}: damaged in {count}; the other records are right\n{places}")
+        raise DataError(f"{path}: damaged in {count}; the other records are OK\n{places}")
 
 
-def _domain(folder: Path) -> None:
+def _check_domain(folder: Path) -> None:
     from lcorpp.domains import load_domain
     from lcorpp.domains.toml import preset_names
 
     for preset in preset_names(folder) or (None,):
         domain = load_domain(folder, preset=preset)
         name = f"{domain.name}, preset {preset}" if preset else domain.name
-        show.console.print(
+        console.out.print(
             f"{folder} ({name}): observes {', '.join(domain.observed) or 'nothing'};"
-            f" decides {domain.target} among {', '.join(domain.values)}; {_size(domain.pomdp)}: right"
+            f" decides {domain.target} among {', '.join(domain.values)}; {_format_size(domain.pomdp)}: OK"
         )
 
 
-def _program(path: Path) -> None:
+def _check_program(path: Path) -> None:
     from lcorpp.reasoning import Reasoner, read_plog
 
     program = read_plog(path)
     worlds = Reasoner(program).count()
-    show.console.print(f"{path}: {len(program.attributes)} attributes, {worlds} possible worlds: right")
+    console.out.print(f"{path}: {len(program.attributes)} attributes, {worlds} possible worlds: OK")
 
 
-def _model(path: Path) -> None:
+def _check_model(path: Path) -> None:
     from lcorpp.planning import read_pomdp
 
     pomdp = read_pomdp(path)
-    show.console.print(f"{path}: {_size(pomdp)}, discount {pomdp.discount:g}: right")
+    console.out.print(f"{path}: {_format_size(pomdp)}, discount {pomdp.discount:g}: OK")
 
 
-def _size(pomdp: Pomdp) -> str:
+def _format_size(pomdp: Pomdp) -> str:
     counts = (len(pomdp.states), len(pomdp.actions), len(pomdp.observations))
     return "{} states, {} actions, {} observations".format(*counts)
 
 
-def _policy(path: Path, model: Path) -> None:
-    policy = models.read_policy(path, *models.read_model(model))
-    show.console.print(f"{path}: {len(policy)} vectors for {model}: right")
+def _check_policy(path: Path, model: Path) -> None:
+    policy = model_files.read_policy(path, *model_files.read_model(model))
+    console.out.print(f"{path}: {len(policy)} vectors for {model}: OK")

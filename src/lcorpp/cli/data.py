@@ -1,4 +1,4 @@
-"""`lcorpp data`: recorded motion made, fetched, described and drawn."""
+"""`lcorpp data`: simulate, download, describe and plot recorded motion."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console as show, model_files as models
+from lcorpp.cli import console, options, output_files
 from lcorpp.errors import DataError, FileError, expected_one_of
 
 if TYPE_CHECKING:
@@ -15,12 +15,15 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="data",
-    help="Make, fetch, describe and draw recorded motion.",
+    help="Simulate, download, describe and plot recorded motion.",
     no_args_is_help=True,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 
 SUFFIXES = (".csv", ".parquet", ".npz")
+
+PARTIAL = "the partial file is kept, and the same command resumes the download"
 
 PathArgument = Annotated[
     Path,
@@ -32,40 +35,42 @@ PathArgument = Annotated[
 ]
 LabelOption = Annotated[
     list[str] | None,
-    typer.Option("--label", metavar="WORD=CLASS", help="What a written label means; may be given again."),
+    typer.Option("--label", metavar="WORD=CLASS", help="The class of a written label; repeatable."),
 ]
 LabelFileOption = Annotated[
     Path | None,
-    typer.Option("--label-file", help="CSV of ids and labels, for tracks without; only those are read."),
+    typer.Option("--label-file", help="CSV of track ids and labels; other tracks are skipped."),
 ]
 RepairOption = Annotated[
     list[str] | None,
     typer.Option(
         "--repair",
         metavar="NAME",
-        help="A fault to repair rather than refuse: rows, cut, nonfinite, order, duplicates, gaps, short,"
-        " constant, units, labels or all; may be given again.",
+        help="A kind of fault to repair instead of rejecting it: rows, cut, nonfinite, order, duplicates,"
+        " gaps, short, constant, units, labels or all; repeatable.",
     ),
 ]
 RobotOption = Annotated[
     tuple[float, float, float] | None,
-    typer.Option("--robot", metavar="X Y ANGLE", help="Where the robot stood and faced, metres and radians."),
+    typer.Option("--robot", metavar="X Y ANGLE", help="The robot's pose, in metres and radians."),
 ]
 GapOption = Annotated[
-    float, typer.Option("--gap", help="Seconds of silence after which an id is somebody else's.")
+    float, typer.Option("--gap", help="Seconds without samples after which a track id is a new person.")
 ]
 
 
 @app.command()
 def make(
-    domain: show.DomainArgument = "intention",
+    domain: options.DomainArgument = "intention",
     out: Annotated[
         Path, typer.Option("--out", "-o", help="The file to write: .csv, .parquet or .npz.")
     ] = Path("people.csv"),
-    tracks: Annotated[int, typer.Option("--tracks", min=1, help="How many in all.")] = 2286,
+    tracks: Annotated[int, typer.Option("--tracks", min=1, help="Number of tracks.")] = 2286,
     positives: Annotated[
         int | None,
-        typer.Option("--positives", min=0, help="How many of the positive class; 63 of 2286 by default."),
+        typer.Option(
+            "--positives", min=0, help="Number of tracks of the positive class; by default 63 of 2286."
+        ),
     ] = None,
     seconds: Annotated[
         tuple[float, float] | None,
@@ -73,12 +78,12 @@ def make(
             "--seconds", metavar="A B", help="Shortest and longest duration; the domain's by default."
         ),
     ] = None,
-    seed: show.SeedOption = 0,
+    seed: options.SeedOption = 0,
 ) -> None:
-    """Simulate people of a domain and write their tracks: by default 2286, 63 of them positive."""
+    """Simulate people of a domain and write their tracks."""
     if out.suffix.lower() not in SUFFIXES:
         raise FileError(f"{out}: not the name of a recording; {expected_one_of(SUFFIXES)} at its end")
-    models.check_writable(out)
+    output_files.check_writable(out)
     if positives is not None and positives > tracks:
         raise DataError(f"--positives {positives} is more than --tracks {tracks}")
 
@@ -99,34 +104,32 @@ def make(
     else:
         write_recording(recording, out)
         labels, notes = [str(label) for label in recording.labels], recording.notes
-    told = ", ".join(f"{labels.count(name)} {name}" for name in sorted(set(labels)))
-    show.console.print(f"wrote {out}: {len(labels)} tracks ({told}), seed {seed}")
+    counts = ", ".join(f"{labels.count(name)} {name}" for name in sorted(set(labels)))
+    console.out.print(f"wrote {out}: {len(labels)} tracks ({counts}), seed {seed}")
     for note in notes:
-        show.console.print(f"note: {note}", style="yellow")
+        console.out.print(f"note: {note}", style="yellow")
 
 
 @app.command()
 def fetch(
     what: Annotated[
-        str, typer.Argument(metavar="authors|URL", help="The authors' released tracks, or any address.")
+        str, typer.Argument(metavar="authors|URL", help="The authors' released tracks, or any URL.")
     ] = "authors",
-    out: Annotated[Path, typer.Option("--out", "-o", help="The folder to put them in.")] = Path("data"),
-    sha256: Annotated[
-        str | None, typer.Option("--sha256", help="The checksum that the file must have.")
-    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write to.")] = Path("data"),
+    sha256: Annotated[str | None, typer.Option("--sha256", help="The expected checksum of the file.")] = None,
 ) -> None:
-    """Download recorded tracks, checked; a download that was cut goes on where it stopped."""
-    from lcorpp.learning.data.fetching import AUTHORS, fetch as bring
+    """Download recorded tracks and check them; resume partial downloads."""
+    from lcorpp.learning.data.fetching import AUTHORS, fetch as download
 
     if what == "authors" and sha256 is not None:
-        raise DataError("--sha256 is for an address; the checksums of the authors' files are known")
-    wanted = dict(AUTHORS) if what == "authors" else {what: sha256}
-    for url, digest in wanted.items():
-        with show.progress(url.rsplit("/", 1)[-1]) as advance:
-            file = bring(url, out, sha256=digest, progress=advance)
-        show.console.print(f"{file}: {file.stat().st_size} bytes, {_checksum(file)}")
+        raise DataError("--sha256 is for a URL; the checksums of the authors' files are known")
+    downloads = dict(AUTHORS) if what == "authors" else {what: sha256}
+    for url, digest in downloads.items():
+        with console.progress(f"downloading {url.rsplit('/', 1)[-1]}", kept=PARTIAL) as advance:
+            file = download(url, out, sha256=digest, progress=advance)
+        console.out.print(f"{file}: {file.stat().st_size} bytes, {_checksum(file)}")
     if what == "authors":
-        show.console.print("note: their repository names no licence; the tracks are their authors'")
+        console.out.print("note: their repository names no licence; the tracks are their authors'")
 
 
 def _checksum(file: Path) -> str:
@@ -145,25 +148,25 @@ def describe(
     robot: RobotOption = None,
     gap: GapOption = 5.0,
     report: Annotated[
-        Path | None, typer.Option("--report", help="CSV to write, a line for each thing repaired.")
+        Path | None, typer.Option("--report", help="CSV file to write, one line per repair.")
     ] = None,
-    seed: show.SeedOption = 0,
+    seed: options.SeedOption = 0,
 ) -> None:
-    """Say what recorded tracks hold, what was repaired, and whether anything but motion tells the label."""
+    """Describe recorded tracks, their repairs and label leakage."""
     if report is not None:
         if report.exists() and path.exists() and report.samefile(path):
-            raise DataError(f"--report {report}: is the file that is described")
-        models.check_writable(report)
+            raise DataError(f"--report {report}: is the described file itself")
+        output_files.check_writable(report)
     recording = _read(path, label, label_file, repair, robot, gap)
 
-    from lcorpp.cli import describe as data_report
+    from lcorpp.cli.describe import print_description
     from lcorpp.files import write_atomically
     from lcorpp.learning.data.writing import repairs_to_csv
 
-    data_report.tell(recording, path, seed)
+    print_description(recording, path, seed)
     if report is not None:
         write_atomically(report, repairs_to_csv(recording.repairs))
-        show.console.print(f"wrote {report}: {len(recording.repairs)} repairs")
+        console.out.print(f"wrote {report}: {len(recording.repairs)} repairs")
 
 
 @app.command()
@@ -176,15 +179,15 @@ def plot(
     robot: RobotOption = None,
     gap: GapOption = 5.0,
 ) -> None:
-    """Draw recorded tracks by class, and their speeds."""
-    models.check_picture(out)
+    """Plot recorded tracks by class, and their speeds."""
+    output_files.check_figure(out)
     recording = _read(path, label, label_file, repair, robot, gap)
 
     from lcorpp.learning.data.plots import plot_tracks
     from lcorpp.plot_style import save_figure
 
     save_figure(plot_tracks(recording, title=path.name), out)
-    show.console.print(f"wrote {out}")
+    console.out.print(f"wrote {out}")
 
 
 def _read(
@@ -198,11 +201,11 @@ def _read(
     from lcorpp.learning import read_recording
 
     labels: dict[str, str] | None = None
-    for word, name in map(_meaning, label or ()):
+    for word, name in map(_parse_label, label or ()):
         labels = labels or {}
         if labels.setdefault(word, name) != name:
-            raise DataError(f"--label {word}: means {labels[word]!r} and {name!r}; expected one meaning")
-    with show.progress(f"reading {path.name}") as advance:
+            raise DataError(f"--label {word}: has the classes {labels[word]!r} and {name!r}; expected one")
+    with console.progress(f"reading {path.name}") as advance:
         return read_recording(
             path,
             labels=labels,
@@ -214,8 +217,8 @@ def _read(
         )
 
 
-def _meaning(words: str) -> tuple[str, str]:
-    word, sign, name = words.partition("=")
+def _parse_label(text: str) -> tuple[str, str]:
+    word, sign, name = text.partition("=")
     if not (sign and word and name):
-        raise DataError(f"--label {words!r}: expected WORD=CLASS, for example 1=interested")
+        raise DataError(f"--label {text!r}: expected WORD=CLASS, for example 1=interested")
     return word, name

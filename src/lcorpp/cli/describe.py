@@ -1,10 +1,10 @@
-"""What `lcorpp data describe` says of a recording."""
+"""Output of `lcorpp data describe`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from lcorpp.cli import console as show
+from lcorpp.cli import console
 from lcorpp.errors import DataError
 from lcorpp.learning.data.describe import ClassSummary, Description, Quantiles, describe, join_pairs
 from lcorpp.learning.data.repairs import REPAIRS
@@ -12,90 +12,93 @@ from lcorpp.learning.data.tracks import Recording, count_repairs
 from lcorpp.learning.evaluation.leakage import SUSPICIOUS, leak_check
 
 
-def tell(recording: Recording, path: Path, seed: int) -> None:
+def print_description(recording: Recording, path: Path, seed: int) -> None:
     """Print counts, durations, speeds, sampling, duplicates, repairs and the leak check.
 
     Raises:
         DataError: there are no tracks.
     """
-    say = show.console.print
+    emit = console.out.print
     if not recording.tracks:
-        _repairs(recording)
-        raise DataError(f"{path}: no track is left to describe")
-    found = describe(recording)
-    people = sum(part.groups for part in found.classes)
-    say(f"{path}: {found.tracks} tracks of {people} people; {', '.join(found.channels)}", style="bold")
-    width = max(5, *(len(_name(part)) for part in found.classes))
-    say(f"  {'class':<{width}}  tracks  people   samples  seconds of a track      m/s of a track")
-    for part in found.classes:
-        say(
+        _print_repairs(recording)
+        raise DataError(f"{path}: no track remains")
+    description = describe(recording)
+    people = sum(part.groups for part in description.classes)
+    emit(
+        f"{path}: {description.tracks} tracks of {people} people; {', '.join(description.channels)}",
+        style="bold",
+    )
+    width = max(5, *(len(_name(part)) for part in description.classes))
+    emit(f"  {'class':<{width}}  tracks  people   samples  seconds of a track      m/s of a track")
+    for part in description.classes:
+        emit(
             f"  {_name(part):<{width}}  {part.tracks:6}  {part.groups:6}  {part.samples:8}"
-            f"  {_range(part.duration, 1):<22}  {_range(part.speed, 2)}"
+            f"  {_format_quantiles(part.duration, 1):<22}  {_format_quantiles(part.speed, 2)}"
         )
-    _sampling(found)
-    _twice(found)
-    _repairs(recording)
-    _leaks(recording, seed)
+    _print_sampling(description)
+    _print_duplicates(description)
+    _print_repairs(recording)
+    _print_leaks(recording, seed)
     for note in recording.notes:
-        say(f"note: {note}", style="yellow")
+        emit(f"note: {note}", style="yellow")
 
 
 def _name(part: ClassSummary) -> str:
     return part.name or "without a label"
 
 
-def _range(spread: Quantiles, digits: int) -> str:
-    """The median with the extremes."""
+def _format_quantiles(spread: Quantiles, digits: int) -> str:
+    """Return the median with the extremes."""
     return f"{spread.median:.{digits}f} [{spread.min:.{digits}f}, {spread.max:.{digits}f}]"
 
 
-def _sampling(found: Description) -> None:
-    steps = found.interval
-    show.console.print(
+def _print_sampling(description: Description) -> None:
+    steps = description.interval
+    console.out.print(
         f"sampling: every {steps.median:.4g} s [{steps.min:.4g}, {steps.max:.4g}],"
-        f" jitter {100 * found.jitter:.1f} %"
+        f" jitter {100 * description.jitter:.1f} %"
     )
-    speed, track = found.fastest
-    show.console.print(f"fastest: {speed:.3g} m/s between two samples, in track {track}")
+    speed, track = description.fastest
+    console.out.print(f"fastest: {speed:.3g} m/s between two samples, in track {track}")
 
 
-def _twice(found: Description) -> None:
+def _print_duplicates(description: Description) -> None:
     parts = [
         f"{kind} tracks: {len(pairs)} pairs ({join_pairs(pairs)})" if pairs else f"{kind} tracks: none"
-        for kind, pairs in (("identical", found.identical), ("near-identical", found.near))
+        for kind, pairs in (("identical", description.identical), ("near-identical", description.near))
     ]
-    reused = found.reused
+    reused = description.reused
     people = ", ".join(list(reused)[:5]) + (", ..." if len(reused) > 5 else "")
     parts.append(
         f"people with several tracks: {len(reused)} ({people})"
         if reused
         else "people with several tracks: none"
     )
-    show.console.print(f"duplicates: {'; '.join(parts)}")
+    console.out.print(f"duplicates: {'; '.join(parts)}")
 
 
-def _repairs(recording: Recording) -> None:
+def _print_repairs(recording: Recording) -> None:
     if not recording.repairs:
         return
-    show.console.print("repaired:")
+    console.out.print("repaired:")
     for reason, (rows, places) in count_repairs(recording.repairs).items():
         first = next(repair for repair in recording.repairs if repair.reason == reason)
         whose = f" (track {first.track})" if first.track else ""
-        show.console.print(
+        console.out.print(
             f"  {reason}: {rows} rows in {places} places ({REPAIRS[reason]});"
             f" first in line {first.line}{whose}: {first.done}"
         )
 
 
-def _leaks(recording: Recording, seed: int) -> None:
-    say = show.console.print
+def _print_leaks(recording: Recording, seed: int) -> None:
+    emit = console.out.print
     try:
         leaks = leak_check(recording, seed=seed)
     except DataError as error:
-        say(f"leak check: not possible: {error}")
+        emit(f"leak check: not possible: {error}")
         return
-    say(f"leak check: AUC of the label from what is not motion; {SUSPICIOUS:g} or more is a leak")
+    emit(f"leak check: AUC of the label predicted without motion; {SUSPICIOUS:g} or more is a leak")
     for leak in leaks:
         verdict = "LEAK" if leak.flagged else "no leak"
         style = "bold red" if leak.flagged else ""
-        say(f"  {leak.name:<12}  {leak.auc:.3f} [{leak.low:.3f}, {leak.high:.3f}]  {verdict}", style=style)
+        emit(f"  {leak.name:<12}  {leak.auc:.3f} [{leak.low:.3f}, {leak.high:.3f}]  {verdict}", style=style)

@@ -1,4 +1,4 @@
-"""`lcorpp learn`: Algorithm 1, the robot that retrains itself from what it asked."""
+"""`lcorpp learn`: Algorithm 1, active learning from the robot's own reports."""
 
 from __future__ import annotations
 
@@ -8,19 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console as show
+from lcorpp.cli import console, options
 
 if TYPE_CHECKING:
     from lcorpp.experiments.run_store import RunStore
-    from lcorpp.protocols import Classifier
-    from lcorpp.values import ConfusionMatrix, Dataset, Episode, Instance
 
 
 def learn(
-    domain: show.DomainArgument = "intention",
-    preset: show.PresetOption = None,
+    domain: options.DomainArgument = "intention",
+    preset: options.PresetOption = None,
     batch_size: Annotated[
-        int, typer.Option("--batch-size", min=1, help="K: decisions between trainings.")
+        int, typer.Option("--batch-size", min=1, help="K: decisions between two trainings.")
     ] = 100,
     epsilon: Annotated[
         float,
@@ -29,144 +27,122 @@ def learn(
     max_batches: Annotated[
         int, typer.Option("--max-batches", min=1, help="Stop after this many batches.")
     ] = 20,
-    tracks: show.TracksOption = 100,
-    seed: show.SeedOption = 0,
-    data: show.DataOption = None,
-    learner: show.LearnerOption = None,
-    evidence: show.EvidenceOption = show.Evidence.hard,
-    epochs: show.EpochsOption = None,
-    device: show.DeviceOption = "cpu",
+    tracks: Annotated[
+        int, typer.Option("--tracks", min=20, help="Simulated training tracks before the first batch.")
+    ] = 100,
+    seed: options.SeedOption = 0,
+    data: options.DataOption = None,
+    learner: options.LearnerOption = None,
+    evidence: options.EvidenceOption = options.Evidence.hard,
+    epochs: options.EpochsOption = None,
+    device: options.DeviceOption = "cpu",
     store: Annotated[
         Path | None,
         typer.Option(
             "--store",
             metavar="FILE",
-            help="Keep every decision in this file, by custom *.tracks; there, the next run goes on.",
+            help="Store every decision in this file (suffix .tracks). If it exists, the run resumes.",
         ),
     ] = None,
-    out: show.OutOption = None,
-    jobs: show.JobsOption = None,
+    out: options.OutOption = None,
+    formats: options.FormatOption = None,
+    jobs: options.JobsOption = None,
 ) -> None:
-    """Run Algorithm 1: decide, store the reported label, retrain each batch, until the classifier settles.
+    """Run Algorithm 1: decide, store the reports, retrain.
 
-    Every batch is written when it is done; Ctrl-C keeps those. With --store every decision is kept, too, and
-    after an interruption of any kind the same command goes on where it was.
+    Each batch is written to --out when it is complete; Ctrl-C keeps the complete batches. With --store every
+    decision survives any interruption, and the same command resumes the run.
     """
-    from lcorpp.cli import preparation
-    from lcorpp.decision import lcorpp
+    from lcorpp.cli.output_files import check_folder
+    from lcorpp.cli.robot_output import print_domain, print_solution
     from lcorpp.domains import load_domain
-    from lcorpp.experiments import active_learning as augmentation
-    from lcorpp.experiments.run_store import RunStore
-    from lcorpp.experiments.training_data import (
-        FOLDS,
-        make_estimator,
-        read_training_data,
-        simulate_training_data,
+    from lcorpp.experiments.active_learning import (
+        ActiveLearningOptions,
+        initial_data,
+        open_run_store,
+        run_active_learning,
     )
-    from lcorpp.files import make_folder
-    from lcorpp.learning import train_and_validate
-    from lcorpp.reasoning import Reasoner
+    from lcorpp.experiments.classifier_training import storage_problem
+    from lcorpp.experiments.results import FORMATS, write_batches
+    from lcorpp.experiments.setup import TrainingOptions, solve_domain
+    from lcorpp.planning import Planner
 
     loaded = load_domain(domain, preset=preset)
-    preparation.introduce(loaded)
-    if out is not None:
-        make_folder(out)
-    training = (
-        read_training_data(loaded, data, seed)
-        if data
-        else simulate_training_data(loaded, seed, tracks=tracks)
+    default = loaded.learning.classifier if loaded.learning.classifier != "channel" else "lstm"
+    training = TrainingOptions(learner or default, epochs, device, tracks=tracks, data=data)
+    chosen = ActiveLearningOptions(
+        training,
+        evidence is options.Evidence.soft,
+        batch_size,
+        epsilon,
+        max_batches,
+        seed,
+        console.cores(jobs),
     )
-    for note in training.dataset.notes:
-        show.console.print(f"note: {note}", style="yellow", markup=False)
-    name = learner or (loaded.learning.classifier if loaded.learning.classifier != "channel" else "lstm")
-    estimator = make_estimator(training, name, epochs=epochs, seed=seed, device=device)
-    soft = evidence is show.Evidence.soft
-
-    def learned(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
-        with show.progress(f"training on {len(dataset)} tracks") as advance:
-            trained, validation = train_and_validate(
-                estimator, dataset, folds=FOLDS, seed=seed, jobs=show.cores(jobs), progress=advance
-            )
-        return (trained.soft() if soft else trained), validation.confusion
-
-    def reasoner(confusion: ConfusionMatrix) -> Reasoner:
-        return Reasoner(loaded.soft_program if soft else loaded.program_for(confusion))
-
-    with ExitStack() as opened:
-        run_store, resumed = None, None
+    figures = [item.value for item in formats] if formats else FORMATS
+    problem = None
+    if out is not None:
+        check_folder(out)
+        problem = storage_problem(training)
+    print_domain(loaded)
+    if problem is not None:
+        console.note(f"the classifier will not be saved: {problem}")
+    initial = initial_data(loaded, chosen)
+    for text in initial.dataset.notes:
+        console.note(text)
+    written, complete = None, False
+    with ExitStack() as stack:
+        run_store = None
         if store is not None:
-            settings = {
-                "domain": loaded.name,
-                "preset": loaded.preset,
-                "learner": name,
-                "evidence": evidence.value,
-                "seed": seed,
-                "epochs": epochs,
-            }
-            run_store = opened.enter_context(RunStore(store, training.dataset, loaded.values, settings))
-            resumed = run_store.resume(learned)
-            _introduce(run_store)
-        crowd = augmentation.PeopleStream(
-            loaded, training.trajectories, seed, met=run_store.n_people if run_store else 0
-        )
-        before = (
-            [augmentation.DecisionResult.from_stored(decision) for decision in run_store.pending]
-            if run_store
-            else []
-        )
-        log = augmentation.Log(loaded, out, run_store.rows if run_store else [], [o for o in before if o])
-
-        def decided(instance: Instance, episode: Episode) -> None:
-            outcome = crowd.outcome(episode)
-            log.decided(outcome)
-            if run_store is not None:
-                belief = loaded.marginal(episode.steps[-1].belief if episode.steps else episode.prior)
-                run_store.append_decision(instance, episode, belief, outcome.to_extra())
-
-        batches = lcorpp(
-            run_store.dataset() if run_store else training.dataset,
-            learn=learned,
-            reason=reasoner,
-            planner=preparation.planner(loaded),
-            domain=loaded,
-            collect=crowd.next,
-            batch_size=batch_size,
-            epsilon=epsilon,
-            listener=decided,
-            resume_point=resumed,
-        )
+            run_store = stack.enter_context(open_run_store(store, loaded, initial, chosen))
+            _print_run_store(run_store)
+        notes_printed = len(run_store.notes) if run_store else 0
         try:
-            for position, batch in enumerate(batches):
-                if resumed is not None and position == 0:
-                    show.console.print(f"now {log.standing(batch)}")
-                    log.write(batch)
-                else:
-                    show.console.print(log.add(batch))
-                if run_store is not None:
-                    run_store.save_checkpoint(batch, log.rows)
+            with console.progress("solving the POMDP"):
+                solution = solve_domain(loaded)
+            print_solution(solution)
+            results = run_active_learning(
+                loaded,
+                initial,
+                Planner(solution),
+                chosen,
+                run_store=run_store,
+                progress=console.progress,
+            )
+            for result in results:
+                for text in run_store.notes[notes_printed:] if run_store else []:
+                    console.note(text)
+                notes_printed = len(run_store.notes) if run_store else 0
+                batch, complete = result.batch, True
+                title = "resumed" if result.resumed else f"batch {batch.number}"
+                console.out.print(f"{title}: {result.summary()}")
+                if out is not None:
+                    written = write_batches(out, loaded.name, result, formats=figures)
                 if batch.settled:
-                    show.console.print(
+                    console.out.print(
                         f"settled: the confusion matrix changed by {batch.change:.3f}, at most {epsilon:g}"
                     )
                 elif batch.number >= max_batches:
-                    show.console.print(f"stopped after {batch.number} batches; it has not settled yet")
-                    break
+                    console.out.print(f"stopped after {batch.number} batches; it has not settled yet")
         except KeyboardInterrupt:
-            kept = "the batches above are kept" if log.rows else "no batch was completed"
+            kept = "the batches above are kept" if complete else "no batch is complete"
             kept += "" if store is None else f"; every decision is kept in {store}"
-            show.messages.print(f"interrupted: {kept}", markup=False)
-    if log.unsaved is not None:
-        show.console.print(f"note: the classifier is not saved: {log.unsaved}", style="yellow", markup=False)
-    if log.written:
-        show.console.print(f"wrote {', '.join(str(path) for path in log.written)}", markup=False)
+            console.err.print(f"interrupted: {kept}", markup=False)
+            if not complete and store is None:
+                raise typer.Exit(130) from None
+    if written is not None:
+        if written.problem is not None and problem is None:
+            console.note(f"the classifier is not saved: {written.problem}")
+        console.out.print(f"wrote {', '.join(str(path) for path in written.paths)}", markup=False)
 
 
-def _introduce(run_store: RunStore) -> None:
-    """Say what is in the store, where the run goes on, and what was lost."""
+def _print_run_store(run_store: RunStore) -> None:
+    """Print the content of the store, its notes and the batch after which the run resumes."""
     path = run_store.store.path
-    show.console.print(f"{path}: {run_store.store.snapshot().summary()}", markup=False)
-    for note in run_store.notes:
-        show.console.print(f"note: {note}", style="yellow", markup=False)
+    console.out.print(f"{path}: {run_store.store.snapshot().summary()}", markup=False)
+    for text in run_store.notes:
+        console.note(text)
     if run_store.number is not None:
-        made = f", {len(run_store.pending)} decisions of the next are made" if run_store.pending else ""
-        show.console.print(f"goes on after batch {run_store.number}{made}")
+        count = len(run_store.pending)
+        pending = f", {count} decisions of the next batch are stored" if count else ""
+        console.out.print(f"resumes after batch {run_store.number}{pending}")

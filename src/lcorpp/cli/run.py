@@ -7,46 +7,51 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lcorpp.cli import console as show
-from lcorpp.errors import DataError, DomainError, FileError
+from lcorpp.cli import console, options
+from lcorpp.errors import DomainError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.table import Table
 
     from lcorpp.domains import Domain
+    from lcorpp.experiments.comparison import Comparison, ComparisonOptions
     from lcorpp.experiments.metrics import Scores
+    from lcorpp.experiments.setup import ClassifierOptions
     from lcorpp.values import Interval
 
 
 def run(
-    domain: show.DomainArgument = "intention",
-    preset: show.PresetOption = None,
+    domain: options.DomainArgument = "intention",
+    preset: options.PresetOption = None,
     strategy: Annotated[
-        list[str] | None, typer.Option("--strategy", help="L, R, P, L+R, R+P or LCORPP; again for more.")
+        list[str] | None, typer.Option("--strategy", help="L, R, P, L+R, R+P or LCORPP; repeatable.")
     ] = None,
-    trials: Annotated[int, typer.Option("--trials", min=1, help="How many people the robot meets.")] = 5000,
-    seed: show.SeedOption = 0,
+    trials: Annotated[int, typer.Option("--trials", min=1, help="Number of simulated people.")] = 5000,
+    seed: options.SeedOption = 0,
     classifier: Annotated[
         str | None,
         typer.Option(
             "--classifier",
-            help="In place of training: channel (the domain's rates) or a file saved by an earlier run.",
+            help="Instead of training: channel (a noisy channel with the domain's rates) or a classifier.npz"
+            " of an earlier run.",
         ),
     ] = None,
-    learner: show.LearnerOption = None,
-    evidence: show.EvidenceOption = show.Evidence.hard,
-    data: show.DataOption = None,
-    tracks: show.TracksOption = None,
-    epochs: show.EpochsOption = None,
-    device: show.DeviceOption = "cpu",
-    channels: show.ChannelsOption = "x,y",
-    smoothing: show.SmoothingOption = show.Smoothing.jeffreys,
+    learner: options.LearnerOption = None,
+    evidence: options.EvidenceOption = options.Evidence.hard,
+    data: options.DataOption = None,
+    tracks: options.TracksOption = None,
+    epochs: options.EpochsOption = None,
+    device: options.DeviceOption = "cpu",
+    features: options.FeaturesOption = "x,y",
+    smoothing: options.SmoothingOption = options.Smoothing.jeffreys,
     threshold: Annotated[
         str | None,
         typer.Option(
             "--threshold",
-            help="From which probability on the positive class is called: a number, or best for accuracy, f1,"
-            " youden or costs as MISSED:ALARM; by default the most probable class is.",
+            help="Decision threshold of the positive class: a number, the metric to optimise (accuracy, f1,"
+            " youden) or the costs MISS:ALARM; by default the most probable class is predicted.",
         ),
     ] = None,
     prevalence: Annotated[
@@ -55,177 +60,204 @@ def run(
             "--prevalence",
             min=1e-6,
             max=1 - 1e-6,
-            help="How common the positive class is, for thresholds; by default as the knowledge says.",
+            help="Prevalence of the positive class, for thresholds; by default from the knowledge.",
         ),
     ] = None,
     policy: Annotated[
-        Path | None, typer.Option("--policy", help="A policy of the domain's model, instead of solving it.")
+        Path | None, typer.Option("--policy", help="A policy for the domain's POMDP, instead of solving it.")
     ] = None,
     exact: Annotated[
         bool,
-        typer.Option("--exact", help="Enumerate people and answers instead of drawing them (channel only)."),
+        typer.Option("--exact", help="Enumerate people and answers instead of sampling (channel only)."),
     ] = False,
-    out: show.OutOption = None,
-    jobs: show.JobsOption = None,
+    out: options.OutOption = None,
+    formats: options.FormatOption = None,
+    jobs: options.JobsOption = None,
 ) -> None:
-    """Train or load the classifier, solve the model, simulate the strategies and compare them.
+    """Compare the paper's strategies on simulated people.
 
-    Ctrl-C during the trials keeps those that are done.
+    Trains or loads the classifier, solves the POMDP, simulates the strategies and prints their scores.
+    Ctrl-C during the trials keeps those that are complete.
     """
-    from lcorpp.cli import eyes as looking, preparation
+    from lcorpp.cli.output_files import check_folder
+    from lcorpp.cli.robot_output import print_classifier, print_domain, print_solution
     from lcorpp.decision import strategies
     from lcorpp.domains import load_domain
-    from lcorpp.experiments.exact_evaluation import evaluate_exactly
-    from lcorpp.experiments.trials import Experiment, run_trials
-    from lcorpp.simulation.channel import NoisyChannel
+    from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
+    from lcorpp.experiments.setup import EvidenceOptions, TrainingOptions
     from lcorpp.values import JEFFREYS, LAPLACE
 
-    rows = strategies(strategy or [])
     loaded = load_domain(domain, preset=preset)
-    chosen = _chosen(loaded, classifier, learner, data)
-    soft = evidence is show.Evidence.soft
-    trust = looking.Trust(soft, LAPLACE if smoothing is show.Smoothing.laplace else JEFFREYS)
-    if out is not None and out.exists() and not out.is_dir():
-        raise FileError(f"{out}: is a file; --out expects a folder")
-    if exact and chosen != "channel":
-        raise DomainError(
-            "--exact needs --classifier channel: how a trained one errs is only known from trials"
-        )
-    if soft and chosen == "channel":
-        raise DomainError("--evidence soft needs a trained classifier: a channel says labels only")
-    if soft and threshold is not None:
-        raise DomainError("--threshold calls people by a label; --evidence soft uses none")
-    if smoothing is show.Smoothing.laplace and (soft or chosen == "channel"):
-        raise DomainError(
-            "--smoothing is of the confusion matrix of a trained classifier whose labels are used"
-        )
-    preparation.introduce(loaded)
+    kind = _classifier_kind(loaded, classifier, learner, data)
+    soft, laplace = evidence is options.Evidence.soft, smoothing is options.Smoothing.laplace
+    rows = strategies(strategy or [])
     training = {
+        "learner": None if any(row.learns for row in rows) else learner,
         "tracks": tracks,
         "epochs": epochs,
         "threshold": threshold,
         "prevalence": prevalence,
         "device": device if device != "cpu" else None,
-        "channels": channels if channels != "x,y" else None,
+        "features": features if features != "x,y" else None,
     }
-    if chosen == "channel":
-        _refuse("nothing is trained, as the classifier is a channel", data=data, **training)
+    _check_combination(kind, exact=exact, soft=soft, laplace=laplace, threshold=threshold)
+    source: ClassifierOptions = None
+    if kind == "channel":
+        _reject("nothing is trained, as the classifier is a channel", data=data, **training)
     elif not any(row.learns for row in rows):
-        _refuse("nothing is trained, as no strategy learns", learner=learner, **training)
-    if chosen == "channel" or not any(row.learns for row in rows):
-        eyes = looking.channel_eyes(loaded)
-    elif chosen == "file":
-        _refuse("nothing is trained, as --classifier gives a file", **training)
-        eyes = looking.stored_eyes(loaded, Path(classifier or ""), trust, data=data, seed=seed)
+        _reject("nothing is trained, as no strategy learns", **training)
+    elif kind == "file":
+        from lcorpp.experiments.setup import StoredOptions
+
+        _reject("nothing is trained, as --classifier gives a file", **training)
+        source = StoredOptions(Path(classifier or ""), data)
     else:
-        seen = tuple(name.strip() for name in channels.split(","))
-        wanted = looking.Wanted(chosen, epochs, device, threshold, prevalence, seen)
-        eyes = looking.trained_eyes(
-            loaded, wanted, trust, data=data, tracks=tracks, seed=seed, jobs=show.cores(jobs)
-        )
-    robot = preparation.robot(loaded, eyes, policy)
-    configuration: dict[str, Any] = {
-        "domain": loaded.name,
-        "preset": loaded.preset,
-        "classifier": classifier if chosen == "file" else chosen,
-        "evidence": evidence.value,
-        "smoothing": smoothing.value,
-        "channels": channels,
-        "threshold": threshold,
-        "prevalence": prevalence,
-        "device": device,
-        "rates": eyes.rates,
-        "data": str(data) if data else None,
-        "tracks": eyes.tracks,
-        "epochs": epochs,
-        "policy": str(policy) if policy else "solved",
-        "trials": "exact" if exact else trials,
-        "seed": seed,
-    }
-    if exact:
-        assert isinstance(eyes.reader, NoisyChannel)
-        results = evaluate_exactly(loaded, robot, eyes.reader, rows)
-    else:
-        experiment = Experiment(loaded, robot, eyes.reader, eyes.appearance, rows, seed)
-        with show.progress("deciding", trials) as advance:
-            results, done = run_trials(experiment, trials, jobs=show.cores(jobs), progress=advance)
-        if done < trials:
-            configuration["trials"] = done
-    show.console.print(_table(results, loaded.learning.positive, configuration["trials"]))
-    for note in eyes.notes:
-        show.console.print(f"note: {note}", style="yellow", markup=False)
+        names = tuple(name.strip() for name in features.split(","))
+        source = TrainingOptions(kind, epochs, device, names, threshold, prevalence, tracks, data)
+    chosen = ComparisonOptions(
+        rows,
+        source,
+        EvidenceOptions(soft, LAPLACE if laplace else JEFFREYS),
+        None if exact else trials,
+        seed,
+        console.cores(jobs),
+    )
     if out is not None:
-        _write(out, results, configuration, eyes)
-    if configuration["trials"] not in ("exact", trials):
-        show.messages.print(f"interrupted: {configuration['trials']} of {trials} decisions are kept")
+        check_folder(out)
+    print_domain(loaded)
+    if out is not None and isinstance(source, TrainingOptions):
+        _note_storage_problem(source)
+    known = None
+    if policy is not None:
+        from lcorpp.cli.model_files import read_policy
+
+        known = read_policy(policy, loaded.pomdp)
+    comparison = compare_strategies(loaded, chosen, policy=known, progress=console.progress)
+    count = "exact" if comparison.trials is None else comparison.trials
+    console.out.print(_table(comparison.scores, loaded.learning.positive, count))
+    label = classifier if kind == "file" else kind
+    print_classifier(comparison.classifier, str(label))
+    if comparison.solution is not None:
+        print_solution(comparison.solution)
+    for text in comparison.classifier.notes:
+        console.note(text)
+    if out is not None:
+        configuration = _configuration(loaded, chosen, comparison, str(label), policy)
+        figures = [item.value for item in formats] if formats else None
+        _write(out, comparison, configuration, figures)
+    if comparison.trials is not None and comparison.trials < trials:
+        console.err.print(f"interrupted: {comparison.trials} of {trials} trials are kept")
 
 
-def _chosen(domain: Domain, classifier: str | None, learner: str | None, data: Path | None) -> str:
-    """Who classifies: "channel", "file", or the name of a learner."""
+def _classifier_kind(domain: Domain, classifier: str | None, learner: str | None, data: Path | None) -> str:
+    """Return "channel", "file", or the name of a learner."""
     from lcorpp.domains.sections.learning import CLASSIFIERS
 
     if classifier is not None:
         if learner is not None:
             raise DomainError(
-                f"--classifier {classifier} and --learner {learner} both say who classifies; expected one"
+                f"--classifier {classifier} and --learner {learner} both choose the classifier; expected one"
             )
         return classifier if classifier in CLASSIFIERS else "file"
     if learner is not None:
         return learner
-    return (
-        "lstm" if data is not None and domain.learning.classifier == "channel" else domain.learning.classifier
-    )
+    default = domain.learning.classifier
+    return "lstm" if data is not None and default == "channel" else default
 
 
-def _refuse(why: str, **options: object) -> None:
-    """Complain about options that would do nothing."""
-    for name, value in options.items():
+def _check_combination(kind: str, *, exact: bool, soft: bool, laplace: bool, threshold: str | None) -> None:
+    """Reject options that exclude each other."""
+    if exact and kind != "channel":
+        raise DomainError(
+            "--exact needs --classifier channel: the errors of a trained one are known from trials only"
+        )
+    if soft and kind == "channel":
+        raise DomainError("--evidence soft needs a trained classifier: a channel has labels only")
+    if soft and threshold is not None:
+        raise DomainError("--threshold determines labels; --evidence soft uses none")
+    if laplace and (soft or kind == "channel"):
+        raise DomainError("--smoothing applies to the labels of a trained classifier only")
+
+
+def _reject(reason: str, **given: object) -> None:
+    """Reject options that would have no effect."""
+    for name, value in given.items():
         if value is not None:
-            raise DomainError(f"--{name}: {why}")
+            raise DomainError(f"--{name}: {reason}")
 
 
-def _table(results: list[Scores], positive: str | None, trials: int | str) -> Table:
+def _note_storage_problem(training: Any) -> None:
+    """Print before the training that its classifier cannot be saved."""
+    from lcorpp.experiments.classifier_training import storage_problem
+
+    problem = storage_problem(training)
+    if problem is not None:
+        console.note(f"the classifier will not be saved: {problem}")
+
+
+def _configuration(
+    domain: Domain, chosen: ComparisonOptions, comparison: Comparison, classifier: str, policy: Path | None
+) -> dict[str, Any]:
+    """Return the options of the run, for results.json."""
+    from lcorpp.experiments.setup import StoredOptions, TrainingOptions
+    from lcorpp.values import LAPLACE
+
+    source = chosen.classifier
+    training = source if isinstance(source, TrainingOptions) else TrainingOptions()
+    data = source.data if isinstance(source, TrainingOptions | StoredOptions) else None
+    return {
+        "domain": domain.name,
+        "preset": domain.preset,
+        "classifier": classifier,
+        "evidence": "soft" if chosen.evidence.soft else "hard",
+        "smoothing": "laplace" if chosen.evidence.smoothing == LAPLACE else "jeffreys",
+        "features": ",".join(training.features),
+        "threshold": training.threshold,
+        "prevalence": training.prevalence,
+        "device": training.device,
+        "rates": comparison.classifier.rates,
+        "data": str(data) if data else None,
+        "tracks": comparison.classifier.n_tracks,
+        "epochs": training.epochs,
+        "policy": str(policy) if policy else "solved",
+        "trials": "exact" if comparison.trials is None else comparison.trials,
+        "seed": chosen.seed,
+    }
+
+
+def _table(scores: Sequence[Scores], positive: str | None, trials: int | str) -> Table:
     from rich import box
     from rich.table import Table
 
-    about = f"F1, precision and recall of {positive!r}" if positive else "averaged over all values"
-    count = "exact values" if trials == "exact" else f"{trials} decisions, ± half of the 95% intervals"
-    table = Table(title=f"{count}; {about}", title_style="", title_justify="left", box=box.SIMPLE_HEAD)
+    metrics = f"F1, precision and recall of {positive!r}" if positive else "macro averages over all values"
+    count = "exact values" if trials == "exact" else f"{trials} trials, 95% intervals in brackets"
+    table = Table(title=f"{count}; {metrics}", title_style="", title_justify="left", box=box.SIMPLE_HEAD)
     table.add_column("strategy", style="bold")
     for name in ("F1", "precision", "recall", "accuracy", "cost", "return"):
         table.add_column(name, justify="right")
-    for result in results:
+    for row in scores:
         table.add_row(
-            result.strategy,
-            *(_cell(e, 3) for e in (result.f1, result.precision, result.recall, result.accuracy)),
-            *(_cell(e, 2) for e in (result.cost, result.return_)),
+            row.strategy,
+            *(_cell(interval, 3) for interval in (row.f1, row.precision, row.recall, row.accuracy)),
+            *(_cell(interval, 2) for interval in (row.cost, row.return_)),
         )
     return table
 
 
 def _cell(interval: Interval, digits: int) -> str:
-    half = (interval.high - interval.low) / 2
-    return f"{interval.estimate:.{digits}f}" + (f"\n[dim]±{half:.{digits}f}[/dim]" if half else "")
+    text = f"{interval.estimate:.{digits}f}"
+    if interval.low == interval.high:
+        return text
+    return f"{text}\n[dim]\\[{interval.low:.{digits}f}, {interval.high:.{digits}f}][/dim]"
 
 
-def _write(out: Path, results: list[Scores], configuration: dict[str, Any], eyes: Any) -> None:
-    from lcorpp.experiments.figures.files import write_figure
-    from lcorpp.experiments.figures.strategies import plot_strategies
-    from lcorpp.experiments.results import write_comparison
-    from lcorpp.learning import SoftClassifier, TrainedClassifier, plot_report, save_classifier, write_report
+def _write(
+    out: Path, comparison: Comparison, configuration: dict[str, Any], formats: list[str] | None
+) -> None:
+    from lcorpp.experiments.results import FORMATS, write_comparison
 
-    written = list(write_comparison(out, results, configuration))
-    title = f"{configuration['domain']}, {configuration['classifier']}, {configuration['trials']} decisions"
-    written += write_figure(plot_strategies(results, title), out, "results", ("png",))
-    if eyes.report is not None:
-        written += write_report(eyes.report, out)
-        plot_report(eyes.report, out / "report.png")
-        written.append(out / "report.png")
-    reader = eyes.reader.trained if isinstance(eyes.reader, SoftClassifier) else eyes.reader
-    if isinstance(reader, TrainedClassifier):
-        try:
-            save_classifier(reader, out / "classifier.npz")
-            written.append(out / "classifier.npz")
-        except DataError as error:
-            show.console.print(f"note: the classifier is not saved: {error}", style="yellow", markup=False)
-    show.console.print("wrote " + ", ".join(str(path) for path in written), markup=False)
+    title = f"{configuration['domain']}, {configuration['classifier']}, {configuration['trials']} trials"
+    written = write_comparison(out, comparison, configuration, title=title, formats=formats or FORMATS)
+    if written.problem is not None:
+        console.note(f"the classifier is not saved: {written.problem}")
+    console.out.print("wrote " + ", ".join(str(path) for path in written.paths), markup=False)

@@ -1,4 +1,4 @@
-"""`lcorpp simulate`: what a policy earns when it is tried out."""
+"""`lcorpp simulate`: the discounted reward of a policy in simulated episodes."""
 
 from __future__ import annotations
 
@@ -8,62 +8,87 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console as show, model_files as models
+from lcorpp.cli import model_files, options
 
 if TYPE_CHECKING:
-    from lcorpp.planning import Pomdp
+    from lcorpp.planning import Evaluation, Pomdp, SimulationResult
     from lcorpp.planning.evaluation.simulation import Trace
 
 NEGLIGIBLE = 1e-4
-"""A trial is cut off where discounting has left this share of a reward, if it has not ended by itself."""
+"""Episodes are cut off when the discount has fallen to this, if they have not ended."""
+
+MAX_NODES = 1000
+"""Beliefs of the evaluation beside the simulation; it takes about as long as the simulation."""
 
 
 def simulate(
-    model: models.ModelArgument,
+    model: model_files.ModelArgument,
     policy: Annotated[Path, typer.Argument(metavar="POLICY", help="A .policy, .xml or .alpha file for it.")],
-    trials: Annotated[int, typer.Option("--trials", min=1, help="How many episodes.")] = 10_000,
+    trials: Annotated[int, typer.Option("--trials", min=1, help="Number of episodes.")] = 100_000,
     steps: Annotated[
         int | None,
         typer.Option(
-            "--steps", min=1, help="The longest episode; by default what comes later counts for little."
+            "--steps", min=1, help="Maximum length of an episode; by default until the discount is 0.0001."
         ),
     ] = None,
-    seed: show.SeedOption = 0,
+    seed: options.SeedOption = 0,
     trace: Annotated[
-        int, typer.Option("--trace", min=0, metavar="K", help="Show the first K episodes step by step.")
+        int, typer.Option("--trace", min=0, metavar="K", help="Print the first K episodes step by step.")
     ] = 0,
 ) -> None:
-    """Try a policy out: the mean discounted reward with its 95% interval, beside what the policy promises."""
-    from lcorpp.planning.evaluation.simulation import simulate as simulated
+    """Simulate a policy and compare its mean reward with the bounds.
 
-    pomdp, problem = models.read_model(model)
-    tried = models.read_policy(policy, pomdp, problem)
-    longest = steps or math.ceil(math.log(NEGLIGIBLE) / math.log(pomdp.discount))
-    found = simulated(pomdp, tried, trials=trials, steps=longest, seed=seed, traces=trace)
-    for number, episode in enumerate(found.traces, start=1):
-        _tell(pomdp, number, episode)
-    low, high = found.interval.low, found.interval.high
-    typer.echo(f"{model.name}: {trials} episodes of at most {longest} steps, seed {seed}")
-    interval = f"   95% interval {low:.6g} to {high:.6g}" if trials > 1 else "   (one episode: no interval)"
-    typer.echo(f"  discounted reward   {found.mean:.6g}{interval}")
-    typer.echo(f"  promised at least   {tried.value(pomdp.start):.6g}")
-    if found.unfinished:
-        least, most = found.truncation
-        ahead = f"what they might add moves the mean by {least:.4g} to {most:.4g}"
-        typer.echo(f"  {found.unfinished} episodes were cut off; {ahead}")
-    speed = found.steps / max(found.seconds, 1e-9)
-    typer.echo(f"  {found.steps} steps in {found.seconds:.2f} s: {speed:.3g} steps a second")
+    Prints the mean discounted reward with its 95% interval, the policy's lower bound and its evaluated value.
+    """
+    from lcorpp.planning import evaluate, simulate as simulate_policy
+
+    pomdp, problem = model_files.read_model(model)
+    tested = model_files.read_policy(policy, pomdp, problem)
+    max_steps = steps or math.ceil(math.log(NEGLIGIBLE) / math.log(pomdp.discount))
+    result = simulate_policy(pomdp, tested, trials=trials, steps=max_steps, seed=seed, traces=trace)
+    value = evaluate(pomdp, tested, max_nodes=MAX_NODES, trials=0)
+    for number, episode in enumerate(result.traces, start=1):
+        _print_episode(pomdp, number, episode)
+    low, high = result.interval.low, result.interval.high
+    typer.echo(f"{model.name}: {trials} episodes of at most {max_steps} steps, seed {seed}")
+    interval = f"   95% interval [{low:.6g}, {high:.6g}]" if trials > 1 else "   (one episode: no interval)"
+    typer.echo(f"  mean discounted reward   {result.mean:.6g}{interval}")
+    typer.echo(f"  policy's lower bound     {tested.value(pomdp.start):.6g}")
+    bounds = f"[{value.lower:.6g}, {value.upper:.6g}]"
+    typer.echo(f"  policy's value           {bounds}, evaluated on {value.beliefs} beliefs")
+    comparison = _compare(result, value) if trials > 1 else None
+    if comparison is not None:
+        typer.echo(f"  {comparison}")
+    if result.unfinished:
+        least, most = result.truncation
+        change = f"truncation changes the mean by {least:.4g} to {most:.4g}"
+        typer.echo(f"  {result.unfinished} episodes were cut off; {change}")
+    speed = result.steps / max(result.seconds, 1e-9)
+    typer.echo(f"  {result.steps} steps in {result.seconds:.2f} s: {speed:.3g} steps per second")
 
 
-def _tell(pomdp: Pomdp, number: int, episode: Trace) -> None:
-    """An episode as a table."""
+def _compare(result: SimulationResult, value: Evaluation) -> str | None:
+    """Explain a mean outside of the bounds on the policy's value; None if it lies between them."""
+    if (
+        value.lower <= result.mean + result.truncation[1]
+        and result.mean + result.truncation[0] <= value.upper
+    ):
+        return None
+    low, high = result.interval.low, result.interval.high
+    if value.lower <= high + result.truncation[1] and low + result.truncation[0] <= value.upper:
+        return "the mean differs from the policy's value by sampling error: the interval contains the value"
+    return "the interval misses the policy's value, as one interval in 20 does by chance"
+
+
+def _print_episode(pomdp: Pomdp, number: int, episode: Trace) -> None:
+    """Print an episode as a table."""
     rows = [("step", "state", "action", "observation", "reward", "discounted so far")]
-    total, worth = 0.0, 1.0
+    total, discount = 0.0, 1.0
     for step, (action, observation, reward) in enumerate(
         zip(episode.actions.tolist(), episode.observations.tolist(), episode.rewards.tolist(), strict=True)
     ):
-        total += worth * reward
-        worth *= pomdp.discount
+        total += discount * reward
+        discount *= pomdp.discount
         names = (
             pomdp.states[episode.states[step]],
             pomdp.actions[action],
@@ -74,8 +99,8 @@ def _tell(pomdp: Pomdp, number: int, episode: Trace) -> None:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = (
-            f"{cell:>{width}}" if place in (0, 4, 5) else f"{cell:<{width}}"
-            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
+            f"{cell:>{width}}" if column in (0, 4, 5) else f"{cell:<{width}}"
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
         )
         typer.echo(("  " + "  ".join(cells)).rstrip())
     typer.echo(f"  ends in {pomdp.states[episode.states[-1]]}\n")

@@ -1,4 +1,4 @@
-"""`lcorpp solve`: a model to a policy."""
+"""`lcorpp solve`: solve a POMDP and write the policy."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console as show, model_files as models
+from lcorpp.cli import console, model_files, output_files
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,42 +17,49 @@ if TYPE_CHECKING:
 
 
 def solve(
-    problem: models.ModelArgument,
+    problem: model_files.ModelArgument,
     out: Annotated[
         Path,
         typer.Option(
-            "--out", "-o", metavar="POLICY", help="Where the policy goes: .policy or .xml (APPL's), .alpha."
+            "--out",
+            "-o",
+            metavar="POLICY",
+            help="The file to write: .policy or .xml (APPL's format), .alpha.",
         ),
     ],
     precision: Annotated[
-        float, typer.Option(help="Stop when the bounds are this close, in reward units.")
+        float, typer.Option(help="Stop at this gap between the bounds, in reward units.")
     ] = 5e-4,
     time_limit: Annotated[float, typer.Option(help="Stop after this many seconds.")] = 60.0,
     name: Annotated[
         str, typer.Option("--solver", metavar="NAME", help="sarsop, exact, perseus, qmdp or fib.")
     ] = "sarsop",
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="PICTURE", help="Also draw the bounds over time.")
+        Path | None,
+        typer.Option("--plot", metavar="PICTURE", help="Draw the bounds over time: .png, .svg or .pdf."),
     ] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Also work out what the policy earns, from the model alone.")
+        bool, typer.Option("--check", help="Check the bounds by an independent evaluation of the policy.")
     ] = False,
 ) -> None:
-    """Solve a POMDP and write the policy, with bounds on how good it is.
+    """Solve a POMDP and write the policy, with bounds on its value.
 
-    Ctrl-C writes the best policy so far. The exit code is 1 when --check refutes what the solver says.
+    Ctrl-C writes the best policy so far. The exit code is 1 if --check refutes the bounds.
     """
     from lcorpp import planning
     from lcorpp.planning.solvers import load_solver
 
     search = load_solver(name)
     pomdp = planning.read_pomdp(problem)
-    write = models.policy_writer(out)
+    write = model_files.policy_writer(out)
     if plot is not None:
-        models.check_picture(plot)
-    with show.late_progress("solving") as advance:
+        output_files.check_figure(plot)
+    with console.delayed_progress("solving") as advance:
         solution = search(
-            pomdp, precision=precision, time_limit=time_limit, callback=_told(advance, precision, time_limit)
+            pomdp,
+            precision=precision,
+            time_limit=time_limit,
+            callback=_show_bounds(advance, precision, time_limit),
         )
     write(solution.policy)
     typer.echo(
@@ -61,7 +68,7 @@ def solve(
     )
     typer.echo(f"{solution.reason} after {solution.seconds:.2f} s; wrote {solution.vectors} vectors to {out}")
     if plot is not None:
-        from lcorpp.planning.plots import draw_bounds
+        from lcorpp.planning import draw_bounds
         from lcorpp.plot_style import save_figure
 
         save_figure(draw_bounds(solution.history, title=problem.name), plot)
@@ -69,24 +76,27 @@ def solve(
     if check:
         from lcorpp.planning import certificate
 
-        found = certificate(solution)
-        typer.echo(found.text)
-        if found.verdict == "refuted":
+        checked = certificate(solution)
+        typer.echo(checked.text)
+        if checked.verdict == "refuted":
             raise typer.Exit(1)
 
 
-def _told(
+def _show_bounds(
     advance: Callable[[float, str], None], precision: float, time_limit: float
 ) -> Callable[[Progress], None]:
-    """What shows the bounds while a search goes on. It ends by its gap, in factors, or by its time."""
+    """Return a callback that displays the bounds.
+
+    The bar shows the closed part of the gap, on a log scale, or of the time limit if that is larger.
+    """
     first: float | None = None
 
-    def tell(now: Progress) -> None:
+    def show(now: Progress) -> None:
         nonlocal first
         gap = max(now.upper - now.lower, precision)
         first = gap if first is None else max(first, gap)
         narrowed = math.log(first / gap) / math.log(first / precision) if first > precision else 1.0
-        words = f"{now.lower:.6g} to {now.upper:.6g}, {now.vectors} vectors"
-        advance(max(narrowed, now.seconds / time_limit), words)
+        text = f"{now.lower:.6g} to {now.upper:.6g}, {now.vectors} vectors"
+        advance(max(narrowed, now.seconds / time_limit), text)
 
-    return tell
+    return show

@@ -1,177 +1,208 @@
-"""Active data augmentation (Algorithm 1, supplementary figure): the people met, and how each batch went."""
+"""Active data augmentation: Algorithm 1 on simulated people, with an optional crash-safe store."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lcorpp.decision import Batch
+from lcorpp.decision import Batch, lcorpp
 from lcorpp.domains import Domain
-from lcorpp.errors import DataError
-from lcorpp.experiments.figures.augmentation import plot_augmentation
-from lcorpp.experiments.figures.files import write_figure
 from lcorpp.experiments.metrics import Scores, score_decisions
-from lcorpp.experiments.results import METRICS, to_row, write_csv, write_json
-from lcorpp.learning import SoftClassifier, TrainedClassifier, save_classifier
-from lcorpp.learning.store import StoredTrack
-from lcorpp.simulation.population import Person, Population
-from lcorpp.simulation.trajectories import TrajectorySource
-from lcorpp.simulation.world import SimulatedWorld, SimulationModel
-from lcorpp.values import Array, Episode, Instance
+from lcorpp.experiments.progress import Progress, no_progress
+from lcorpp.experiments.run_store import RunStore
+from lcorpp.experiments.setup import PAPER_LEARNER, TrainingOptions
+from lcorpp.experiments.tables import METRICS, to_row
+from lcorpp.experiments.training_data import (
+    FOLDS,
+    TrainingData,
+    make_estimator,
+    read_training_data,
+    simulate_training_data,
+)
+from lcorpp.learning import train_and_validate
+from lcorpp.protocols import Classifier, Planner
+from lcorpp.reasoning import Reasoner
+from lcorpp.simulation.people_stream import DecisionResult, PeopleStream
+from lcorpp.values import ConfusionMatrix, Dataset, Episode, Instance
 
-GROUP_SIZE = 50
-"""People whose motion is simulated at once: one by one takes twenty times longer."""
+Row = dict[str, float | int | str]
 
 
 @dataclass(frozen=True)
-class DecisionResult:
-    """How a decision went, from the hidden truth.
+class ActiveLearningOptions:
+    """Options of Algorithm 1.
 
-    actual: the value of the target. report: what the robot said it is, None if nothing.
-    cost, return_: as in `SimulatedWorld`.
+    training: the learner and the initial data. soft: likelihoods instead of labels as evidence.
+    batch_size: K, decisions between two trainings.
+    epsilon: the run ends when the confusion matrix changes by at most this much.
+    max_batches: the run ends after this many batches.
+    seed: of everything that is drawn. jobs: processes for training.
     """
 
-    actual: str
-    report: str | None
-    cost: float
-    return_: float
-
-    def to_extra(self) -> dict[str, Any]:
-        """For a store beside the track, whose label the report is."""
-        return {"simulated": {"actual": self.actual, "cost": self.cost, "earned": self.return_}}
-
-    @classmethod
-    def from_stored(cls, stored: StoredTrack) -> DecisionResult | None:
-        """Of a decision in a store; None where nobody knows the truth."""
-        known = stored.extra.get("simulated")
-        if not isinstance(known, dict) or not {"actual", "cost", "earned"} <= set(known):
-            return None
-        return cls(known["actual"], stored.label_history[0].label, known["cost"], known["earned"])
+    training: TrainingOptions = PAPER_LEARNER
+    soft: bool = False
+    batch_size: int = 100
+    epsilon: float = 0.05
+    max_batches: int = 20
+    seed: int = 0
+    jobs: int = 1
 
 
-class PeopleStream:
-    """Simulated people, one after the other; each depends on the seed and the place in the line alone.
+@dataclass(frozen=True, eq=False)
+class BatchResult:
+    """A batch with its scores.
 
-    So a run that goes on after a crash meets those whom it would have met without it.
+    batch: the classifier, data set and confusion matrix after the training.
+    scores: of the batch's decisions; None for the initial training and for a batch of an earlier run.
+    rows: one table row per batch so far, of earlier runs too.
+    resumed: whether an earlier run completed the batch.
     """
 
-    def __init__(self, domain: Domain, appearance: TrajectorySource, seed: int, *, met: int = 0) -> None:
-        """met: how many people of the line have been met before."""
-        self._domain, self._appearance, self._seed = domain, appearance, seed
-        self._population, self._stage = Population(domain), SimulationModel(domain)
-        self._group: list[tuple[Person, Array]] = []
-        self._met = met
-        self._meeting: tuple[Person, SimulatedWorld] | None = None
+    batch: Batch
+    scores: Scores | None
+    rows: tuple[Row, ...]
+    resumed: bool
 
-    def next(self) -> tuple[Instance, SimulatedWorld]:
-        """The next person: what the robot perceives, and the world in which to act; line 8 of Algorithm 1."""
-        group, place = divmod(self._met, GROUP_SIZE)
-        if not self._group or place == 0:
-            rng = np.random.default_rng([self._seed, 1, group])
-            people = self._population.sample(GROUP_SIZE, rng)
-            self._group = list(zip(people, self._appearance.trajectories(people, rng), strict=True))
-        person, track = self._group[place]
-        world = self._stage.make_world(person, np.random.default_rng([self._seed, 2, self._met]))
-        self._met += 1
-        self._meeting = person, world
-        return Instance(track, {name: person[name] for name in self._domain.observed}), world
-
-    def outcome(self, episode: Episode) -> DecisionResult:
-        """How the decision about the person met last went."""
-        assert self._meeting is not None
-        person, world = self._meeting
-        return DecisionResult(person[self._domain.target], episode.report, world.cost, world.return_)
-
-
-class Log:
-    """The batches so far, as lines to read and, where there is a folder, as files kept up to date.
-
-    written: the files. unsaved: why the classifier is not among them.
-    """
-
-    def __init__(
-        self,
-        domain: Domain,
-        folder: Path | None,
-        rows: Sequence[dict[str, float | int | str]] = (),
-        outcomes: Sequence[DecisionResult] = (),
-    ) -> None:
-        """rows, outcomes: batches that an earlier run completed, and what it decided since."""
-        self._domain, self._folder = domain, folder
-        self.rows, self._outcomes = list(rows), list(outcomes)
-        self.written: list[Path] = []
-        self.unsaved: str | None = None
-
-    def decided(self, outcome: DecisionResult) -> None:
-        """Remember how a decision of the batch that goes on went."""
-        self._outcomes.append(outcome)
-
-    def standing(self, batch: Batch) -> str:
-        """The data and the matrix that a batch left, in words."""
-        rates = ", ".join(
+    def summary(self) -> str:
+        """Return the size of the data set, the recall of each class and the scores in one line."""
+        batch = self.batch
+        recall = ", ".join(
             f"{name} {rate:.3f}"
             for name, rate in zip(
                 batch.confusion.classes, np.diag(batch.confusion.probabilities), strict=True
             )
         )
-        return f"{len(batch.dataset)} tracks; told right: {rates}; change {batch.change:.3f}"
+        text = f"{len(batch.dataset)} tracks; recall: {recall}; change {batch.change:.3f}"
+        if self.scores is None:
+            return text
+        f1, cost, return_ = self.scores.f1, self.scores.cost, self.scores.return_
+        return f"{text}; F1 {f1.estimate:.3f}, cost {cost.estimate:.2f}, return {return_.estimate:.2f}"
 
-    def add(self, batch: Batch) -> str:
-        """Write down a batch and say in a line how it went."""
-        line = f"batch {batch.number}: {self.standing(batch)}"
-        cells: dict[str, float | int | str] = {
-            "batch": batch.number,
-            "tracks": len(batch.dataset),
-            "change": batch.change,
-        }
-        if self._outcomes:
-            result = self._scores(self._outcomes)
-            self._outcomes = []
-            cells |= {name: value for name, value in to_row(result).items() if name in METRICS}
-            f1, cost, return_ = result.f1.estimate, result.cost.estimate, result.return_.estimate
-            line += f"; F1 {f1:.3f}, cost {cost:.2f}, return {return_:.2f}"
-        self.rows.append(cells)
-        self.write(batch)
-        return line
+    def __repr__(self) -> str:
+        return f"<BatchResult {self.batch.number}: {self.summary()}>"
 
-    def _scores(self, outcomes: Sequence[DecisionResult]) -> Scores:
-        values = self._domain.values
-        counts = np.zeros((len(values), len(values) + 1))
-        for outcome in outcomes:
-            reported = len(values) if outcome.report is None else values.index(outcome.report)
-            counts[values.index(outcome.actual), reported] += 1
-        cost = np.array([outcome.cost for outcome in outcomes])
-        return_ = np.array([outcome.return_ for outcome in outcomes])
-        return score_decisions(
-            "LCORPP", counts, cost, return_, values=values, positive=self._domain.learning.positive
-        )
 
-    def write(self, batch: Batch) -> None:
-        """Bring the files up to date, `batch` being the last one; nothing without a folder."""
-        folder = self._folder
-        if folder is None:
-            return
-        self.written = [folder / "batches.csv", folder / "batches.json"]
-        write_csv(self.written[0], ("batch", "tracks", "change", *METRICS), self.rows)
-        write_json(self.written[1], {"domain": self._domain.name, "batches": self.rows})
-        classifier = batch.classifier
-        if isinstance(classifier, SoftClassifier):
-            classifier = classifier.trained
-        if isinstance(classifier, TrainedClassifier):
-            try:
-                save_classifier(classifier, folder / "classifier.npz")
-                self.written.append(folder / "classifier.npz")
-            except DataError as error:
-                self.unsaved = str(error)
-        decided = [cells for cells in self.rows if "f1" in cells]
-        if decided:
-            figure = plot_augmentation(
-                [int(cells["batch"]) for cells in decided],
-                [float(cells["f1"]) for cells in decided],
-                [float(cells["change"]) for cells in decided],
+def initial_data(domain: Domain, options: ActiveLearningOptions) -> TrainingData:
+    """Return the training data of the first classifier, recorded or simulated."""
+    training = options.training
+    if training.data is not None:
+        return read_training_data(domain, training.data, options.seed, features=training.features)
+    return simulate_training_data(domain, options.seed, tracks=training.tracks)
+
+
+def open_run_store(
+    path: Path, domain: Domain, data: TrainingData, options: ActiveLearningOptions
+) -> RunStore:
+    """Open the store of a run, or create it; a checkpoint of other options is not used.
+
+    Raises:
+        FileError, DataError: as `RunStore`.
+    """
+    settings = {
+        "domain": domain.name,
+        "preset": domain.preset,
+        "learner": options.training.learner,
+        "evidence": "soft" if options.soft else "hard",
+        "seed": options.seed,
+        "epochs": options.training.epochs,
+    }
+    return RunStore(path, data.dataset, domain.values, settings)
+
+
+def run_active_learning(
+    domain: Domain,
+    data: TrainingData,
+    planner: Planner,
+    options: ActiveLearningOptions,
+    *,
+    run_store: RunStore | None = None,
+    progress: Progress = no_progress,
+) -> Iterator[BatchResult]:
+    """Run Algorithm 1 and yield each batch after its training, the initial training first.
+
+    Args:
+        run_store: stores every decision and a checkpoint of every batch; a run of the same options resumes
+            where the last one ended, and its first batch is the last completed one.
+
+    Raises:
+        DataError, DecisionError: an option is wrong; and whatever the robot's parts raise.
+    """
+    training = options.training
+    estimator = make_estimator(
+        data,
+        training.learner,
+        epochs=training.epochs,
+        seed=options.seed,
+        device=training.device,
+        features=training.features,
+    )
+
+    def learn(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
+        with progress(f"training on {len(dataset)} tracks", FOLDS + 1) as advance:
+            trained, validation = train_and_validate(
+                estimator, dataset, folds=FOLDS, seed=options.seed, jobs=options.jobs, progress=advance
             )
-            self.written += write_figure(figure, folder, "batches", ("png",))
+        return (trained.soft() if options.soft else trained), validation.confusion
+
+    def reason(confusion: ConfusionMatrix) -> Reasoner:
+        return Reasoner(domain.soft_program if options.soft else domain.program_for(confusion))
+
+    resume_point = run_store.resume(learn) if run_store else None
+    stream = PeopleStream(
+        domain, data.trajectories, options.seed, position=run_store.n_people if run_store else 0
+    )
+    pending = [DecisionResult.from_stored(track) for track in run_store.pending] if run_store else []
+    results = [result for result in pending if result is not None]
+    rows: list[Row] = run_store.rows if run_store else []
+
+    def record(instance: Instance, episode: Episode) -> None:
+        result = stream.result(episode)
+        results.append(result)
+        if run_store is not None:
+            belief = domain.marginal(episode.steps[-1].belief if episode.steps else episode.prior)
+            run_store.append_decision(instance, episode, belief, result.to_extra())
+
+    batches = lcorpp(
+        run_store.dataset() if run_store else data.dataset,
+        learn=learn,
+        reason=reason,
+        planner=planner,
+        domain=domain,
+        collect=stream.next,
+        batch_size=options.batch_size,
+        epsilon=options.epsilon,
+        listener=record,
+        resume_point=resume_point,
+    )
+    for position, batch in enumerate(batches):
+        resumed, scores = position == 0 and resume_point is not None, None
+        if not resumed:
+            scores = _score_batch(domain, results) if results else None
+            results.clear()
+            rows.append(_batch_row(batch, scores))
+        if run_store is not None:
+            run_store.save_checkpoint(batch, rows)
+        yield BatchResult(batch, scores, tuple(rows), resumed)
+        if batch.number >= options.max_batches:
+            return
+
+
+def _score_batch(domain: Domain, results: Sequence[DecisionResult]) -> Scores:
+    values = domain.values
+    counts = np.zeros((len(values), len(values) + 1))
+    for result in results:
+        reported = len(values) if result.report is None else values.index(result.report)
+        counts[values.index(result.actual), reported] += 1
+    cost = np.array([result.cost for result in results])
+    return_ = np.array([result.return_ for result in results])
+    return score_decisions("LCORPP", counts, cost, return_, values=values, positive=domain.learning.positive)
+
+
+def _batch_row(batch: Batch, scores: Scores | None) -> Row:
+    row: Row = {"batch": batch.number, "tracks": len(batch.dataset), "change": batch.change}
+    if scores is not None:
+        row |= {name: value for name, value in to_row(scores).items() if name in METRICS}
+    return row

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from html import escape
 from statistics import NormalDist
 
 import numpy as np
@@ -33,6 +34,15 @@ class Scores:
     cost: Interval
     return_: Interval
     cost_sd: float
+
+    def __repr__(self) -> str:
+        return (
+            f"<Scores {self.strategy}: F1 {self.f1:.3f}, accuracy {self.accuracy:.3f}, cost {self.cost:.2f},"
+            f" return {self.return_:.2f}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return scores_to_html([self])
 
 
 def score_decisions(
@@ -122,3 +132,17 @@ def _average(estimates: Sequence[Interval]) -> Interval:
         float(np.mean([e.low for e in estimates])),
         float(np.mean([e.high for e in estimates])),
     )
+
+
+def scores_to_html(scores: Sequence[Scores]) -> str:
+    """Return the scores of several strategies as an HTML table, intervals included."""
+    names = ("strategy", "F1", "precision", "recall", "accuracy", "cost", "return")
+    head = "".join(f"<th>{name}</th>" for name in names)
+    rows = "".join(
+        f"<tr><th>{escape(row.strategy)}</th>"
+        + "".join(f"<td>{cell:.3f}</td>" for cell in (row.f1, row.precision, row.recall, row.accuracy))
+        + "".join(f"<td>{cell:.2f}</td>" for cell in (row.cost, row.return_))
+        + "</tr>"
+        for row in scores
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"

@@ -1,76 +1,115 @@
-"""Result files: CSV tables, and JSON with the configuration and the package versions."""
+"""Result folders: the tables, configuration, figures and classifier of a run."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-import platform
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from lcorpp.experiments.metrics import Scores
-from lcorpp.files import make_folder, write_atomically
+from lcorpp.errors import DataError
+from lcorpp.experiments.comparison import Comparison
+from lcorpp.experiments.tables import COLUMNS, METRICS, to_row, write_csv, write_json
+from lcorpp.files import make_folder
 
-METRICS = ("f1", "precision", "recall", "accuracy", "cost", "return")
-COLUMNS = ("strategy", *(f"{name}{end}" for name in METRICS for end in ("", "_low", "_high")))
-PACKAGES = ("lcorpp", "numpy", "scipy", "clingo", "scikit-learn", "torch")
+if TYPE_CHECKING:
+    from lcorpp.experiments.active_learning import BatchResult
+    from lcorpp.protocols import Classifier
 
-
-def to_row(result: Scores) -> dict[str, str | float]:
-    """Return the scores of a strategy as a row with the columns `COLUMNS`."""
-    cells: dict[str, str | float] = {"strategy": result.strategy}
-    for name in METRICS:
-        interval = getattr(result, "return_" if name == "return" else name)
-        cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
-    return cells
+FORMATS = ("png", "pdf")
+"""The formats in which figures are written by default."""
 
 
-def find_versions() -> dict[str, str]:
-    """Return the versions of Python and of the packages that determine a result."""
-    found = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+@dataclass(frozen=True)
+class WrittenFiles:
+    """The files of a result folder. problem: why the classifier is not among them, None if it is."""
 
-
-def write_csv(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write a CSV file with a header."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_atomically(path, text.getvalue())
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a JSON file and add the package versions."""
-    write_atomically(path, json.dumps({**content, "versions": find_versions()}, indent=2) + "\n")
+    paths: tuple[Path, ...]
+    problem: str | None = None
 
 
 def write_comparison(
-    folder: Path, results: Sequence[Scores], configuration: Mapping[str, Any]
-) -> tuple[Path, Path]:
-    """Write results.csv and results.json.
+    folder: Path,
+    comparison: Comparison,
+    configuration: Mapping[str, Any],
+    *,
+    title: str = "",
+    formats: Sequence[str] = FORMATS,
+) -> WrittenFiles:
+    """Write results.csv, results.json, the figures and, if it was trained now, the report and the classifier.
 
     Args:
         folder: created if missing.
         configuration: the options of the run: domain, preset, trials, seed and so on.
+        title: of the figure. formats: of the figures: "png", "svg", "pdf".
 
-    Returns:
-        The paths of both files.
+    Raises:
+        FileError: a file cannot be written.
     """
+    from lcorpp.experiments.figures.files import write_figure
+    from lcorpp.experiments.figures.strategies import plot_strategies
+
     make_folder(folder)
-    rows = [to_row(result) for result in results]
+    rows = [to_row(scores) for scores in comparison.scores]
     write_csv(folder / "results.csv", COLUMNS, rows)
     detailed = [
-        {**cells, "cost_sd": result.cost_sd, "counts": result.counts.tolist()}
-        for cells, result in zip(rows, results, strict=True)
+        {**row, "cost_sd": scores.cost_sd, "counts": scores.counts.tolist()}
+        for row, scores in zip(rows, comparison.scores, strict=True)
     ]
     write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
-    return folder / "results.csv", folder / "results.json"
+    written = [folder / "results.csv", folder / "results.json"]
+    written += write_figure(plot_strategies(comparison.scores, title), folder, "results", formats)
+    classifier = comparison.classifier
+    if classifier.report is not None:
+        from lcorpp.learning import plot_report, write_report
+
+        written += write_report(classifier.report, folder)
+        for suffix in formats:
+            plot_report(classifier.report, folder / f"report.{suffix}")
+            written.append(folder / f"report.{suffix}")
+    saved = save_if_trained(classifier.trained, folder)
+    return WrittenFiles((*written, *saved.paths), saved.problem)
+
+
+def write_batches(
+    folder: Path, domain_name: str, result: BatchResult, *, formats: Sequence[str] = FORMATS
+) -> WrittenFiles:
+    """Write batches.csv, batches.json, the latest classifier and the figure of all batches so far.
+
+    Raises:
+        FileError: a file cannot be written.
+    """
+    make_folder(folder)
+    write_csv(folder / "batches.csv", ("batch", "tracks", "change", *METRICS), result.rows)
+    write_json(folder / "batches.json", {"domain": domain_name, "batches": list(result.rows)})
+    saved = save_if_trained(result.batch.classifier, folder)
+    written = [folder / "batches.csv", folder / "batches.json", *saved.paths]
+    scored = [row for row in result.rows if "f1" in row]
+    if scored:
+        from lcorpp.experiments.figures.augmentation import plot_augmentation
+        from lcorpp.experiments.figures.files import write_figure
+
+        figure = plot_augmentation(
+            [int(row["batch"]) for row in scored],
+            [float(row["f1"]) for row in scored],
+            [float(row["change"]) for row in scored],
+        )
+        written += write_figure(figure, folder, "batches", formats)
+    return WrittenFiles(tuple(written), saved.problem)
+
+
+def save_if_trained(classifier: Classifier | None, folder: Path) -> WrittenFiles:
+    """Save a trained classifier as classifier.npz; others, and kinds that cannot be stored, are left out."""
+    if classifier is None:
+        return WrittenFiles(())
+    from lcorpp.learning import SoftClassifier, TrainedClassifier, save_classifier
+
+    if isinstance(classifier, SoftClassifier):
+        classifier = classifier.trained
+    if not isinstance(classifier, TrainedClassifier):
+        return WrittenFiles(())
+    try:
+        save_classifier(classifier, folder / "classifier.npz")
+    except DataError as error:
+        return WrittenFiles((), str(error))
+    return WrittenFiles((folder / "classifier.npz",))

@@ -55,14 +55,18 @@ class TrialResults:
 
 
 def run_trials(
-    experiment: Experiment, trials: int, *, jobs: int = 1, progress: Callable[[int], None] = lambda _: None
+    experiment: Experiment,
+    trials: int,
+    *,
+    jobs: int = 1,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> tuple[list[Scores], int]:
     """Simulate trials and score them.
 
     Args:
         trials: the number of people.
         jobs: processes; the result is the same for any number.
-        progress: called with the number of completed trials.
+        progress: called with the number of completed trials and of all trials.
 
     Returns:
         The scores in the order of the strategies and the number of completed trials: fewer than `trials`
@@ -80,7 +84,7 @@ def run_trials(
         if jobs == 1 or len(sizes) == 1:
             for number, size in enumerate(sizes):
                 done.append(run_chunk(experiment, number, size))
-                progress(sum(len(chunk.truth) for chunk in done))
+                progress(sum(len(chunk.truth) for chunk in done), trials)
         else:
             work = (delayed(run_chunk)(experiment, number, size) for number, size in enumerate(sizes))
             with ignore_sigint():
@@ -88,7 +92,7 @@ def run_trials(
             with closing(started) as chunks:
                 for chunk in chunks:
                     done.append(chunk)
-                    progress(sum(len(chunk.truth) for chunk in done))
+                    progress(sum(len(chunk.truth) for chunk in done), trials)
     except KeyboardInterrupt:
         if not done:
             raise

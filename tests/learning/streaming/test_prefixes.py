@@ -10,7 +10,7 @@ from lcorpp.learning import Motion
 from lcorpp.learning.streaming import OverTime, follow, out_of_fold_over_time, prefix
 from lcorpp.learning.streaming.plots import over_time_figure, save_over_time
 from lcorpp.values import Dataset
-from tests.learning.data import walkers
+from tests.learning.walkers import walkers
 
 from .people import ByWay, by_way, lstm
 

@@ -16,7 +16,7 @@ from lcorpp.learning.features.resampling import regular
 from lcorpp.learning.streaming import Streams
 from lcorpp.protocols import Classifier
 from lcorpp.values import Instance
-from tests.learning.data import walkers
+from tests.learning.walkers import walkers
 
 from .people import ByWay, batch, by_way, lstm, walk
 

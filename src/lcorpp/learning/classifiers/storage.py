@@ -138,3 +138,17 @@ def _step(step: dict[str, Any], arrays: dict[str, npt.NDArray[Any]]) -> Any:
         key: tuple(value) if isinstance(value, list) else value for key, value in step["parameters"].items()
     }
     return kinds[step["kind"]](**parameters).from_arrays(own)
+
+
+def check_storable(estimator: Any) -> None:
+    """Reject an unfitted estimator that `save_classifier` cannot store once it is fitted.
+
+    Raises:
+        DataError: the estimator is no pipeline, or has a step that cannot be stored safely.
+    """
+    if not isinstance(estimator, Pipeline):
+        raise DataError(f"only a pipeline can be stored, not {type(estimator).__name__}")
+    kinds = _kinds()
+    for name, step in estimator.steps:
+        if kinds.get(type(step).__name__) is not type(step):
+            pack(name, step, tuple(kinds))

@@ -41,7 +41,7 @@ TRACES: Mapping[str, tuple[str, ...]] = {
 
 def traces_of(track: Track) -> dict[str, Array]:
     """For each name of `TRACES` the numbers of one track."""
-    place, step = track.place, np.diff(track.times)
+    place, step = track.positions, np.diff(track.times)
     size = max(float(np.abs(place).max()), MILLIMETRE) * EXACT
     straight = _straight(track, size)
     still = np.all(np.abs(np.diff(place, axis=1)) <= size, axis=0)
@@ -61,7 +61,7 @@ def traces_of(track: Track) -> dict[str, Array]:
 def _straight(track: Track, size: float) -> Flags:
     """(samples - 2,) whether a sample lies on the line between its neighbours, in place and time."""
     step = np.diff(track.times)
-    speed = np.diff(track.place, axis=1) / step
+    speed = np.diff(track.positions, axis=1) / step
     off = np.abs(np.diff(speed, axis=1)) * np.minimum(step[1:], step[:-1])
     straight: Flags = np.all(off <= 4 * size, axis=0)
     return straight

@@ -18,7 +18,7 @@ from .texts import crowd, walk
 def test_a_panel_for_each_class_and_one_for_speeds(tmp_path):
     recording = crowd(30)
     unlabelled = [replace(track, label=None) for track in recording.tracks[:5]]
-    figure = plot_tracks(Recording((*unlabelled, *recording.tracks[5:])), title="a crowd", most=10)
+    figure = plot_tracks(Recording((*unlabelled, *recording.tracks[5:])), title="a crowd", max_tracks=10)
     *panels, speeds = figure.axes
     titles = [axes.get_title() for axes in panels]
     assert titles == ["in: 10 of 12 tracks", "out: 10 of 13 tracks", "without a label: 5 tracks"]

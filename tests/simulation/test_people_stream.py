@@ -1,12 +1,12 @@
-"""The people of Algorithm 1 and the log of its batches."""
+"""The simulated people of Algorithm 1."""
 
 from pathlib import Path
 
 import numpy as np
 
 from lcorpp.domains import load_domain
-from lcorpp.experiments.active_learning import GROUP_SIZE, DecisionResult, PeopleStream
 from lcorpp.learning.store import NewTrack, Store, TrackSchema
+from lcorpp.simulation.people_stream import GROUP_SIZE, DecisionResult, PeopleStream
 from lcorpp.simulation.trajectories import SimulatedTrajectories
 from lcorpp.values import Episode
 
@@ -18,19 +18,19 @@ def test_a_run_that_goes_on_meets_those_whom_it_would_have_met():
     domain = load_domain(ROOMS)
     ask = next(name for name in domain.pomdp.actions if domain.reported_value(name) is None)
 
-    def meet(crowd: PeopleStream, count: int, asked: int):
+    def meet(stream: PeopleStream, count: int, asked: int):
         met = []
         for _ in range(count):
-            instance, world = crowd.next()
+            instance, world = stream.next()
             answers = [world.act(ask) for _ in range(asked)]
-            outcome = crowd.outcome(Episode(None, {}, None, domain.pomdp.start, (), "lab"))
+            outcome = stream.result(Episode(None, {}, None, domain.pomdp.start, (), "lab"))
             met.append((instance.trajectory, dict(instance.context), answers, outcome))
         return met
 
-    crowd = PeopleStream(domain, SimulatedTrajectories.of(domain), seed=4)
-    whole = meet(crowd, 3, 1) + meet(crowd, GROUP_SIZE, 2)
+    stream = PeopleStream(domain, SimulatedTrajectories.of(domain), seed=4)
+    whole = meet(stream, 3, 1) + meet(stream, GROUP_SIZE, 2)
     for first in (3, GROUP_SIZE - 1, GROUP_SIZE):
-        again = meet(PeopleStream(domain, SimulatedTrajectories.of(domain), seed=4, met=first), 3, 2)
+        again = meet(PeopleStream(domain, SimulatedTrajectories.of(domain), seed=4, position=first), 3, 2)
         for one, other in zip(whole[first : first + 3], again, strict=True):
             assert np.array_equal(one[0], other[0])
             assert one[1:] == other[1:]

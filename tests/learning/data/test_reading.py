@@ -201,13 +201,13 @@ def test_arguments_out_of_range(tmp_path):
 
 def test_batches_do_not_show(tmp_path, monkeypatch):
     whole = read_recording(written(tmp_path, GOOD + rows("a", "in", start=2.0)))
-    monkeypatch.setattr("lcorpp.learning.data.csv_reader.LINES", 5)
+    monkeypatch.setattr("lcorpp.learning.data.csv_reader.BATCH_LINES", 5)
     told = []
     parts = read_recording(tmp_path / "people.csv", progress=lambda done, total: told.append((done, total)))
     for one, other in zip(whole.tracks, parts.tracks, strict=True):
         assert (one.id, one.label) == (other.id, other.label)
         np.testing.assert_array_equal(one.times, other.times)
-        np.testing.assert_array_equal(one.place, other.place)
+        np.testing.assert_array_equal(one.positions, other.positions)
     size = (tmp_path / "people.csv").stat().st_size
     assert told[-1] == (size, size)
     assert sorted(told) == told
@@ -272,5 +272,5 @@ def test_no_tracking_data_end_in_anything_but_tracks_or_a_typed_error(tmp_path_f
     except LcorppError:
         return
     assert all(
-        np.isfinite(track.place).all() and np.diff(track.times).min() > 0 for track in recording.tracks
+        np.isfinite(track.positions).all() and np.diff(track.times).min() > 0 for track in recording.tracks
     )

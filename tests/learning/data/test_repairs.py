@@ -258,7 +258,7 @@ def test_no_text_ends_in_anything_but_tracks_or_a_typed_error(tmp_path_factory, 
         return
     assert {repair.reason for repair in recording.repairs} <= repairs
     for track in recording.tracks:
-        assert np.isfinite(track.place).all()
+        assert np.isfinite(track.positions).all()
         assert np.all(np.diff(track.times) > 0)
 
 

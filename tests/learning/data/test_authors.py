@@ -16,7 +16,7 @@ from lcorpp.learning import (
 )
 
 LABELS = {"1": "interested", "0": "not_interested"}
-REAL = Path(__file__).parents[3] / "shared" / "data" / "authors"
+REAL = Path(__file__).parents[4] / "shared" / "data" / "authors"
 real = pytest.mark.skipif(not REAL.is_dir(), reason="the authors' data is not here (shared/data/authors)")
 
 

@@ -56,7 +56,7 @@ def test_another_call_goes_on_where_the_first_had_to_stop(web, tmp_path):
         web.cut = 0
 
     with pytest.raises(
-        FileError, match=r"\d+ bytes are kept in people here\.csv\.part, and the next call goes"
+        FileError, match=r"\d+ bytes are kept in people here\.csv\.part, and the next call resumes"
     ):
         fetch(web.url, tmp_path, wait=0, progress=stop)
     kept = part.stat().st_size
@@ -118,7 +118,7 @@ def test_another_file_than_expected_is_not_kept(web, tmp_path):
 
 def test_a_file_of_the_user_is_never_replaced(web, tmp_path):
     (tmp_path / "people here.csv").write_text("mine")
-    with pytest.raises(DataError, match="is there, but with another checksum; remove it"):
+    with pytest.raises(DataError, match="exists, but has another checksum; remove it"):
         fetch(web.url, tmp_path, sha256=DIGEST)
     assert (tmp_path / "people here.csv").read_text() == "mine"
     assert web.asked == []

@@ -1,0 +1,100 @@
+"""Output of the parts of a robot: the domain, the classifier with its error rates, and the solved POMDP."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lcorpp.cli import console
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from lcorpp.domains import Domain
+    from lcorpp.experiments.setup import ClassifierSetup
+    from lcorpp.learning import Report
+    from lcorpp.planning import Solution
+
+CONVERGED = "precision reached"
+"""The reason of a solution whose bounds are as close as requested."""
+
+
+def print_domain(domain: Domain) -> None:
+    """Print the name, preset and description of a domain."""
+    preset = f", preset {domain.preset}" if domain.preset else ""
+    console.out.print(f"{domain.name}{preset}: {domain.description}", style="bold")
+
+
+def print_classifier(setup: ClassifierSetup, source: str) -> None:
+    """Print the error rates of a classifier and, if it was trained now, its evaluation.
+
+    Args:
+        source: where it comes from: "channel", a learner or a file.
+    """
+    if setup.trained is None:
+        console.out.print("classifier: a noisy channel with the domain's rates")
+        for actual, row in setup.rates.items():
+            rates = ", ".join(f"{predicted} {rate:.3f}" for predicted, rate in row.items())
+            console.out.print(f"  true class {actual}; predicted: {rates}")
+        return
+    report = setup.report
+    if report is None:
+        console.out.print(f"classifier: {source}", markup=False)
+    else:
+        console.out.print(
+            f"classifier: {source}, five-fold cross-validation on {report.source}: {setup.n_tracks} tracks of"
+            f" {report.people} people; \\[95% intervals]"
+        )
+        console.out.print(f"  accuracy {report.accuracy}", markup=False)
+    for cells in setup.intervals:
+        rates = ", ".join(
+            f"{rate.called} {rate.value:.3f} [{rate.low:.3f}, {rate.high:.3f}]" for rate in cells
+        )
+        text = f"  true class {cells[0].given} ({cells[0].cases} cases); predicted: {rates}"
+        console.out.print(text, markup=False)
+    if report is not None:
+        console.out.print(_report_table(report))
+    if setup.trained.cut is not None:
+        cut = setup.trained.cut
+        console.out.print(f"decision threshold: {cut.name} from a probability of {cut.probability:.3f}")
+
+
+def print_solution(solution: Solution) -> None:
+    """Print the bounds of a solution, and a warning with the remaining gap if it has not converged."""
+    lower, gap = solution.policy.value(solution.pomdp.start), solution.gap(solution.pomdp.start)
+    console.out.print(
+        f"SARSOP: value in [{lower:.3f}, {lower + gap:.3f}] at the start belief; {solution.vectors} vectors,"
+        f" {solution.seconds:.1f} s",
+        markup=False,
+    )
+    if solution.reason != CONVERGED:
+        console.warn(
+            f"SARSOP has not converged ({solution.reason}): a gap of {solution.upper - solution.lower:.4g}"
+            " remains, so a better policy may exist"
+        )
+
+
+def _report_table(report: Report) -> Table:
+    """Return a table with one column per class: AUC, Brier score, calibration and the best thresholds."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column("class")
+    for one in report.classes:
+        table.add_column(one.name, justify="right")
+    rows = {
+        "AUC": [str(one.auc) for one in report.classes],
+        "Brier score": [str(one.said.brier) for one in report.classes],
+        "expected calibration error": [str(one.said.error) for one in report.classes],
+        "  after calibration": [str(one.calibrated.error) for one in report.classes],
+        "  if calibrated, by chance": [f"{one.calibrated.by_chance:.3f}" for one in report.classes],
+    }
+    for name, cells in rows.items():
+        table.add_row(name, *(cell.replace("[", "\\[") for cell in cells))
+    for number, threshold in enumerate(report.classes[0].thresholds):
+        best = [one.thresholds[number] for one in report.classes]
+        table.add_row(threshold.told[0], *(f"{t.told[1]:.3f} at threshold {t.probability:.3f}" for t in best))
+    prevalence = ", ".join(f"{one.name} {one.thresholds[0].prevalence:.3g}" for one in report.classes)
+    table.caption = f"best thresholds for the prevalence: {prevalence}"
+    table.caption_justify = "left"
+    return table

@@ -1,0 +1,138 @@
+"""Composition of a run: the classifier with its error rates, the reasoner, the planner and the robot.
+
+Every function returns values and prints nothing; commands, web pages and figures call the same functions.
+Classifiers that are trained or loaded come from `classifier_training`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lcorpp.decision import Robot
+from lcorpp.domains import Domain
+from lcorpp.planning import Solution, solve
+from lcorpp.protocols import Planner
+from lcorpp.reasoning import Program, Reasoner
+from lcorpp.simulation.channel import BatchClassifier, NoisyChannel
+from lcorpp.simulation.trajectories import TrajectorySource
+from lcorpp.values import JEFFREYS, Array
+
+if TYPE_CHECKING:  # scikit-learn takes seconds to load, and a noisy channel does without
+    from lcorpp.learning import Rate, Report, TrainedClassifier
+
+
+@dataclass(frozen=True)
+class TrainingOptions:
+    """Options for training a classifier.
+
+    learner: see `learner`. epochs: None takes the number that suits the data. device: "cpu" or "cuda".
+    features: the classifier's features of the motion.
+    threshold: the decision threshold of the positive class: a number, the name of a metric to optimise, or
+        the costs of a miss and of a false alarm as MISS:ALARM; None predicts the most probable class.
+    prevalence: of the positive class, for thresholds; None takes it from the domain's knowledge.
+    tracks: number of simulated training tracks; None takes the domain's number.
+    data: recorded tracks for training and trials, instead of simulated ones.
+    """
+
+    learner: str = "lstm"
+    epochs: int | None = None
+    device: str = "cpu"
+    features: tuple[str, ...] = ("x", "y")
+    threshold: str | None = None
+    prevalence: float | None = None
+    tracks: int | None = None
+    data: Path | None = None
+
+
+PAPER_LEARNER = TrainingOptions()
+"""The paper's LSTM with the domain's numbers of tracks and epochs."""
+
+
+@dataclass(frozen=True)
+class StoredOptions:
+    """Options for loading a stored classifier.
+
+    file: the classifier. data: recorded tracks for the trials, instead of simulated ones.
+    """
+
+    file: Path
+    data: Path | None = None
+
+
+ClassifierOptions = TrainingOptions | StoredOptions | None
+"""How to get a classifier; None is the domain's noisy channel."""
+
+
+@dataclass(frozen=True)
+class EvidenceOptions:
+    """The classifier's evidence for the reasoner.
+
+    soft: a likelihood of each class instead of a label.
+    smoothing: added to the counts of the confusion matrix that becomes the rules for labels.
+    """
+
+    soft: bool = False
+    smoothing: Fraction = JEFFREYS
+
+
+HARD_LABELS = EvidenceOptions()
+"""Labels as evidence, with Jeffreys' smoothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClassifierSetup:
+    """A classifier, the source of its test trajectories, and the program with its error rates.
+
+    rates: true class -> predicted class -> probability, as the rules contain them.
+    intervals: one row of rates with intervals per true class; () for a noisy channel.
+    trained: the trained classifier, without soft evidence; None for a noisy channel.
+    n_tracks: number of training tracks, report: evaluation of the classifier; None if it was not trained now.
+    notes: warnings about the data.
+    """
+
+    classifier: BatchClassifier
+    trajectories: TrajectorySource
+    program: Program
+    rates: dict[str, dict[str, float]]
+    intervals: Sequence[Sequence[Rate]] = ()
+    trained: TrainedClassifier | None = None
+    n_tracks: int | None = None
+    report: Report | None = None
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        kind = "channel" if self.trained is None else "trained"
+        rates = ", ".join(f"{value} {row[value]:.3f}" for value, row in self.rates.items())
+        return f"<ClassifierSetup {kind}; recall: {rates}>"
+
+
+def from_channel(domain: Domain) -> ClassifierSetup:
+    """Return the domain's noisy channel; the program keeps its own rules.
+
+    Raises:
+        DomainError: the domain has no channel.
+    """
+    channel = NoisyChannel.of(domain)
+    return ClassifierSetup(channel, channel, domain.program, nest_rates(domain.values, channel.rates))
+
+
+def solve_domain(domain: Domain) -> Solution:
+    """Solve the domain's POMDP with SARSOP, for all its start beliefs."""
+    return solve(domain.pomdp, domain.start_beliefs())
+
+
+def make_robot(domain: Domain, setup: ClassifierSetup, planner: Planner) -> Robot:
+    """Return the full robot: classifier, reasoner with the classifier's rules, planner and domain."""
+    return Robot(setup.classifier, Reasoner(setup.program), planner, domain)
+
+
+def nest_rates(classes: Sequence[str], rates: Array) -> dict[str, dict[str, float]]:
+    """Return rates (V, V) as true class -> predicted class -> probability."""
+    return {
+        actual: dict(zip(classes, row, strict=True))
+        for actual, row in zip(classes, rates.tolist(), strict=True)
+    }

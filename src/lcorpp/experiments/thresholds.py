@@ -1,0 +1,68 @@
+"""The decision threshold of a trained classifier: from the user's goal and the class prevalence."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lcorpp.domains import Domain
+from lcorpp.errors import DataError
+from lcorpp.learning import Cut, Validation, choose_threshold
+from lcorpp.learning.evaluation.thresholds import named_goal
+from lcorpp.reasoning import Reasoner
+
+MIN_PREVALENCE = 1e-3
+"""Lower bound on the prevalence of a class that the knowledge rules out, so that thresholds exist."""
+
+Goal = str | tuple[float, float] | float
+"""A goal by name, the costs of a miss and of a false alarm, or the threshold itself."""
+
+
+def parse_goal(domain: Domain, text: str) -> Goal:
+    """Parse a goal: a number, the name of a metric, or two costs as MISS:ALARM.
+
+    Raises:
+        DataError: the text is no goal, or the domain has more than two classes.
+    """
+    if len(domain.values) != 2:
+        raise DataError(f"--threshold is for two classes, and there are {len(domain.values)}")
+    try:
+        numbers = [float(part) for part in text.split(":")]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 1:
+        return Cut(positive_class(domain), numbers[0]).probability
+    goal = (numbers[0], numbers[1]) if len(numbers) == 2 else text
+    named_goal(goal)
+    return goal
+
+
+def positive_class(domain: Domain) -> str:
+    """Return the domain's positive class, or the last in alphabetical order if it has none."""
+    return domain.learning.positive or max(domain.values)
+
+
+def class_prevalence(domain: Domain, positive_prevalence: float | None = None) -> dict[str, float]:
+    """Return the prevalence of each class: from the domain's knowledge, or with a given positive class.
+
+    Args:
+        positive_prevalence: replaces the prevalence of the positive class; the others keep their ratios.
+    """
+    marginal = Reasoner(domain.program).posterior(domain.target, {})
+    shares = {value: max(share, MIN_PREVALENCE) for value, share in marginal}
+    total = sum(shares.values())
+    prevalence = {value: share / total for value, share in shares.items()}
+    if positive_prevalence is None:
+        return prevalence
+    positive, given = positive_class(domain), positive_prevalence
+    others = 1 - prevalence[positive]
+    return {v: given if v == positive else p * (1 - given) / others for v, p in prevalence.items()}
+
+
+def choose_cut(validation: Validation, positive: str, prevalence: float, goal: Goal) -> Cut:
+    """Return the given threshold, or the best one for a goal on the out-of-fold probabilities."""
+    if isinstance(goal, float):
+        return Cut(positive, goal)
+    probabilities = validation.probabilities[:, validation.classes.index(positive)]
+    truth = np.array(validation.labels) == positive
+    best = choose_threshold(probabilities, truth, validation.folds, prevalence=prevalence, goal=goal)
+    return Cut(positive, best.probability)

@@ -1,0 +1,78 @@
+"""A stream of simulated people for Algorithm 1, and the result of each decision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lcorpp.domains import Domain
+from lcorpp.learning.store import StoredTrack
+from lcorpp.simulation.population import Person, Population
+from lcorpp.simulation.trajectories import TrajectorySource
+from lcorpp.simulation.world import SimulatedWorld, SimulationModel
+from lcorpp.values import Array, Episode, Instance
+
+GROUP_SIZE = 50
+"""People whose trajectories are simulated together; one by one takes twenty times longer."""
+
+
+@dataclass(frozen=True)
+class DecisionResult:
+    """The result of a decision, scored from the hidden truth.
+
+    actual: the true target value. report: the reported value, None without a report.
+    cost, return_: as in `SimulatedWorld`.
+    """
+
+    actual: str
+    report: str | None
+    cost: float
+    return_: float
+
+    def to_extra(self) -> dict[str, Any]:
+        """Return the truth as JSON, for the `extra` field of a stored track; its label is the report."""
+        return {"simulated": {"actual": self.actual, "cost": self.cost, "earned": self.return_}}
+
+    @classmethod
+    def from_stored(cls, track: StoredTrack) -> DecisionResult | None:
+        """Return the result of a stored decision, None if the store does not contain the truth."""
+        extra = track.extra.get("simulated")
+        if not isinstance(extra, dict) or not {"actual", "cost", "earned"} <= set(extra):
+            return None
+        return cls(extra["actual"], track.label_history[0].label, extra["cost"], extra["earned"])
+
+
+class PeopleStream:
+    """An endless sequence of simulated people.
+
+    Each person depends only on the seed and the position, so a resumed run continues the same sequence.
+    """
+
+    def __init__(self, domain: Domain, source: TrajectorySource, seed: int, *, position: int = 0) -> None:
+        """position: of the first person, counted from 0."""
+        self._domain, self._source, self._seed = domain, source, seed
+        self._population, self._model = Population(domain), SimulationModel(domain)
+        self._group: list[tuple[Person, Array]] = []
+        self._position = position
+        self._current: tuple[Person, SimulatedWorld] | None = None
+
+    def next(self) -> tuple[Instance, SimulatedWorld]:
+        """Return the next person's instance and world; line 8 of Algorithm 1."""
+        group, index = divmod(self._position, GROUP_SIZE)
+        if not self._group or index == 0:
+            rng = np.random.default_rng([self._seed, 1, group])
+            people = self._population.sample(GROUP_SIZE, rng)
+            self._group = list(zip(people, self._source.trajectories(people, rng), strict=True))
+        person, track = self._group[index]
+        world = self._model.make_world(person, np.random.default_rng([self._seed, 2, self._position]))
+        self._position += 1
+        self._current = person, world
+        return Instance(track, {name: person[name] for name in self._domain.observed}), world
+
+    def result(self, episode: Episode) -> DecisionResult:
+        """Score the decision about the latest person."""
+        assert self._current is not None
+        person, world = self._current
+        return DecisionResult(person[self._domain.target], episode.report, world.cost, world.return_)
