@@ -11,8 +11,8 @@ import pytest
 from lcorpp.learning import read_data, read_recording, save_dataset, write_recording
 from lcorpp.learning.data.repairs import REPAIRS
 from lcorpp.values import Dataset
-from tests.learning.recorded.server import serving
-from tests.learning.recorded.texts import GOOD, atc_rows, crowd, rows
+from tests.learning.data.server import serving
+from tests.learning.data.texts import GOOD, atc_rows, crowd, rows
 
 ROOMS = Path(__file__).parents[2] / "tests/domains/rooms"
 REAL = Path(__file__).parents[3] / "shared" / "data" / "authors"

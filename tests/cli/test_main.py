@@ -60,7 +60,11 @@ def interrupt(*_, **__):
             ("run", *SMALL),
             "training and cross-validating summaries",
         ),
-        ("comparison.evaluate_exactly", ("run", ROOMS, "--exact", "--classifier", "channel"), "enumerating people and answers"),
+        (
+            "comparison.evaluate_exactly",
+            ("run", ROOMS, "--exact", "--classifier", "channel"),
+            "enumerating people and answers",
+        ),
         ("comparison.run_trials", ("run", "--classifier", "channel"), "simulating trials"),
     ],
 )

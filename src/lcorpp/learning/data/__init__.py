@@ -1,10 +1,12 @@
-"""Recorded motion: read, repaired on request, described and drawn, and made into a `Dataset`.
+"""Recorded motion: read, repair on request, describe, plot, and convert to a `Dataset`.
 
-tracks      what is read: tracks of unequal length     rows        CSV text in columns, mistakes located
-atc, long_csv, parquet                                 the formats
-repair      what may be wrong with a track             units       millimetres taken for metres
-reading     any of the formats, known by its content   windows     tracks -> a rectangular Dataset
-rectangular Dataset <-> .npz and Recording             writing     Recording -> CSV or Parquet
-describe    counts, durations, speeds, duplicates      fetching    downloads that go on where they were cut
-plots       pictures; it loads matplotlib and is imported by nothing else here
+tracks          Track, Recording and Repair: tracks of unequal length, as they were read
+reading         read any format, detected by content
+csv_reader      CSV text in columns, errors located         csv_formats  long CSV and ATC tracking data
+parquet, npz, authors, labels                               the other formats, and files of labels
+ingest          rows of any format -> tracks: assembly collects the rows of each id, cleaning splits and
+                checks them, repairs says which faults may be repaired, units detects millimetres
+windows         tracks -> a rectangular Dataset             dataset      check and split a Dataset
+writing         Recording -> CSV or Parquet                 describe     counts, durations, speeds, duplicates
+fetching        resumable downloads                         plots        figures, with matplotlib
 """

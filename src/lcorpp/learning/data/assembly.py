@@ -1,4 +1,4 @@
-"""Rows of many people in turn, gathered into one track after the other."""
+"""Collect the rows of a file into one raw track per id."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from lcorpp.values import Array
 class RawTrack:
     """All rows of one id in the order of the file, unchecked.
 
-    lines: (rows,) where they are. times: (rows,) seconds. columns: name -> (rows,).
-    words: "label" and "group", where the file has them -> every different word -> the line it is first on.
+    lines: (rows,) line numbers. times: (rows,) seconds. columns: name -> (rows,).
+    words: "label" and "group", if the file has them -> each distinct word -> its first line.
     """
 
     id: str
@@ -30,18 +30,18 @@ class RawTrack:
         return len(self.lines)
 
     def take(self, rows: Lines | slice) -> RawTrack:
-        """Some of the rows, in the given order."""
+        """Return the given rows, in their order."""
         columns = {name: values[rows] for name, values in self.columns.items()}
         return RawTrack(self.id, self.lines[rows], self.times[rows], columns, self.words)
 
 
 class TrackAssembler:
-    """Batches go in, one `RawTrack` for every id comes out, in the order in which the ids first appear.
+    """Assemble batches of rows into one `RawTrack` per id, in the order of first appearance.
 
     Args:
-        names: the number columns besides "time".
-        words: those of "label" and "group" that the batches have.
-        scale: name -> factor for a column that is in other units.
+        names: the numeric columns besides "time".
+        words: which of "label" and "group" the batches have.
+        scale: name -> factor, for columns in other units.
     """
 
     def __init__(
@@ -50,16 +50,16 @@ class TrackAssembler:
         self._names, self._words, self._scale = names, words, scale or {}
         self._codes: dict[str, int] = {}
         self._pieces: list[list[tuple[Lines, Array]]] = []
-        self._found: list[dict[str, dict[str, int]]] = []
+        self._distinct_words: list[dict[str, dict[str, int]]] = []
 
     def add(self, batch: RowBatch) -> None:
-        """Take in the rows of a batch, whose text "track" says whose each is."""
+        """Add the rows of a batch; its text column "track" has the ids."""
         codes = np.array(
             [self._codes.setdefault(name, len(self._codes)) for name in batch.texts["track"]], dtype=np.intp
         )
         while len(self._pieces) < len(self._codes):
             self._pieces.append([])
-            self._found.append({word: {} for word in self._words})
+            self._distinct_words.append({word: {} for word in self._words})
         table = np.stack([batch.numbers["time"], *(batch.numbers[name] for name in self._names)])
         order = np.argsort(codes, kind="stable")
         ends = np.flatnonzero(np.diff(codes[order])) + 1
@@ -67,37 +67,37 @@ class TrackAssembler:
             code = codes[rows[0]]
             self._pieces[code].append((batch.lines[rows], table[:, rows]))
             for word in self._words:
-                seen, texts = self._found[code][word], batch.texts[word]
+                lines_of, texts = self._distinct_words[code][word], batch.texts[word]
                 for text in dict.fromkeys(texts[row] for row in rows.tolist()):
-                    if text not in seen:
+                    if text not in lines_of:
                         first = next(row for row in rows.tolist() if texts[row] == text)
-                        seen[text] = int(batch.lines[first])
+                        lines_of[text] = int(batch.lines[first])
 
-    def without_cut_word(self, source: RowSource, repair_log: RepairLog) -> None:
-        """Leave out the very last row if the file ends in the middle of its label or group.
+    def drop_cut_word(self, source: RowSource, repair_log: RepairLog) -> None:
+        """Drop the last row if the file ends in the middle of its label or group.
 
-        That is told by a word of its own, which is the beginning of the word that the track had before.
+        Such a word appears once and is a prefix of the track's earlier word.
         """
         if not self._pieces:
             return
         last = max((int(pieces[-1][0][-1]), code) for code, pieces in enumerate(self._pieces))
         line, code = last
-        for word, seen in self._found[code].items():
-            for text, first in list(seen.items()):
-                whole = next((other for other in seen if other != text and other.startswith(text)), None)
+        for word, lines_of in self._distinct_words[code].items():
+            for text, first in list(lines_of.items()):
+                whole = next((other for other in lines_of if other != text and other.startswith(text)), None)
                 if first == line and whole is not None:
                     message = f"the file ends in the middle of its last line: {word} {text!r} after {whole!r}"
                     name = list(self._codes)[code]
                     repair_log.repair_or_raise(
                         "cut", source, line, message, "left out", field=word, track=name
                     )
-                    del seen[text]
+                    del lines_of[text]
                     lines, table = self._pieces[code][-1]
                     self._pieces[code][-1] = lines[:-1], table[:, :-1]
                     return
 
-    def raw_tracks(self) -> Iterator[RawTrack]:
-        """Every id's rows; what is handed out is forgotten here."""
+    def iterate_tracks(self) -> Iterator[RawTrack]:
+        """Yield the rows of each id and release their memory."""
         for name, code in self._codes.items():
             pieces, self._pieces[code] = self._pieces[code], []
             lines = np.concatenate([lines for lines, _ in pieces])
@@ -106,4 +106,4 @@ class TrackAssembler:
                 column: values * self._scale.get(column, 1.0)
                 for column, values in zip(self._names, table[1:], strict=True)
             }
-            yield RawTrack(name, lines, table[0], columns, self._found[code])
+            yield RawTrack(name, lines, table[0], columns, self._distinct_words[code])

@@ -1,4 +1,4 @@
-"""The 123 trajectories that the paper's authors released."""
+"""Read the 123 trajectories that the paper's authors released."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from lcorpp.files import read_text
 from lcorpp.values import Array, Dataset
 
 POINTS = 304
-"""Time points of a track; a row has one column more before them, the id, and one after, the label."""
+"""Time points of a track; a row has an id before them and a label after them."""
 MILLIMETRE = 1e-3
 
 NOTE = (
-    "This data leaks its label: the tracks of interested people end in front of the robot and the others'"
-    " elsewhere in the mall, so that the end position alone tells 99 % of them; tracks of different length"
-    " were stretched to 304 points, and the traces of that alone reach AUC .89. Only motion relative to the"
-    " first point is a fair input; with it AUC .79 to .84 is about the honest ceiling, and a better score has"
-    " used the leak."
+    "This data leaks its label: the tracks of interested people end in front of the robot, those of others"
+    " elsewhere in the mall, so that the end position alone predicts 99 % of the labels; tracks of different"
+    " length were stretched to 304 points, and the resampling artefacts alone reach AUC .89. Only motion"
+    " relative to the first point is a fair input; its realistic upper limit is about AUC .79 to .84, and a"
+    " better score has used the leak."
 )
 
 
@@ -41,12 +41,12 @@ def read_authors(folder: str | Path, *, labels: Mapping[str, str]) -> Dataset:
     """Read `interposx.csv` and `interposy.csv` of the authors' repository.
 
     Args:
-        folder: where the two files lie. Each row is an id, 304 positions in mm (x in one file, y in the
-            other) and a label; the rows of both files belong together one by one.
-        labels: what the labels of the files mean, e.g. {"1": "interested", "0": "not_interested"}.
+        folder: contains the two files. A row is an id, 304 positions in mm (x in one file, y in the other)
+            and a label; rows of the same number belong together.
+        labels: label in the files -> class, e.g. {"1": "interested", "0": "not_interested"}.
 
     Returns:
-        Trajectories (cases, 2, 304) in metres, grouped by id, with a note on what they leak.
+        Trajectories (cases, 2, 304) in metres, grouped by id, with a note about the leak.
 
     Raises:
         FileError: a file is missing or cannot be read.
@@ -65,9 +65,12 @@ def read_authors(folder: str | Path, *, labels: Mapping[str, str]) -> Dataset:
             _fail(y_file, y, POINTS + 1, message)
     if len(x_rows) != len(y_rows):
         file, rows = min((x_file, x_rows), (y_file, y_rows), key=lambda pair: len(pair[1]))
-        most = max(len(x_rows), len(y_rows))
+        longest = max(len(x_rows), len(y_rows))
         _fail(
-            file, rows[-1], 0, f"the file ends after {len(rows)} rows; expected {most} as in the other file"
+            file,
+            rows[-1],
+            0,
+            f"the file ends after {len(rows)} rows; expected {longest} as in the other file",
         )
     tracks = np.stack([[row.positions for row in x_rows], [row.positions for row in y_rows]], axis=1)
     return Dataset(

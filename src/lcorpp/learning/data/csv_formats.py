@@ -1,7 +1,12 @@
-"""The plain long CSV: a line that names the columns, then one row a person and time, in metres.
+"""Two formats of CSV: the long format, and the tracking data of the ATC shopping centre.
 
-track, time (s), x and y (m) are needed; z (m), velocity (m/s), heading and facing (rad), label and group may
-be there. Columns of other names are not used.
+Long format: a heading, then one row per person and time, in metres. track, time (s), x and y (m) are
+required; z (m), velocity (m/s), heading and facing (rad), label and group are optional; others are ignored.
+
+ATC: no heading; time (s since 1970), id of the person, x, y and z (mm; z is the height of the head), velocity
+(mm/s), angle of motion (rad), facing angle (rad).
+
+Source: Brscic, Kanda, Ikeda and Miyashita, IEEE Transactions on Human-Machine Systems 43, 2013.
 """
 
 from __future__ import annotations
@@ -16,26 +21,29 @@ from lcorpp.learning.data.csv_reader import CsvFile, column_of
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.tracks import COLUMNS, Track
 
-NEEDED = ("track", "time", "x", "y")
-WORDS = ("label", "group")
-NAMES = dict.fromkeys((*NEEDED, *COLUMNS, *WORDS))
-"""Every column that has a meaning, in the order in which they are written."""
+REQUIRED = ("track", "time", "x", "y")
+WORD_COLUMNS = ("label", "group")
+LONG_COLUMNS = dict.fromkeys((*REQUIRED, *COLUMNS, *WORD_COLUMNS))
+"""All columns of the long format, in the order in which they are written."""
+
+ATC_COLUMNS = ("time", "track", "x", "y", "z", "velocity", "heading", "facing")
+MILLIMETRE = 1e-3
 
 
 def read_long_csv(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
-    """Read a file of this form.
+    """Read a file in the long format.
 
     Returns:
-        The tracks, in metres, and notes on them.
+        The tracks, in metres, and notes about the file.
 
     Raises:
         FileError: the file cannot be read.
-        ParseError: the heading, a row or a track is wrong, and its repair was not asked for.
+        ParseError: the heading, a row or a track has a fault whose repair was not requested.
     """
     names = read_header(path)
-    cells = {name: cell for cell, name in enumerate(names) if name in NAMES}
-    words = tuple(name for name in WORDS if name in cells)
-    numbers = tuple(name for name in NAMES if name in cells and name not in ("track", *WORDS))
+    cells = {name: cell for cell, name in enumerate(names) if name in LONG_COLUMNS}
+    words = tuple(name for name in WORD_COLUMNS if name in cells)
+    numbers = tuple(name for name in LONG_COLUMNS if name in cells and name not in ("track", *WORD_COLUMNS))
     file = CsvFile(path, cells, len(names), numbers, header=1)
     assembler = TrackAssembler(numbers[1:], words)
     tracks = assemble_tracks(file, file.batches(options.repair_log, options.progress), assembler, options)
@@ -44,18 +52,38 @@ def read_long_csv(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[
     return tracks, (*note_unused_columns(names), *file.notes(options.repair_log))
 
 
+def read_atc(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
+    """Read ATC tracking data; only the requested rows and one batch of text are in memory.
+
+    Returns:
+        The tracks, in metres and metres per second, and notes about the file.
+
+    Raises:
+        FileError: the file cannot be read.
+        ParseError: a row or a track has a fault whose repair was not requested.
+    """
+    numbers = tuple(name for name in ATC_COLUMNS if name != "track")
+    file = CsvFile(path, {name: cell for cell, name in enumerate(ATC_COLUMNS)}, len(ATC_COLUMNS), numbers)
+    scale = dict.fromkeys(("x", "y", "z", "velocity"), MILLIMETRE)
+    assembler = TrackAssembler(numbers[1:], scale=scale)
+    tracks = assemble_tracks(file, file.batches(options.repair_log, options.progress), assembler, options)
+    if not tracks and options.only is None and not options.repair_log.repairs:
+        raise ParseError(str(path), 1, 1, f"the file is empty; expected rows of {', '.join(ATC_COLUMNS)}")
+    return tracks, file.notes(options.repair_log)
+
+
 def note_unused_columns(names: list[str]) -> tuple[str, ...]:
-    """A note on columns without a meaning here, if there are any."""
-    others = [name for name in names if name not in NAMES]
+    """Return a note that names the ignored columns, if there are any."""
+    others = [name for name in names if name not in LONG_COLUMNS]
     return (f"columns that are not used: {', '.join(others)}",) if others else ()
 
 
 def read_header(path: Path) -> list[str]:
-    """The names of the columns, in small letters.
+    """Read the names of the columns, in lower case.
 
     Raises:
         FileError: the file cannot be read.
-        ParseError: a needed column is missing, or a name is there twice.
+        ParseError: a required column is missing, or a name is repeated.
     """
     with open_text(path) as file:
         try:
@@ -66,12 +94,12 @@ def read_header(path: Path) -> list[str]:
         names = [name.strip().lower() for name in next(csv.reader([text], strict=True), [])]
     except csv.Error as error:
         raise ParseError(str(path), 1, 1, f"not a row of CSV ({error})", text) from None
-    for name in NEEDED:
+    for name in REQUIRED:
         if name not in names:
-            message = f"no column {name!r}; expected {', '.join(NEEDED)} among {', '.join(NAMES)}"
+            message = f"no column {name!r}; expected {', '.join(REQUIRED)} among {', '.join(LONG_COLUMNS)}"
             raise ParseError(str(path), 1, 1, message, text)
     for cell, name in enumerate(names):
         if name in names[:cell]:
-            message = f"column {name!r} for the second time; {expected_one_of(list(NAMES))}, each once"
+            message = f"column {name!r} for the second time; {expected_one_of(list(LONG_COLUMNS))}, each once"
             raise ParseError(str(path), 1, column_of(text, cell), message, text)
     return names

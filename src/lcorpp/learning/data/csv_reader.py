@@ -1,6 +1,6 @@
-"""CSV text as columns of numbers, some ten thousand lines at a time, every mistake with its line and column.
+"""Read CSV text into columns, in batches of lines; errors have their line and column.
 
-A batch of lines is split and converted at once; only a batch that fails is gone through line by line.
+numpy converts a batch at once; only a batch that fails is parsed line by line.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from lcorpp.files import open_text
 from lcorpp.learning.data.repairs import RepairLog
 from lcorpp.values import Array
 
-LINES = 50_000
-"""Lines of a batch: some megabytes of text."""
+BATCH_LINES = 50_000
+"""Lines per batch: some megabytes of text."""
 
-LONGEST = 40
-"""Letters of a word from which on a batch is gone through line by line."""
+MAX_WORD = 40
+"""Length of a word in letters from which a batch is parsed line by line."""
 
 Progress = Callable[[int, int], None]
-"""Told (bytes read, bytes in all)."""
+"""Callback with (bytes read, bytes in all)."""
 
 Lines = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class RowBatch:
-    """Rows in columns.
+    """Rows of a file, as columns.
 
-    lines: (rows,) their numbers in the file, from 1. numbers: name -> (rows,), NaN where a cell is empty.
-    texts: name -> (rows,) words, without the blanks around them.
+    lines: (rows,) line numbers in the file, from 1. numbers: name -> (rows,), NaN for an empty cell.
+    texts: name -> (rows,) words, stripped.
     """
 
     lines: Lines
@@ -49,9 +49,9 @@ class CsvFile:
 
     Args:
         path: the file, UTF-8.
-        cells: name -> which cell of a row it is, counted from 0. width: cells of a row.
-        numbers: those of the names that are numbers; the others are words.
-        header: lines before the first row.
+        cells: name -> index of its cell in a row, from 0. width: number of cells in a row.
+        numbers: the names of the numeric columns; the others are words.
+        header: number of lines before the first row.
     """
 
     def __init__(
@@ -63,45 +63,48 @@ class CsvFile:
         name_of = {cell: name for name, cell in cells.items()}
         self._kinds = np.dtype(
             [
-                (name_of.get(cell, f"unused {cell}"), "f8" if name_of.get(cell) in numbers else f"U{LONGEST}")
+                (
+                    name_of.get(cell, f"unused {cell}"),
+                    "f8" if name_of.get(cell) in numbers else f"U{MAX_WORD}",
+                )
                 for cell in range(width)
             ]
         )
         self.ended = True
 
     def notes(self, repair_log: RepairLog) -> tuple[str, ...]:
-        """What is to be known of a file that was read."""
+        """Return warnings about a file that was read."""
         if self.ended or any(repair.reason == "cut" for repair in repair_log.repairs):
             return ()
         return ("the last line has no line end: its last number may have been cut",)
 
     def error_at(self, line: int, field: str, message: str) -> LcorppError:
-        """A ParseError at a field; the line is read again to show it."""
+        """Return a ParseError at a field, with the text of its line."""
         with open_text(self.path) as file:
             text = next(islice(file, line - 1, None), "")
         return ParseError(self.file, line, column_of(text, self._cells.get(field, 0)), message, text)
 
     def batches(self, repair_log: RepairLog, progress: Progress | None = None) -> Iterator[RowBatch]:
-        """All rows, blank lines aside.
+        """Yield all rows without blank lines.
 
         Raises:
             FileError: the file cannot be read, or is not UTF-8.
-            ParseError: a row cannot be read, unless `repair_log` allows the repairs `rows` and `cut`.
+            ParseError: a row cannot be parsed, and repair `rows` or `cut` was not requested.
         """
         size, read, number = self.path.stat().st_size, 0, 1
         with open_text(self.path) as file:
-            while lines := self._some(file, number):
+            while lines := self._read_lines(file, number):
                 self.ended = lines[-1].endswith("\n")
                 first = min(max(0, self._header + 1 - number), len(lines))
-                yield self._batch(lines[first:], number + first, repair_log)
+                yield self._parse_batch(lines[first:], number + first, repair_log)
                 number += len(lines)
                 read += sum(map(len, lines))
                 if progress is not None:
                     progress(min(read, size), size)
 
-    def _some(self, file: Iterator[str], number: int) -> list[str]:
+    def _read_lines(self, file: Iterator[str], number: int) -> list[str]:
         try:
-            return list(islice(file, LINES))
+            return list(islice(file, BATCH_LINES))
         except UnicodeDecodeError as error:
             raise FileError(
                 f"{self.file}: not UTF-8 text after line {number} (byte {error.object[error.start]:#04x})"
@@ -109,13 +112,13 @@ class CsvFile:
         except OSError as error:
             raise FileError(f"{self.file}: cannot be read: {error.strerror or error}") from None
 
-    def _batch(self, lines: list[str], number: int, repair_log: RepairLog) -> RowBatch:
-        batch = self._at_once(lines, number)
+    def _parse_batch(self, lines: list[str], number: int, repair_log: RepairLog) -> RowBatch:
+        batch = self._parse_at_once(lines, number)
         if batch is not None:
             return batch
         kept, numbers = [], []
         for line, text in enumerate(lines, start=number):
-            row = self._row(line, text, repair_log)
+            row = self._parse_row(line, text, repair_log)
             if row is not None:
                 kept.append(row)
                 numbers.append(line)
@@ -126,8 +129,8 @@ class CsvFile:
             {name: [word.strip() for word in columns[self._cells[name]]] for name in self._texts},
         )
 
-    def _at_once(self, lines: list[str], number: int) -> RowBatch | None:
-        """All lines converted by numpy, a tenth of the time; None where that fails."""
+    def _parse_at_once(self, lines: list[str], number: int) -> RowBatch | None:
+        """Convert all lines with numpy, in a tenth of the time; return None if that fails."""
         if not lines or not lines[0].strip():
             return None
         try:
@@ -135,7 +138,7 @@ class CsvFile:
         except ValueError:
             return None
         texts = {name: table[name].tolist() for name in self._texts}
-        if len(table) != len(lines) or any(max(map(len, words)) >= LONGEST for words in texts.values()):
+        if len(table) != len(lines) or any(max(map(len, words)) >= MAX_WORD for words in texts.values()):
             return None
         return RowBatch(
             np.arange(number, number + len(lines), dtype=np.int64),
@@ -143,8 +146,8 @@ class CsvFile:
             {name: [word.strip() for word in words] for name, words in texts.items()},
         )
 
-    def _row(self, line: int, text: str, repair_log: RepairLog) -> list[str] | None:
-        """The cells of a line, empty numbers as NaN; None if it is blank or left out."""
+    def _parse_row(self, line: int, text: str, repair_log: RepairLog) -> list[str] | None:
+        """Return the cells of a line, empty numbers as NaN; None if the line is blank or left out."""
         if not text.strip():
             return None
         cut, left_out = not text.endswith("\n"), "left out"
@@ -179,7 +182,7 @@ def _is_number(cell: str) -> bool:
 
 
 def column_of(text: str, cell: int) -> int:
-    """The column, counted from 1, at which a cell (counted from 0) of a line begins."""
+    """Return the column (from 1) at which a cell (from 0) of a line begins."""
     quoted, commas = False, 0
     for column, letter in enumerate(text, start=1):
         if commas == cell:

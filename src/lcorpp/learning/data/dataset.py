@@ -1,4 +1,4 @@
-"""Data sets as the learner wants them: checked, extended and divided, never changed in place."""
+"""Check data sets and split them into training and test data."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lcorpp.values import Array, Dataset
 
 
 def check_tracks(tracks: npt.ArrayLike) -> Array:
-    """`tracks` as float64 (cases, channels, time points), known to be finite and to hold motion.
+    """Return `tracks` as float64 (cases, channels, time points) after checking that it is finite.
 
     Raises:
         DataError: another shape, fewer than two time points, or a number that is NaN or infinite.
@@ -30,11 +30,11 @@ def check_tracks(tracks: npt.ArrayLike) -> Array:
 
 
 def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
-    """Return if a classifier can be learnt from `dataset` and validated in `folds` grouped folds.
+    """Check that a classifier can be trained on `dataset` and validated in `folds` grouped folds.
 
     Raises:
         DataError: fewer than two classes, a class in fewer groups than folds, a number that is not finite,
-            tracks of fewer than two points, or tracks that are all the same.
+            tracks of fewer than two points, or identical tracks only.
     """
     tracks = check_tracks(dataset.trajectories)
     classes = sorted(set(dataset.labels))
@@ -47,23 +47,23 @@ def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
         for name in classes
     }
     if min(groups.values()) < folds:
-        there = ", ".join(f"{name} in {count}" for name, count in groups.items())
-        raise DataError(f"{folds} folds need every class in at least {folds} groups; there are: {there}")
+        counts = ", ".join(f"{name} in {count}" for name, count in groups.items())
+        raise DataError(f"{folds} folds need every class in at least {folds} groups; there are: {counts}")
     if np.all(tracks == tracks[:1]):
         raise DataError(f"all {len(dataset)} tracks are the same; nothing can be learnt from them")
 
 
 def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, Dataset]:
-    """Divide into training and test data; a group is never divided, and each class is in proportion.
+    """Split into training and test data, stratified by class; all cases of a group go to one side.
 
     Args:
-        test: the share of the cases of every class that goes to the test, as near as whole groups come.
+        test: test share of the cases of each class, approximated by whole groups.
 
     Returns:
-        (training, test), each with its rows in the order they had.
+        (training, test), each with its rows in their original order.
 
     Raises:
-        DataError: `test` is not between 0 and 1, or one side would lack a class.
+        DataError: `test` is not between 0 and 1, or a side lacks a class.
     """
     if not 0 < test < 1:
         raise DataError(f"the test share must lie between 0 and 1, not {test}")

@@ -1,4 +1,4 @@
-"""What the readers of all formats have in common: from batches of rows to the tracks of one file."""
+"""Convert batches of rows of any format to the tracks of one file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lcorpp.learning.data.assembly import TrackAssembler
-from lcorpp.learning.data.cleaning import GAP, split_tracks
+from lcorpp.learning.data.cleaning import MAX_GAP, split_tracks
 from lcorpp.learning.data.csv_reader import Progress, RowBatch
 from lcorpp.learning.data.labels import make_label_reader
 from lcorpp.learning.data.repairs import RepairLog, RowSource
@@ -18,41 +18,41 @@ from lcorpp.learning.data.units import convert_to_metres
 
 @dataclass(frozen=True, eq=False)
 class ReadOptions:
-    """How a file is to be read.
+    """Options for reading a file.
 
-    repair_log: which repairs are allowed; it is told of each.
-    labels: written label -> class; None takes the labels as they are.
+    repair_log: the requested repairs; each one made is added.
+    labels: label in the file -> class; None takes the labels unchanged.
     only: the ids to read; None reads all.
-    gap: the longest silence of one person, seconds.
-    progress: told (bytes read, bytes in all).
+    gap: maximum number of seconds between two samples of one person.
+    progress: callback with (bytes read, bytes in all).
     """
 
     repair_log: RepairLog = field(default_factory=RepairLog)
     labels: Mapping[str, str] | None = None
     only: Collection[str] | None = None
-    gap: float = GAP
+    gap: float = MAX_GAP
     progress: Progress | None = None
 
 
 def assemble_tracks(
     source: RowSource, batches: Iterable[RowBatch], assembler: TrackAssembler, options: ReadOptions
 ) -> list[Track]:
-    """The tracks in batches of rows, in metres, each fault refused or repaired as `options` has it."""
+    """Return the tracks in batches of rows, in metres; faults are repaired on request or are errors."""
     for batch in batches:
-        assembler.add(_wanted(batch, source, options))
+        assembler.add(_select_rows(batch, source, options))
     if not source.ended:
-        assembler.without_cut_word(source, options.repair_log)
+        assembler.drop_cut_word(source, options.repair_log)
     class_of = make_label_reader(options.labels, source, options.repair_log)
     tracks, lines = [], []
-    for raw in assembler.raw_tracks():
+    for raw in assembler.iterate_tracks():
         found = list(split_tracks(raw, source, options.repair_log, class_of=class_of, gap=options.gap))
         tracks += found
         lines += [int(raw.lines[0])] * len(found)
     return convert_to_metres(tracks, lines, source, options.repair_log)
 
 
-def _wanted(batch: RowBatch, source: RowSource, options: ReadOptions) -> RowBatch:
-    """The rows of a batch that are somebody's, and of the ids that are asked for."""
+def _select_rows(batch: RowBatch, source: RowSource, options: ReadOptions) -> RowBatch:
+    """Return the rows of a batch that have an id, restricted to the ids to read."""
     names = batch.texts["track"]
     if "" in names:
         for row, name in enumerate(names):

@@ -1,4 +1,4 @@
-"""What written labels mean, and labels that lie in a file of their own."""
+"""Convert labels to classes, and read labels from a file of their own."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
 
 HEADINGS = ("id", "track", "person")
-"""How the first column of a file of labels may be called, if it has a line that says so."""
+"""Names of the first column in the optional heading of a file of labels."""
 
 
 def class_of_label(word: str, labels: Mapping[str, str] | None) -> str | None:
-    """The class of a written label; None if it is unknown.
+    """Return the class of a label; None if it is unknown.
 
     Args:
-        labels: written label -> class; a class stands for itself, too. None takes every word as it is.
+        labels: label in the file -> class; a class maps to itself, too. None takes every word unchanged.
     """
     if labels is None:
         return word or None
@@ -32,38 +32,38 @@ def class_of_label(word: str, labels: Mapping[str, str] | None) -> str | None:
 
 
 def make_label_reader(labels: Mapping[str, str] | None, source: RowSource, repair_log: RepairLog) -> ClassOf:
-    """What tells the class of a label in a line of `source`; one that has none is refused or left out."""
+    """Return a callback that converts labels of `source`; an unknown one is an error or is left out."""
 
     def class_of(word: str, line: int, raw: RawTrack) -> str | None:
-        found = class_of_label(word, labels)
-        if found is None:
-            message = unknown(word, labels)
+        label_class = class_of_label(word, labels)
+        if label_class is None:
+            message = describe_unknown_label(word, labels)
             where = {"field": "label", "track": raw.id}
             repair_log.repair_or_raise("labels", source, line, message, "left out", **where, rows=len(raw))
-        return found
+        return label_class
 
     return class_of
 
 
-def unknown(word: str, labels: Mapping[str, str] | None) -> str:
-    """What is wrong with a label that has no meaning."""
+def describe_unknown_label(word: str, labels: Mapping[str, str] | None) -> str:
+    """Return the error message for an unknown label."""
     known = dict.fromkeys((*(labels or {}), *(labels or {}).values()))
     wanted = expected_one_of(list(known)) if labels else "expected the name of a class"
     return f"unknown label {word!r}; {wanted}" if word else f"no label; {wanted}"
 
 
 def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Read a small CSV of two columns, id and label, with or without a line that names them.
+    """Read a small CSV of two columns, id and label, with or without a heading.
 
     Args:
-        labels: what the written labels mean; None takes them as they are.
+        labels: label in the file -> class; None takes the labels unchanged.
 
     Returns:
         The class of each id.
 
     Raises:
         FileError: the file cannot be read.
-        ParseError: it is empty, or a line has other columns, an unknown label, or an id again.
+        ParseError: it is empty, or a line has other columns, an unknown label, or another label for an id.
     """
     classes: dict[str, str] = {}
     lines = read_text(path).splitlines()
@@ -78,11 +78,15 @@ def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> di
             message = f"{len(row)} columns; expected 2: an id and its label"
             raise ParseError(str(path), number, 1, message, text)
         name, word = row
-        found = class_of_label(word, labels)
-        if found is None:
-            raise ParseError(str(path), number, column_of(text, 1), unknown(word, labels), text)
-        if classes.setdefault(name, found) != found:
-            message = f"id {name!r} is {found} here and {classes[name]} before; expected one label for an id"
+        label_class = class_of_label(word, labels)
+        if label_class is None:
+            raise ParseError(
+                str(path), number, column_of(text, 1), describe_unknown_label(word, labels), text
+            )
+        if classes.setdefault(name, label_class) != label_class:
+            message = (
+                f"id {name!r} is {label_class} here and {classes[name]} before; expected one label for an id"
+            )
             raise ParseError(str(path), number, 1, message, text)
     if not classes:
         raise ParseError(str(path), 1, 1, "the file is empty; expected rows of an id and its label")
@@ -92,9 +96,9 @@ def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> di
 def attach_labels(
     tracks: list[Track], classes: Mapping[str, str], file: Path, repair_log: RepairLog
 ) -> list[Track]:
-    """The tracks whose ids have a class, with it.
+    """Return the tracks whose ids have a class, with that class.
 
-    An id that was given away twice has one label for two people: those tracks are refused or left out.
+    Tracks of an id that several people had share one label: they are an error or are left out.
 
     Raises:
         DataError: a track has a label of its own, or an id was split and repair `labels` was not requested.
@@ -106,21 +110,21 @@ def attach_labels(
         base = track.id if track.id in classes else re.sub(r"#\d+$", "", track.id)
         if base in classes:
             parts.setdefault(base, []).append(track)
-    found = []
+    labelled = []
     for name, own in parts.items():
         if len(own) == 1:
-            found.append(replace(own[0], label=classes[name]))
+            labelled.append(replace(own[0], label=classes[name]))
             continue
         message = f"its id was given to {len(own)} people; the label {classes[name]!r} may be any one's"
         rows = sum(len(track) for track in own)
         repair_log.repair_or_raise(
             "labels", WholeFile(str(file)), 1, message, "left out", track=name, rows=rows
         )
-    return found
+    return labelled
 
 
 class WholeFile:
-    """A file as a whole, where no line can be named."""
+    """A file whose errors have no line."""
 
     def __init__(self, file: str) -> None:
         self.file, self.ended = file, True

@@ -1,4 +1,4 @@
-"""The columns of the plain long CSV as a Parquet file; pyarrow reads and writes it (extra `parquet`)."""
+"""Read Parquet files with the columns of the long CSV format, with pyarrow (extra `parquet`)."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 
 from lcorpp.errors import DataError, FileError, expected_one_of
 from lcorpp.learning.data.assembly import TrackAssembler
-from lcorpp.learning.data.csv_formats import NAMES, NEEDED, WORDS, note_unused_columns
-from lcorpp.learning.data.csv_reader import LINES, Progress, RowBatch
+from lcorpp.learning.data.csv_formats import LONG_COLUMNS, REQUIRED, WORD_COLUMNS, note_unused_columns
+from lcorpp.learning.data.csv_reader import BATCH_LINES, Progress, RowBatch
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.tracks import Track
 
 SUFFIXES = (".parquet", ".pq")
 
 
-def pyarrow() -> Any:
-    """The modules of pyarrow that are needed.
+def import_pyarrow() -> Any:
+    """Import pyarrow with the modules for Parquet files.
 
     Raises:
-        DataError: it is not installed.
+        DataError: pyarrow is not installed.
     """
     try:
         import pyarrow
@@ -34,11 +34,11 @@ def pyarrow() -> Any:
 
 
 class ParquetFile:
-    """A Parquet file whose rows are numbered from 1."""
+    """A Parquet file; its rows count from 1."""
 
     def __init__(self, path: Path) -> None:
         self.file, self.ended = str(path), True
-        self._arrow = pyarrow()
+        self._arrow = import_pyarrow()
         try:
             with open(path, "rb"):
                 pass
@@ -50,31 +50,31 @@ class ParquetFile:
         except (OSError, ValueError) as error:  # pyarrow's own errors are both
             raise DataError(f"{path}: not a Parquet file, or a damaged one: {error}") from None
         self.names = [name.strip().lower() for name in self._table.schema_arrow.names]
-        for name in NEEDED:
+        for name in REQUIRED:
             if name not in self.names:
                 raise DataError(
-                    f"{path}: no column {name!r}; {expected_one_of(list(NAMES))}, and found {self.names}"
+                    f"{path}: no column {name!r}; {expected_one_of(list(LONG_COLUMNS))}, not {self.names}"
                 )
         if len(set(self.names)) < len(self.names):
             raise DataError(f"{path}: a column is there twice: {', '.join(self.names)}")
 
     def error_at(self, line: int, field: str, message: str) -> DataError:
-        """A DataError that names the row and the column."""
+        """Return a DataError with the row and the column."""
         column = f", column {field!r}" if field else ""
         return DataError(f"{self.file}: row {line}{column}: {message}")
 
     def batches(
         self, numbers: tuple[str, ...], words: tuple[str, ...], progress: Progress | None = None
     ) -> Iterator[RowBatch]:
-        """All rows; what is null is NaN, or no word.
+        """Yield all rows; null is NaN or the empty word.
 
         Raises:
-            DataError: a column is not of its kind, or the file is damaged.
+            DataError: a column has the wrong type, or the file is damaged.
         """
         wanted = {name: self._table.schema_arrow.names[self.names.index(name)] for name in (*numbers, *words)}
         line, rows = 1, self._table.metadata.num_rows
         try:
-            for part in self._table.iter_batches(batch_size=LINES, columns=list(wanted.values())):
+            for part in self._table.iter_batches(batch_size=BATCH_LINES, columns=list(wanted.values())):
                 yield RowBatch(
                     np.arange(line, line + part.num_rows, dtype=np.int64),
                     {name: self._numbers(part.column(wanted[name]), name) for name in numbers},
@@ -106,19 +106,21 @@ class ParquetFile:
 
 
 def read_parquet(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
-    """Read a file of this form.
+    """Read a Parquet file of tracks.
 
     Returns:
-        The tracks, in metres, and notes on them.
+        The tracks, in metres, and notes about the file.
 
     Raises:
         FileError: the file cannot be read.
-        DataError: it is not a Parquet file, columns are wrong, pyarrow is not installed, or a row or a track
-            is wrong and its repair was not asked for.
+        DataError: it is not a Parquet file, a column is wrong, pyarrow is not installed, or a row or a track
+            has a fault whose repair was not requested.
     """
     file = ParquetFile(path)
-    words = tuple(name for name in WORDS if name in file.names)
-    numbers = tuple(name for name in NAMES if name in file.names and name not in ("track", *WORDS))
+    words = tuple(name for name in WORD_COLUMNS if name in file.names)
+    numbers = tuple(
+        name for name in LONG_COLUMNS if name in file.names and name not in ("track", *WORD_COLUMNS)
+    )
     assembler = TrackAssembler(numbers[1:], words)
     batches = file.batches(numbers, ("track", *words), options.progress)
     tracks = assemble_tracks(file, batches, assembler, options)

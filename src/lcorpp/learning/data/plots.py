@@ -1,4 +1,4 @@
-"""Pictures of recorded tracks: where people of each class walk, and how fast."""
+"""Plots of recorded tracks by class, and of their speeds."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.plot_style import COLOURS, INK, MUTED, despine, with_style
 from lcorpp.values import Array
 
-MOST = 300
-"""Tracks of a class that are drawn, evenly chosen; more hide each other."""
+MAX_TRACKS = 300
+"""Maximum number of tracks drawn per class; more hide each other."""
 
-STEP = 0.4
-"""Seconds over which a speed is taken: at 30 Hz a tracker's noise alone would look like walking."""
+SPEED_STEP = 0.4
+"""Seconds per speed value: at 30 Hz a tracker's noise alone looks like walking."""
 
-SPEEDS = 2.3
-"""Inches that the speeds are high."""
+SPEEDS_HEIGHT = 2.3
+"""Height of the speed panel in inches."""
 
-COMMON = 0.5
-"""The share of a class's tracks that must reach back to a time for their speeds to be drawn there."""
+MIN_SHARE = 0.5
+"""Minimum share of a class's tracks that cover a time for their speeds to be drawn there."""
 
-ORDER = (5, 1, 2, 3, 6, 0)
-"""Which of the house's colours the classes get."""
+COLOUR_ORDER = (5, 1, 2, 3, 6, 0)
+"""Order in which the classes take the colours of `plot_style`."""
 
 
 @with_style
-def plot_tracks(recording: Recording, *, title: str = "", most: int = MOST) -> Figure:
-    """A panel of tracks for each class, all to one scale, above the speeds of all classes.
+def plot_tracks(recording: Recording, *, title: str = "", max_tracks: int = MAX_TRACKS) -> Figure:
+    """Plot the tracks of each class to one scale, above the speeds of all classes.
 
-    A dot is where a track ends, a cross where the robot stands. The speeds are the median of the class and
-    the middle half of it, over the time before each track's end.
+    A dot marks the end of a track, a cross the robot. Speeds are the median and the interquartile range of
+    the class over the time before the end.
 
     Args:
-        title: written above. most: tracks to draw of each class, evenly chosen.
+        title: of the figure. max_tracks: maximum number of tracks per class, evenly selected.
 
     Raises:
         DataError: there are no tracks.
@@ -50,16 +50,16 @@ def plot_tracks(recording: Recording, *, title: str = "", most: int = MOST) -> F
     classes = [[track for track in recording.tracks if track.label == name] for name in names]
     width = max(6.0, 3.8 * len(names))
     panel = _height(recording.tracks, width / len(names))
-    figure = Figure(figsize=(width, panel + SPEEDS + 1.9), layout="constrained")
-    parts: Any = figure.subfigures(2, 1, height_ratios=[panel + 0.8, SPEEDS + 0.8])
+    figure = Figure(figsize=(width, panel + SPEEDS_HEIGHT + 1.9), layout="constrained")
+    parts: Any = figure.subfigures(2, 1, height_ratios=[panel + 0.8, SPEEDS_HEIGHT + 0.8])
     above, below = parts
     first: Axes | None = None
     for column, (name, tracks) in enumerate(zip(names, classes, strict=True)):
         axes = above.add_subplot(1, len(names), column + 1, sharex=first, sharey=first)
         first = first or axes
-        shown = _draw_class(axes, tracks, _colour(column), most)
-        many = f"{len(tracks)} tracks" if shown == len(tracks) else f"{shown} of {len(tracks)} tracks"
-        axes.set_title(f"{name or 'without a label'}: {many}", fontsize=10)
+        n_drawn = _draw_class(axes, tracks, _colour(column), max_tracks)
+        count = f"{len(tracks)} tracks" if n_drawn == len(tracks) else f"{n_drawn} of {len(tracks)} tracks"
+        axes.set_title(f"{name or 'without a label'}: {count}", fontsize=10)
         axes.set_xlabel("x (m)")
         if column == 0:
             axes.set_ylabel("y (m)")
@@ -72,28 +72,28 @@ def plot_tracks(recording: Recording, *, title: str = "", most: int = MOST) -> F
 
 
 def _height(tracks: Sequence[Track], width: float) -> float:
-    """Inches that a panel of this width needs for all tracks to one scale, within reason."""
-    extent = np.ptp(np.concatenate([track.place for track in tracks], axis=1), axis=1)
+    """Return the height in inches of a panel of this width at equal scale, within limits."""
+    extent = np.ptp(np.concatenate([track.positions for track in tracks], axis=1), axis=1)
     return float(np.clip((width - 0.6) * extent[1] / max(extent[0], 1e-9), 1.0, 5.0))
 
 
 def _colour(number: int) -> str:
-    return COLOURS[ORDER[number % len(ORDER)]]
+    return COLOURS[COLOUR_ORDER[number % len(COLOUR_ORDER)]]
 
 
-def _draw_class(axes: Axes, tracks: Sequence[Track], colour: str, most: int) -> int:
-    """Draw some tracks evenly chosen among those of a class; returned is how many."""
-    chosen = np.unique(np.linspace(0, len(tracks) - 1, min(most, len(tracks))).round().astype(int))
-    places = [tracks[i].place.T for i in chosen]
-    alpha = float(np.clip(12 / len(places), 0.2, 0.8))
-    axes.add_collection(LineCollection(places, colors=colour, linewidths=0.9, alpha=alpha))
-    ends = np.array([place[-1] for place in places])
+def _draw_class(axes: Axes, tracks: Sequence[Track], colour: str, max_tracks: int) -> int:
+    """Draw evenly selected tracks of a class; return their number."""
+    chosen = np.unique(np.linspace(0, len(tracks) - 1, min(max_tracks, len(tracks))).round().astype(int))
+    positions = [tracks[i].positions.T for i in chosen]
+    alpha = float(np.clip(12 / len(positions), 0.2, 0.8))
+    axes.add_collection(LineCollection(positions, colors=colour, linewidths=0.9, alpha=alpha))
+    ends = np.array([track_positions[-1] for track_positions in positions])
     axes.plot(*ends.T, ".", color=colour, markersize=4, alpha=min(1.0, 2 * alpha), markeredgewidth=0)
     axes.plot(0, 0, "+", color=INK, markersize=11, markeredgewidth=1.8)
     axes.set_aspect("equal", adjustable="box")
     axes.autoscale_view()
     axes.spines[["top", "right"]].set_visible(False)
-    return len(places)
+    return len(positions)
 
 
 def _draw_speeds(axes: Axes, names: Sequence[str | None], classes: Sequence[Sequence[Track]]) -> None:
@@ -113,18 +113,18 @@ def _draw_speeds(axes: Axes, names: Sequence[str | None], classes: Sequence[Sequ
 
 
 def _speeds_before_end(tracks: Sequence[Track]) -> tuple[Array, Array]:
-    """(times,) seconds, 0 at the end, and (tracks, times) speeds over `STEP`, NaN before a track begins.
+    """(times,) seconds, 0 at the end, and (tracks, times) speeds over `SPEED_STEP`, NaN before the track.
 
-    Times that fewer than `COMMON` of the tracks reach are left out.
+    Times covered by less than `MIN_SHARE` of the tracks are left out.
     """
     durations = np.sort([track.duration for track in tracks])[::-1]
-    reached = durations[max(0, int(np.ceil(COMMON * len(tracks))) - 1)]
-    steps = int(reached / STEP + 1e-9)
-    back = -STEP * np.arange(steps, -1, -1)
+    reached = durations[max(0, int(np.ceil(MIN_SHARE * len(tracks))) - 1)]
+    steps = int(reached / SPEED_STEP + 1e-9)
+    back = -SPEED_STEP * np.arange(steps, -1, -1)
     speeds = np.full((len(tracks), steps), np.nan)
     for row, track in enumerate(tracks):
         at = back + track.times[-1]
         x, y = (np.interp(at, track.times, track.columns[name]) for name in ("x", "y"))
-        seen = at[:-1] >= track.times[0] - 1e-9
-        speeds[row, seen] = (np.hypot(np.diff(x), np.diff(y)) / STEP)[seen]
+        covered = at[:-1] >= track.times[0] - 1e-9
+        speeds[row, covered] = (np.hypot(np.diff(x), np.diff(y)) / SPEED_STEP)[covered]
     return (back[:-1] + back[1:]) / 2, speeds

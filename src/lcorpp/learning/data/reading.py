@@ -1,4 +1,4 @@
-"""Recordings of any of the formats, known by what they are rather than by what they are called."""
+"""Read recordings of any format, detected by content rather than by name."""
 
 from __future__ import annotations
 
@@ -12,13 +12,18 @@ import numpy as np
 
 from lcorpp.errors import DataError, FileError, ParseError
 from lcorpp.files import open_text
-from lcorpp.learning.data.atc import FIELDS, read_atc
 from lcorpp.learning.data.authors import read_authors
-from lcorpp.learning.data.cleaning import GAP
-from lcorpp.learning.data.csv_formats import NEEDED, read_long_csv
+from lcorpp.learning.data.cleaning import MAX_GAP
+from lcorpp.learning.data.csv_formats import ATC_COLUMNS, REQUIRED, read_atc, read_long_csv
 from lcorpp.learning.data.csv_reader import Progress
 from lcorpp.learning.data.ingest import ReadOptions
-from lcorpp.learning.data.labels import WholeFile, attach_labels, class_of_label, read_labels, unknown
+from lcorpp.learning.data.labels import (
+    WholeFile,
+    attach_labels,
+    class_of_label,
+    describe_unknown_label,
+    read_labels,
+)
 from lcorpp.learning.data.npz import SUFFIX, load_dataset, to_recording
 from lcorpp.learning.data.parquet import SUFFIXES, read_parquet
 from lcorpp.learning.data.repairs import RepairLog
@@ -31,10 +36,10 @@ from lcorpp.values import Dataset
 Format = Literal["authors", "npz", "store", "parquet", "atc", "long"]
 
 RECTANGULAR = ("authors", "npz", "store")
-"""The kinds whose tracks all have the same time points."""
+"""Formats whose tracks all have the same number of time points."""
 
-WRITTEN = {"0": "0", "1": "1"}
-"""The labels of the authors' files, where nobody says what they mean."""
+RAW_LABELS = {"0": "0", "1": "1"}
+"""Labels of the authors' files, if the caller does not name their classes."""
 
 Pose = tuple[float, float, float]
 
@@ -49,26 +54,26 @@ def read_data(
     channels: Sequence[str] | None = None,
     repair: Collection[str] = (),
     robot: Pose | None = None,
-    gap: float = GAP,
+    gap: float = MAX_GAP,
     progress: Progress | None = None,
 ) -> Dataset:
     """Read labelled tracks of any format as a data set to learn from.
 
-    The authors' files, .npz and stores are rectangular already and stay as they are unless an argument says
-    otherwise; of other formats the last ten seconds of each track are taken, 304 points .033 s apart.
+    The authors' files, .npz and stores are rectangular and stay unchanged unless an argument changes them;
+    other formats are cut to the last ten seconds of each track, 304 points .033 s apart.
 
     Args:
-        interval, points, channels: of the data set; see `to_dataset`.
-        others: as those of `read_recording`.
+        interval, points, channels: as in `to_dataset`.
+        others: as in `read_recording`.
 
     Raises:
         FileError, ParseError, DataError: as `read_recording` and `to_dataset`.
     """
     kind = detect_format(path)
-    asked = (interval, points, channels, robot, label_file)
+    changes = (interval, points, channels, robot, label_file)
     if kind in RECTANGULAR:
-        whole = _rectangular(Path(path), kind, labels, RepairLog(repair))
-        if all(argument is None for argument in asked):
+        whole = _read_rectangular(Path(path), kind, labels, RepairLog(repair))
+        if all(argument is None for argument in changes):
             return whole
         interval, points = interval or whole.interval, points or whole.trajectories.shape[2]
     recording = read_recording(
@@ -95,27 +100,27 @@ def read_recording(
     label_file: str | Path | None = None,
     repair: Collection[str] = (),
     robot: Pose | None = None,
-    gap: float = GAP,
+    gap: float = MAX_GAP,
     progress: Progress | None = None,
 ) -> Recording:
     """Read tracks: a folder of the authors' files, a long CSV, ATC tracking data, Parquet, .npz, or a store.
 
-    Of a store (see `lcorpp.learning.store`) the tracks that have a label are read.
+    From a store (see `lcorpp.learning.store`) only the labelled tracks are read.
 
     Args:
-        labels: what the written labels mean, e.g. {"1": "interested", "0": "not_interested"}; a class
-            stands for itself, too. None takes every label as it is.
+        labels: label in the file -> class, e.g. {"1": "interested", "0": "not_interested"}; a class maps to
+            itself, too. None takes every label unchanged.
         label_file: a CSV of ids and labels, for a file without labels; only those tracks are read.
-        repair: names among `REPAIRS`, or "all"; what is not asked for is refused.
-        robot: where the robot stood in the frame of the file (x and y in metres) and which way it faced
-            (radians); None says that the file is in the robot's frame.
-        gap: seconds of silence after which an id is held to be somebody else's.
-        progress: told (bytes read, bytes in all).
+        repair: names from `REPAIRS`, or "all"; a fault whose repair is not requested is an error.
+        robot: the pose of the robot in the frame of the file (x and y in metres, angle in radians); None if
+            the file is in the robot's frame.
+        gap: maximum number of seconds between two samples of one person.
+        progress: callback with (bytes read, bytes in all).
 
     Raises:
         FileError: a file is missing or cannot be read.
-        ParseError: a row or a track is wrong, and its repair was not asked for.
-        DataError: as ParseError, where a file has no lines; or an argument is wrong.
+        ParseError: a row or a track has a fault whose repair was not requested.
+        DataError: likewise, for files without lines; or an argument is wrong.
     """
     file, kind = Path(path), detect_format(path)
     if not gap > 0:
@@ -125,7 +130,7 @@ def read_recording(
     if kind in RECTANGULAR:
         if classes is not None:
             raise DataError(f"{path}: has labels of its own; {label_file} cannot give others")
-        whole = to_recording(_rectangular(file, kind, labels, repair_log))
+        whole = to_recording(_read_rectangular(file, kind, labels, repair_log))
         recording = replace(whole, repairs=tuple(repair_log.repairs))
     else:
         only = None if classes is None else classes.keys()
@@ -133,21 +138,21 @@ def read_recording(
         reader = {"atc": read_atc, "long": read_long_csv, "parquet": read_parquet}[kind]
         tracks, notes = reader(file, options)
         if classes is not None:
-            found = attach_labels(tracks, classes, file, repair_log)
-            missing = len(classes) - len({track.group for track in found})
+            labelled = attach_labels(tracks, classes, file, repair_log)
+            missing = len(classes) - len({track.group for track in labelled})
             if missing:
                 notes = (*notes, f"{missing} of {len(classes)} ids of {label_file} have no tracks")
-            tracks = found
+            tracks = labelled
         recording = Recording(tuple(tracks), file.name, notes, tuple(repair_log.repairs))
     return recording if robot is None else recording.in_robot_frame(*robot)
 
 
 def detect_format(path: str | Path) -> Format:
-    """What a file or a folder holds.
+    """Detect the format of a file or a folder.
 
     Raises:
-        FileError: it is missing or cannot be read, or is not text.
-        ParseError: its first line is none of a known format.
+        FileError: the file is missing or unreadable, or is not text.
+        ParseError: the first line is of no known format.
     """
     file = Path(path)
     if file.is_dir():
@@ -172,17 +177,19 @@ def detect_format(path: str | Path) -> Format:
         cells = _cells(text)
         if cells is None or not all(_is_number(cell) for cell in cells):
             return (
-                "atc" if cells is not None and len(cells) == len(FIELDS) and _is_number(cells[0]) else "long"
+                "atc"
+                if cells is not None and len(cells) == len(ATC_COLUMNS) and _is_number(cells[0])
+                else "long"
             )
-        if len(cells) == len(FIELDS):
+        if len(cells) == len(ATC_COLUMNS):
             return "atc"
         hint = " (the authors' files are read as a folder)" if file.stem.startswith("interpos") else ""
         message = (
-            f"{len(cells)} columns of numbers; expected a line that names {', '.join(NEEDED)}, or the"
-            f" {len(FIELDS)} columns of ATC data: {', '.join(FIELDS)}{hint}"
+            f"{len(cells)} columns of numbers; expected a line that names {', '.join(REQUIRED)}, or the"
+            f" {len(ATC_COLUMNS)} columns of ATC data: {', '.join(ATC_COLUMNS)}{hint}"
         )
         raise ParseError(str(path), number, 1, message, text)
-    raise ParseError(str(path), 1, 1, f"the file is empty; expected a line that names {', '.join(NEEDED)}")
+    raise ParseError(str(path), 1, 1, f"the file is empty; expected a line that names {', '.join(REQUIRED)}")
 
 
 def _cells(text: str) -> list[str] | None:
@@ -200,8 +207,8 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _in_metres(dataset: Dataset, file: Path, repair_log: RepairLog) -> Dataset:
-    """A stored data set in metres, as the tracks of a file are."""
+def _convert_dataset_to_metres(dataset: Dataset, file: Path, repair_log: RepairLog) -> Dataset:
+    """Convert a stored data set to metres, like the tracks of a file."""
     tracks = to_recording(dataset).tracks
     scaled = convert_to_metres(tracks, [1] * len(tracks), WholeFile(str(file)), repair_log)
     if all(new is old for new, old in zip(scaled, tracks, strict=True)):
@@ -210,19 +217,19 @@ def _in_metres(dataset: Dataset, file: Path, repair_log: RepairLog) -> Dataset:
     return replace(dataset, trajectories=np.stack(rows))
 
 
-def _rectangular(
+def _read_rectangular(
     file: Path, kind: Format, labels: Mapping[str, str] | None, repair_log: RepairLog
 ) -> Dataset:
     if kind == "authors":
-        return read_authors(file, labels=labels or WRITTEN)
+        return read_authors(file, labels=labels or RAW_LABELS)
     dataset = load_dataset(file) if kind == "npz" else read_store(file).dataset()
     if kind == "npz":
-        dataset = _in_metres(dataset, file, repair_log)
+        dataset = _convert_dataset_to_metres(dataset, file, repair_log)
     classes = [class_of_label(word, labels) for word in dataset.labels]
-    for case, (word, found) in enumerate(zip(dataset.labels, classes, strict=True)):
-        if found is None:
-            message = f"case {case} (counted from 0): {unknown(word, labels)}"
+    for case, (word, name) in enumerate(zip(dataset.labels, classes, strict=True)):
+        if name is None:
+            message = f"case {case} (counted from 0): {describe_unknown_label(word, labels)}"
             track = dataset.groups[case]
             repair_log.repair_or_raise("labels", WholeFile(str(file)), 1, message, "left out", track=track)
-    known = [case for case, found in enumerate(classes) if found is not None]
+    known = [case for case, name in enumerate(classes) if name is not None]
     return replace(dataset.take(known), labels=tuple(str(classes[case]) for case in known))

@@ -1,7 +1,6 @@
-"""What may be wrong with recorded rows and tracks: refused, or repaired where that is asked for.
+"""Repairs of recorded rows and tracks, each requested by its name.
 
-Nothing is repaired silently. Each repair has a name; what is not asked for by name is refused with its place,
-and what is repaired is kept in a `RepairLog`, row by row.
+A fault whose repair was not requested is an error with its place; each repair is recorded in a `RepairLog`.
 """
 
 from __future__ import annotations
@@ -18,48 +17,48 @@ REPAIRS = {
     "nonfinite": "leave out samples that are missing, NaN or infinite",
     "order": "sort the samples of a track by time",
     "duplicates": "keep the first of several samples of a track at one time",
-    "gaps": "split a track where its id was given away: silent for too long, or at times it already had",
+    "gaps": "split a track whose id was reused: silent for too long, or with times that begin again",
     "short": "leave out tracks of fewer than two samples",
     "constant": "leave out tracks that never move",
     "units": "rescale positions and speeds that no human has by a factor of 1000",
     "labels": "leave out tracks without a label, with an unknown one or with several",
 }
-"""Every repair by its name, and what it does."""
+"""Repairs: name -> what it does."""
 
 ALL = "all"
-"""The name that asks for every repair."""
+"""Name that requests every repair."""
 
 
 class RowSource(Protocol):
-    """Something rows are read from, which can tell where a row is.
+    """A file of rows that can locate an error.
 
-    file: its name. ended: whether its last line, once read, had an end.
+    file: its name. ended: whether its last line, once read, has a line end.
     """
 
     file: str
     ended: bool
 
     def error_at(self, line: int, field: str, message: str) -> LcorppError:
-        """The error to raise for a field of a line (counted from 1)."""
+        """Return the error for a field of a line (counted from 1)."""
         ...
 
 
 class RepairLog:
-    """Which repairs were asked for, and what was repaired so far.
+    """The requested repairs, and those made so far.
 
     Args:
-        asked: names among `REPAIRS`, or "all".
+        requested: names from `REPAIRS`, or "all".
 
     Raises:
-        DataError: a name is none of them.
+        DataError: an unknown name.
     """
 
-    def __init__(self, asked: Collection[str] = ()) -> None:
-        names = [asked] if isinstance(asked, str) else list(asked)
+    def __init__(self, requested: Collection[str] = ()) -> None:
+        names = [requested] if isinstance(requested, str) else list(requested)
         for name in names:
             if name not in REPAIRS and name != ALL:
                 raise DataError(f"unknown repair {name!r}; {expected_one_of((*REPAIRS, ALL))}")
-        self.asked = frozenset(REPAIRS if ALL in names else names)
+        self.requested = frozenset(REPAIRS if ALL in names else names)
         self.repairs: list[Repair] = []
 
     def repair_or_raise(
@@ -74,18 +73,18 @@ class RepairLog:
         track: str = "",
         rows: int = 1,
     ) -> None:
-        """Note a repair that was asked for, or refuse.
+        """Record a repair if it was requested; otherwise raise the error.
 
         Args:
-            reason: the repair. line, field: where the fault is.
-            message: what is wrong and what was expected, for who did not ask.
-            done: what is done about it, for who did.
-            track: whose row it is. rows: how many rows are changed.
+            reason: the repair. line, field: the place of the fault.
+            message: the error raised if this repair was not requested.
+            done: the action, e.g. "left out".
+            track: the id of the track. rows: number of rows changed.
 
         Raises:
-            ParseError, DataError: the repair was not asked for; see `RowSource.error_at`.
+            ParseError, DataError: the repair was not requested; see `RowSource.error_at`.
         """
-        if reason not in self.asked:
+        if reason not in self.requested:
             whose = f"track {track!r}: " if track else ""
             raise source.error_at(line, field, f"{whose}{message}; repair {reason!r} would {REPAIRS[reason]}")
         self.repairs.append(Repair(reason, source.file, line, track, rows, f"{message}: {done}"))

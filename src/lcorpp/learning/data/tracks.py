@@ -1,9 +1,10 @@
-"""What is read from recordings: tracks of any length, and what was mended on the way."""
+"""Recordings: tracks of unequal length, and the repairs made while they were read."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from html import escape
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -14,18 +15,18 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.values import CHANNELS, Array, freeze
 
 COLUMNS = ("x", "y", "z", "velocity", "heading", "facing")
-"""What a track may tell at each time: the channels of a `Dataset`, and z, the height of the head (m)."""
+"""Columns of a track: the channels of a `Dataset`, and z, the height of the head (m)."""
 
 ANGLES = ("heading", "facing")
-"""The columns that are angles, in radians."""
+"""Columns that are angles, in radians."""
 
 
 class Repair(NamedTuple):
-    """One thing that was repaired because it was asked for.
+    """A fault that was repaired on request.
 
-    reason: the name of the repair, one of `repair.REPAIRS`. file, line: where it began, counted from 1.
-    track: the id of the track as it is written, empty where there is none. rows: how many rows it changed.
-    done: what was wrong and what was done about it.
+    reason: the name of the repair, from `repairs.REPAIRS`. file, line: its first place; lines count from 1.
+    track: the id of the track as in the file, empty if none. rows: number of rows changed.
+    done: the fault and the action, as a phrase.
     """
 
     reason: str
@@ -36,19 +37,27 @@ class Repair(NamedTuple):
     done: str
 
 
-LARGEST = 1e9
-"""Numbers beyond, in any unit, are no place and no speed; their squares would no longer tell people apart."""
+MAX_NUMBER = 1e9
+"""Maximum size of a coordinate or speed in any unit; squares of larger numbers lose precision."""
 
 
-@dataclass(frozen=True, eq=False)
+MAX_HTML_CLASSES = 20
+"""Rows of the table that notebooks show for a recording."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Track:
-    """The motion of one person as it was sampled.
+    """The sampled motion of one person.
 
-    id: its name, unlike that of any other track of a recording.
-    times: (samples,) seconds, rising, of any origin.
-    columns: name among `COLUMNS` -> (samples,); x and y are there; metres, metres per second, radians.
-    label: its class, None where it is not known.
-    group: who it is, as far as is known; the id unless given.
+    id: unique in its recording.
+    times: (samples,) seconds, increasing, from any origin.
+    columns: name from `COLUMNS` -> (samples,); x and y are required; metres, metres per second, radians.
+    label: its class; None if unknown.
+    group: the person's id if known; by default the track's id.
+
+    Raises:
+        DataError: an unknown or missing column, another shape, a number that is not finite, or fewer than
+            two samples.
     """
 
     id: str
@@ -68,8 +77,8 @@ class Track:
                 raise DataError(f"{where}: unknown column {name!r}; {expected_one_of(COLUMNS)}")
             if columns[name].shape != samples or len(samples) != 1:
                 raise DataError(f"{where}: {name} of shape {columns[name].shape}, times of shape {samples}")
-            if not (np.abs(columns[name]) <= LARGEST).all():
-                raise DataError(f"{where}: {name} is not finite, or above {LARGEST:g}")
+            if not (np.abs(columns[name]) <= MAX_NUMBER).all():
+                raise DataError(f"{where}: {name} is not finite, or above {MAX_NUMBER:g}")
         if not {"x", "y"} <= set(columns):
             raise DataError(f"{where}: it has no column x or y")
         if len(self.times) < 2:
@@ -80,25 +89,31 @@ class Track:
     def __len__(self) -> int:
         return len(self.times)
 
+    def __repr__(self) -> str:
+        columns = ", ".join(self.columns)
+        return (
+            f"Track({self.id!r}, {self.label!r}: {len(self)} samples of {columns} in {self.duration:.1f} s)"
+        )
+
     @property
     def duration(self) -> float:
         """Seconds from the first sample to the last."""
         return float(self.times[-1] - self.times[0])
 
     @property
-    def place(self) -> Array:
+    def positions(self) -> Array:
         """(2, samples) x and y in metres."""
         return np.stack([self.columns["x"], self.columns["y"]])
 
     @property
     def speeds(self) -> Array:
         """(samples - 1,) metres per second from each sample to the next."""
-        step = np.diff(self.place, axis=1)
+        step = np.diff(self.positions, axis=1)
         speeds: Array = np.hypot(step[0], step[1]) / np.diff(self.times)
         return speeds
 
     def in_robot_frame(self, x: float, y: float, angle: float) -> Track:
-        """The same motion in the frame of a robot at (x, y), metres, that faces `angle`, radians."""
+        """Transform the track to the frame of a robot at (x, y), metres, that faces `angle`, radians."""
         cosine, sine = np.cos(angle), np.sin(angle)
         dx, dy = self.columns["x"] - x, self.columns["y"] - y
         moved = {"x": cosine * dx + sine * dy, "y": cosine * dy - sine * dx}
@@ -107,17 +122,20 @@ class Track:
 
 
 def wrap_angle(angle: npt.ArrayLike) -> Array:
-    """Angles of any size as the same ones in (-pi, pi]."""
+    """Wrap angles to (-pi, pi]."""
     turned: Array = np.pi - (np.pi - np.asarray(angle, dtype=np.float64)) % (2 * np.pi)
     return turned
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """Tracks of unequal length, as they were read.
 
-    tracks: with ids that differ. source: where they come from, for people to read.
-    notes: what their user has to know. repairs: what was repaired, in the order it was found.
+    tracks: with unique ids. source: where they come from, for people to read.
+    notes: warnings for the user. repairs: the repairs made, in the order of the faults.
+
+    Raises:
+        DataError: two tracks have the same id.
     """
 
     tracks: tuple[Track, ...]
@@ -134,23 +152,41 @@ class Recording:
     def __len__(self) -> int:
         return len(self.tracks)
 
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{count} {label or 'without a label'}" for label, count in self._count().items())
+        repairs = f"; {len(self.repairs)} repairs" if self.repairs else ""
+        return f"Recording({self.source!r}, {len(self)} tracks: {counts or 'none'}{repairs})"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            f"<tr><td>{escape(label or '(no label)')}</td><td>{count}</td>"
+            f"<td>{np.median([t.duration for t in self.tracks if t.label == label]):.1f}</td></tr>"
+            for label, count in list(self._count().items())[:MAX_HTML_CLASSES]
+        ]
+        heading = "<tr><th>class</th><th>tracks</th><th>median seconds</th></tr>"
+        return f"<p>{escape(repr(self))}</p><table>{heading}{''.join(rows)}</table>"
+
+    def _count(self) -> dict[str | None, int]:
+        """Number of tracks of each class."""
+        return {label: self.labels.count(label) for label in sorted(set(self.labels), key=str)}
+
     @property
     def labels(self) -> tuple[str | None, ...]:
-        """(tracks,) their classes."""
+        """(tracks,) the classes of the tracks."""
         return tuple(track.label for track in self.tracks)
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """The channels of a `Dataset` that every track has, in the order of `CHANNELS`."""
+        """Channels of a `Dataset` that every track has, in the order of `CHANNELS`."""
         return tuple(name for name in CHANNELS if all(name in track.columns for track in self.tracks))
 
     def in_robot_frame(self, x: float, y: float, angle: float) -> Recording:
-        """All tracks in the frame of a robot; see `Track.in_robot_frame`."""
+        """Transform all tracks to the frame of a robot; see `Track.in_robot_frame`."""
         return replace(self, tracks=tuple(track.in_robot_frame(x, y, angle) for track in self.tracks))
 
 
 def count_repairs(repairs: Iterable[Repair]) -> dict[str, tuple[int, int]]:
-    """For each reason how many rows were changed, and in how many places."""
+    """Count repairs: reason -> (rows changed, places)."""
     counts: dict[str, tuple[int, int]] = {}
     for repair in repairs:
         rows, places = counts.get(repair.reason, (0, 0))

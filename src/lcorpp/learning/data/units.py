@@ -1,4 +1,4 @@
-"""Millimetres taken for metres, or metres for millimetres: told by speeds that no human has."""
+"""Detect wrong units of length: millimetres for metres, or the reverse, give impossible speeds."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
 from lcorpp.values import Array
 
-FASTEST = 12.0
-"""Metres per second, the median of a track, that no human keeps up; the fastest sprint ever reached 12.4."""
+MAX_SPEED = 12.0
+"""Maximum median speed of a track in m/s; the fastest sprint ever reached 12.4 at its peak."""
 
-SLOWEST = 0.005
-"""Metres per second below which the median of all tracks of a file is no walk, nor a tracker's noise."""
+MIN_SPEED = 0.005
+"""Minimum median speed of all tracks of a file in m/s; even a tracker's noise is faster."""
 
 FACTOR = 1000.0
 LENGTHS = ("x", "y", "z")
@@ -25,37 +25,39 @@ LENGTHS = ("x", "y", "z")
 def convert_to_metres(
     tracks: Sequence[Track], first_lines: Sequence[int], source: RowSource, repair_log: RepairLog
 ) -> list[Track]:
-    """The tracks of one file with positions in metres and speeds in metres per second.
+    """Convert the tracks of one file to metres and metres per second.
 
-    Where at least half the tracks are too fast, all are taken to be in millimetres, also those of people
-    who stand; otherwise those that are too fast.
+    If at least half of the tracks are too fast, all are converted, including those of people who stand;
+    otherwise only the tracks that are too fast.
 
     Args:
-        first_lines: where each track begins in the file.
+        first_lines: the line in the file where each track begins.
 
     Raises:
-        ParseError, DataError: there are such tracks and repair `units` was not requested, or no
-            factor of 1000 explains them.
+        ParseError, DataError: tracks have a wrong unit and repair `units` was not requested, or no factor of
+            1000 explains their speed.
     """
     if not tracks:
         return []
-    pace = np.array([np.median(track.speeds) for track in tracks])
-    told = np.array([np.median(t.columns["velocity"]) if "velocity" in t.columns else 0.0 for t in tracks])
-    slow = 0 < np.median(pace) < SLOWEST and pace.max() < 10 * SLOWEST
-    places = np.where(_too_fast(pace), 1 / FACTOR, FACTOR if slow else 1.0).tolist()
-    speeds = np.where(_too_fast(told), 1 / FACTOR, 1.0).tolist()
+    speed = np.array([np.median(track.speeds) for track in tracks])
+    written = np.array([np.median(t.columns["velocity"]) if "velocity" in t.columns else 0.0 for t in tracks])
+    slow = 0 < np.median(speed) < MIN_SPEED and speed.max() < 10 * MIN_SPEED
+    length_factors = np.where(_too_fast(speed), 1 / FACTOR, FACTOR if slow else 1.0).tolist()
+    speed_factors = np.where(_too_fast(written), 1 / FACTOR, 1.0).tolist()
     scaled = []
-    for row, (track, place, speed) in enumerate(zip(tracks, places, speeds, strict=True)):
-        if place == speed == 1.0:
+    for row, (track, length_factor, speed_factor) in enumerate(
+        zip(tracks, length_factors, speed_factors, strict=True)
+    ):
+        if length_factor == speed_factor == 1.0:
             scaled.append(track)
             continue
         what = (
-            f"the median speed is {pace[row]:.3g} m/s"
-            if place != 1
-            else f"the median velocity is {told[row]:.3g} m/s"
+            f"the median speed is {speed[row]:.3g} m/s"
+            if length_factor != 1
+            else f"the median velocity is {written[row]:.3g} m/s"
         )
-        unit = "metres taken for millimetres" if place > 1 else "millimetres taken for metres"
-        human = pace[row] * place <= FASTEST and told[row] * speed <= FASTEST
+        unit = "metres taken for millimetres" if length_factor > 1 else "millimetres taken for metres"
+        human = speed[row] * length_factor <= MAX_SPEED and written[row] * speed_factor <= MAX_SPEED
         message = f"{what}, which no human has; " + (
             f"it looks like {unit}" if human else "no unit of length explains it"
         )
@@ -66,18 +68,18 @@ def convert_to_metres(
             source,
             first_lines[row],
             message,
-            f"times {place if place != 1 else speed:g}",
-            field="x" if place != 1 else "velocity",
+            f"times {length_factor if length_factor != 1 else speed_factor:g}",
+            field="x" if length_factor != 1 else "velocity",
             track=track.id,
             rows=len(track),
         )
-        factors = dict.fromkeys(LENGTHS, place) | {"velocity": speed}
+        factors = dict.fromkeys(LENGTHS, length_factor) | {"velocity": speed_factor}
         columns = {name: values * factors.get(name, 1.0) for name, values in track.columns.items()}
         scaled.append(replace(track, columns=columns))
     return scaled
 
 
-def _too_fast(pace: Array) -> npt.NDArray[np.bool_]:
-    """(tracks,) which of them need another unit."""
-    fast = pace > FASTEST
-    return np.full(len(pace), True) if np.mean(fast) >= 0.5 else fast
+def _too_fast(speed: Array) -> npt.NDArray[np.bool_]:
+    """(tracks,) whether each track needs another unit."""
+    fast = speed > MAX_SPEED
+    return np.full(len(speed), True) if np.mean(fast) >= 0.5 else fast

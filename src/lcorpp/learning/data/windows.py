@@ -1,4 +1,4 @@
-"""Tracks of unequal length as a rectangular data set: the same seconds of each, at a fixed interval."""
+"""Resample tracks of unequal length to a rectangular data set: equal duration, fixed interval."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lcorpp.learning.data.tracks import ANGLES, Recording, Track, wrap_angle
 from lcorpp.values import CHANNELS, Array, Dataset
 
 INTERVAL, POINTS = 0.033, 304
-"""The paper's: 304 points at 30 Hz, ten seconds."""
+"""The paper's values: 304 points at 30 Hz, ten seconds."""
 
 End = Literal["last", "first"]
 
@@ -25,23 +25,22 @@ def to_dataset(
     channels: Sequence[str] | None = None,
     end: End = "last",
 ) -> Dataset:
-    """The same number of seconds of every track, its time points `interval` seconds apart.
+    """Cut all tracks to the same duration and resample them every `interval` seconds.
 
-    A track is too short, and left out, if it lasts less than (points - 1) * interval, by more than half an
-    interval; how many are is said in the notes. Between samples lies a straight line, and for an angle the
-    shorter way round.
+    Tracks that are shorter than (points - 1) * interval by more than half an interval are left out; the notes
+    count them. Values are interpolated linearly, angles along the shorter arc.
 
     Args:
-        recording: tracks, every one with a label.
-        interval: seconds between two time points. points: time points of a case.
-        channels: what to keep, x and y among it; None keeps what every track has.
-        end: the last seconds of each track, or the first.
+        recording: tracks with labels.
+        interval: seconds between two time points. points: time points per case.
+        channels: the channels to use, including x and y; None uses those that every track has.
+        end: whether to use the last or the first seconds of each track.
 
     Returns:
         Cases in the order of the tracks.
 
     Raises:
-        DataError: an argument is out of range, a track has no label or lacks a channel, or all are short.
+        DataError: an argument is out of range, a track lacks its label or a channel, or all are too short.
     """
     if points < 2:
         raise DataError(f"a data set needs at least 2 time points, not {points}")
@@ -53,7 +52,7 @@ def to_dataset(
         raise DataError(f"{recording.source or 'the recording'}: there are no tracks")
     names = recording.channels if channels is None else tuple(channels)
     for track in recording.tracks:
-        _check(track, names)
+        _check_track(track, names)
     needed = (points - 1) * interval
     kept = [track for track in recording.tracks if track.duration > needed - interval / 2]
     if not kept:
@@ -64,7 +63,7 @@ def to_dataset(
         )
     notes = recording.notes
     if len(kept) < len(recording):
-        notes = (*notes, _left_out(recording, kept, needed))
+        notes = (*notes, _describe_short_tracks(recording, kept, needed))
     return Dataset(
         np.stack([extract_window(track, names, interval, points, end) for track in kept]),
         tuple(str(track.label) for track in kept),
@@ -77,7 +76,7 @@ def to_dataset(
 
 
 def extract_window(track: Track, channels: Sequence[str], interval: float, points: int, end: End) -> Array:
-    """(channels, points) of one track; outside of its times it stays where it begins or ends."""
+    """(channels, points) a window of one track; outside its times the first or last value is repeated."""
     steps = np.arange(points) * interval
     at = track.times[0] + steps if end == "first" else track.times[-1] - steps[::-1]
     rows = []
@@ -90,7 +89,7 @@ def extract_window(track: Track, channels: Sequence[str], interval: float, point
     return np.stack(rows)
 
 
-def _check(track: Track, channels: Sequence[str]) -> None:
+def _check_track(track: Track, channels: Sequence[str]) -> None:
     if track.label is None:
         raise DataError(
             f"track {track.id!r} has no label; a data set to learn from needs one for every track"
@@ -102,12 +101,12 @@ def _check(track: Track, channels: Sequence[str]) -> None:
             raise DataError(f"track {track.id!r} has no {name}; {expected_one_of(list(track.columns))}")
 
 
-def _left_out(recording: Recording, kept: list[Track], needed: float) -> str:
-    """How many tracks of each class were too short."""
+def _describe_short_tracks(recording: Recording, kept: list[Track], needed: float) -> str:
+    """Return a note that counts the short tracks of each class."""
     short = {track.id for track in recording.tracks} - {track.id for track in kept}
     of_class: dict[str, int] = {}
     for track in recording.tracks:
         if track.id in short:
             of_class[str(track.label)] = of_class.get(str(track.label), 0) + 1
-    told = ", ".join(f"{count} {name}" for name, count in sorted(of_class.items()))
-    return f"{len(short)} of {len(recording)} tracks are shorter than {needed:g} s and left out: {told}"
+    counts = ", ".join(f"{count} {name}" for name, count in sorted(of_class.items()))
+    return f"{len(short)} of {len(recording)} tracks are shorter than {needed:g} s and left out: {counts}"

@@ -1,4 +1,4 @@
-"""Recordings as files that others read, too: the plain long CSV, or Parquet of the same columns."""
+"""Write recordings as long CSV or as Parquet with the same columns."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import numpy as np
 
 from lcorpp.errors import DataError, FileError, expected_one_of
 from lcorpp.files import open_atomically
-from lcorpp.learning.data.csv_formats import NAMES
-from lcorpp.learning.data.parquet import SUFFIXES, pyarrow
+from lcorpp.learning.data.csv_formats import LONG_COLUMNS
+from lcorpp.learning.data.parquet import SUFFIXES, import_pyarrow
 from lcorpp.learning.data.tracks import COLUMNS, Recording, Repair, Track
 
 DECIMALS = 4
-"""Of every number in CSV: a tenth of a millimetre and of a millisecond."""
+"""Decimals of numbers in CSV: a tenth of a millimetre or millisecond."""
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:
     """Write all tracks as a long CSV (.csv) or as Parquet (.parquet), whole or not at all.
 
-    Numbers of a CSV have four decimals; those of Parquet are exact. Columns that not every track has are
-    left away, as are the labels if a track has none.
+    Numbers have four decimals in CSV and are exact in Parquet. A column is written if every track has it,
+    the labels if every track has one.
 
     Raises:
-        FileError: the file cannot be written, or its name ends in neither way.
+        FileError: the file cannot be written, or its name has another ending.
         DataError: there are no tracks, a track has two samples within a tenth of a millisecond, which CSV
             cannot tell apart, or pyarrow is not installed.
     """
@@ -44,29 +44,29 @@ def write_recording(recording: Recording, path: str | Path) -> None:
 
 
 def select_columns(recording: Recording) -> tuple[str, ...]:
-    """The columns that are written, in the order of `long_csv.NAMES`."""
+    """Return the columns to write, in the order of `LONG_COLUMNS`."""
     numbers = [name for name in COLUMNS if all(name in track.columns for track in recording.tracks)]
     words = [] if None in recording.labels else ["label"]
     if any(track.group != track.id for track in recording.tracks):
         words.append("group")
-    return tuple(name for name in NAMES if name in ("track", "time", *numbers, *words))
+    return tuple(name for name in LONG_COLUMNS if name in ("track", "time", *numbers, *words))
 
 
 def _write_csv(recording: Recording, path: str | Path) -> None:
     names = select_columns(recording)
     with open_atomically(path) as file:
-        file.write(_csv_line(names))
+        file.write(_format_line(names))
         for track in recording.tracks:
-            file.write(_rows(track, names, path))
+            file.write(_format_rows(track, names, path))
 
 
-def _csv_line(words: Iterable[str]) -> bytes:
+def _format_line(words: Iterable[str]) -> bytes:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow(words)
     return text.getvalue().encode()
 
 
-def _rows(track: Track, names: tuple[str, ...], path: str | Path) -> bytes:
+def _format_rows(track: Track, names: tuple[str, ...], path: str | Path) -> bytes:
     times = np.round(track.times, DECIMALS)
     if np.diff(times).min() <= 0:
         raise DataError(
@@ -77,7 +77,7 @@ def _rows(track: Track, names: tuple[str, ...], path: str | Path) -> bytes:
     form, numbers = [], []
     for name in names:
         if name in words:  # a word with a comma is quoted, and a per cent sign is a plain one
-            form.append(_csv_line([words[name]]).decode().rstrip("\n").replace("%", "%%"))
+            form.append(_format_line([words[name]]).decode().rstrip("\n").replace("%", "%%"))
         else:
             form.append(f"%.{DECIMALS}f")
             numbers.append(track.times if name == "time" else track.columns[name])
@@ -86,7 +86,7 @@ def _rows(track: Track, names: tuple[str, ...], path: str | Path) -> bytes:
 
 
 def _write_parquet(recording: Recording, path: str | Path) -> None:
-    arrow, names = pyarrow(), select_columns(recording)
+    arrow, names = import_pyarrow(), select_columns(recording)
     words = [name for name in names if name in ("track", "label", "group")]
     fields = [(name, arrow.string() if name in words else arrow.float64()) for name in names]
     schema = arrow.schema(fields)
@@ -96,8 +96,10 @@ def _write_parquet(recording: Recording, path: str | Path) -> None:
             columns = []
             for name in names:
                 if name in words:
-                    said = {"track": "id", "label": "label", "group": "group"}[name]
-                    columns.append(np.repeat([str(getattr(t, said)) for t in some], [len(t) for t in some]))
+                    attribute = {"track": "id", "label": "label", "group": "group"}[name]
+                    columns.append(
+                        np.repeat([str(getattr(t, attribute)) for t in some], [len(t) for t in some])
+                    )
                 else:
                     columns.append(
                         np.concatenate([t.times if name == "time" else t.columns[name] for t in some])
@@ -106,7 +108,7 @@ def _write_parquet(recording: Recording, path: str | Path) -> None:
 
 
 def repairs_to_csv(repairs: Iterable[Repair]) -> str:
-    """Every mend as a line of CSV text below a heading."""
+    """Return CSV text with a heading and a line per repair."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(Repair._fields)

@@ -1,0 +1,276 @@
+"""Every format is known by its content, and the same walk comes out of each."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from lcorpp.errors import DataError, FileError, LcorppError, ParseError
+from lcorpp.learning import Recording, read_data, read_recording, save_dataset, write_recording
+from lcorpp.learning.data.csv_reader import CsvFile
+from lcorpp.learning.data.reading import detect_format
+from lcorpp.learning.data.repairs import RepairLog
+from lcorpp.values import Dataset
+
+from .texts import GOOD, HEADING, atc_rows, rows, walk
+
+
+def written(folder, text, name="people.csv"):
+    (folder / name).write_text(text)
+    return folder / name
+
+
+def test_a_long_csv(tmp_path):
+    recording = read_recording(written(tmp_path, GOOD))
+    assert [(t.id, t.group, t.label, len(t)) for t in recording.tracks] == [
+        ("a", "a", "in", 12),
+        ("b", "b", "out", 12),
+    ]
+    np.testing.assert_allclose(recording.tracks[1].columns["x"], np.arange(12) / 20, atol=0.005)
+    np.testing.assert_allclose(recording.tracks[0].times, np.arange(12) / 10)
+    assert recording.repairs == ()
+    assert recording.notes == ()
+
+
+def test_columns_in_any_order_rows_of_people_in_turn_and_what_is_not_used(tmp_path):
+    lines = ["Facing, label ,time,group,y,x,mood,track"]
+    for i in range(12):
+        lines += [f'0.5,in,{i / 10},one,2,{i},"gay, glad",a', f"0.5,out,{i / 10},two,2,{i},sad,b"]
+    recording = read_recording(written(tmp_path, "\r\n".join(lines) + "\r\n\r\n"))
+    assert [(t.id, t.group, t.label) for t in recording.tracks] == [("a", "one", "in"), ("b", "two", "out")]
+    assert recording.channels == ("x", "y", "facing")
+    assert recording.notes == ("columns that are not used: mood",)
+
+
+def test_atc_data_in_metres(tmp_path):
+    file = written(tmp_path, atc_rows(7) + atc_rows(9, speed=0.5))
+    recording = read_recording(file)
+    assert detect_format(file) == "atc"
+    assert [(t.id, t.label) for t in recording.tracks] == [("7", None), ("9", None)]
+    track = recording.tracks[0]
+    np.testing.assert_allclose(track.columns["x"], np.arange(12) / 10)
+    assert [float(track.columns[name][3]) for name in ("y", "z", "velocity", "heading", "facing")] == [
+        *(2.0, 1.5, 1.0),
+        *(0.0, 3.1),
+    ]
+    assert track.times[0] == 1350867600
+
+
+def test_atc_data_with_labels_in_a_file_of_their_own(tmp_path):
+    file = written(tmp_path, atc_rows(7) + atc_rows(8) + atc_rows(9))
+    labels = written(tmp_path, "id,label\n9,1\n\n7,0\n12,1\n", "labels.csv")
+    recording = read_recording(file, label_file=labels, labels={"1": "in", "0": "out"})
+    assert [(t.id, t.label) for t in recording.tracks] == [("7", "out"), ("9", "in")]
+    assert recording.notes == (f"1 of 3 ids of {labels} have no tracks",)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "column", "words"),
+    [
+        ("", 1, 1, "the file is empty; expected rows of an id and its label"),
+        ("7,1,2\n", 1, 1, "3 columns; expected 2"),
+        ("7,1\n9,maybe\n", 2, 3, "unknown label 'maybe'; expected one of 1, 0, in, out"),
+        ("7,1\n7,0\n", 2, 1, "id '7' is out here and in before"),
+        ('7,"1\n', 1, 1, "not a row of CSV"),
+    ],
+)
+def test_files_of_labels_that_are_wrong(tmp_path, text, line, column, words):
+    labels = written(tmp_path, text, "labels.csv")
+    with pytest.raises(ParseError) as caught:
+        read_recording(written(tmp_path, atc_rows(7)), label_file=labels, labels={"1": "in", "0": "out"})
+    assert (caught.value.file, caught.value.line, caught.value.column) == (str(labels), line, column)
+    assert words in str(caught.value)
+
+
+def test_labels_from_two_places_are_refused(tmp_path):
+    labels = written(tmp_path, "a,in\nb,out\n", "labels.csv")
+    with pytest.raises(DataError, match="has labels of its own"):
+        read_recording(written(tmp_path, GOOD), label_file=labels)
+
+
+def test_one_label_for_an_id_of_two_people_is_refused_or_left_out(tmp_path):
+    file = written(tmp_path, atc_rows(7) + atc_rows(7, start=1350869000.0) + atc_rows(8))
+    labels = written(tmp_path, "7,in\n8,out\n", "labels.csv")
+    with pytest.raises(DataError, match=r"track '7': its id was given to 2 people; the label 'in' may be"):
+        read_recording(file, label_file=labels, repair=["gaps"])
+    assert [t.id for t in read_recording(file, label_file=labels, repair=["gaps", "labels"]).tracks] == ["8"]
+
+
+def test_what_labels_mean(tmp_path):
+    file = written(tmp_path, GOOD.replace("in", "1"))
+    recording = read_recording(file, labels={"1": "in", "0": "out"})  # "out" stands for itself
+    assert recording.labels == ("in", "out")
+
+
+def test_a_data_set_stays_as_it_was_stored(tmp_path):
+    data = Dataset(
+        np.random.default_rng(0).normal(size=(3, 3, 5)),
+        ("in", "out", "in"),
+        ("p", "q", "p"),
+        "a source",
+        ("a note",),
+        0.4,
+        ("x", "y", "heading"),
+    )
+    save_dataset(data, tmp_path / "d.npz")
+    back = read_data(tmp_path / "d.npz")
+    np.testing.assert_array_equal(back.trajectories, data.trajectories)
+    for name in ("labels", "groups", "source", "notes", "interval", "channels"):
+        assert getattr(back, name) == getattr(data, name)
+    fewer = read_data(tmp_path / "d.npz", points=3, channels=("x", "y"))
+    np.testing.assert_allclose(fewer.trajectories, data.trajectories[:, :2, 2:], atol=1e-12)
+    assert [t.id for t in read_recording(tmp_path / "d.npz").tracks] == ["p", "q", "p#2"]
+
+
+@pytest.mark.parametrize("cut", [0, 0.01, 0.3, 0.8, 0.99])
+def test_a_damaged_data_set(tmp_path, cut):
+    save_dataset(Dataset(np.zeros((2, 2, 5)), ("a", "b")), tmp_path / "d.npz")
+    content = (tmp_path / "d.npz").read_bytes()
+    (tmp_path / "d.npz").write_bytes(content[: int(cut * len(content))])
+    with pytest.raises(DataError, match=r"d\.npz: not a stored data set, or a damaged one"):
+        read_data(tmp_path / "d.npz")
+
+
+def test_read_data_takes_the_last_seconds_and_says_who_is_too_short(tmp_path):
+    text = HEADING + rows("a", "in", samples=40) + rows("b", "out", samples=12) + rows("c", "out", samples=45)
+    data = read_data(written(tmp_path, text), interval=0.1, points=31)
+    assert data.labels == ("in", "out")
+    assert (data.interval, data.channels) == (0.1, ("x", "y"))
+    np.testing.assert_allclose(data.trajectories[0, 0], np.arange(9, 40) / 10)
+    assert data.notes == ("1 of 3 tracks are shorter than 3 s and left out: 1 out",)
+    with pytest.raises(DataError, match=r"people\.csv: .*every track is shorter than 9\.999 s"):
+        read_data(written(tmp_path, text))
+
+
+def test_in_the_frame_of_a_robot(tmp_path):
+    columns = {"heading": np.zeros(361), "velocity": np.ones(361)}
+    write_recording(Recording((walk("a", **columns),)), tmp_path / "a.csv")
+    track = read_recording(tmp_path / "a.csv", robot=(4.0, 1.0, np.pi / 2)).tracks[0]
+    np.testing.assert_allclose(track.columns["x"], 1.0, atol=1e-9)  # ahead of a robot that looks along y
+    np.testing.assert_allclose(track.columns["y"][[0, -1]], [4.0, -8.0], atol=1e-9)
+    np.testing.assert_allclose(track.columns["heading"], -np.pi / 2)
+    np.testing.assert_allclose(track.columns["velocity"], 1.0)
+
+
+WRONG = [
+    ("", "the file is empty; expected a line that names track, time, x, y", 1, 1),
+    ("\n \n", "the file is empty", 1, 1),
+    ("1,2,3\n", "3 columns of numbers; expected a line that names track, time, x, y, or the 8 columns", 1, 1),
+    ("track,time,x\n", "no column 'y'; expected track, time, x, y among", 1, 1),
+    ("track;time;x;y\n", "no column 'track'", 1, 1),
+    ("track,time,x,y,x\n", "column 'x' for the second time", 1, 16),
+    ("track,time,x,y\n", "no rows after the heading", 2, 1),
+    ('track,"time,x,y\n', "not a row of CSV", 1, 1),
+    ("\x1b[31m\n", "no column 'track'", 1, 1),
+]
+
+
+@pytest.mark.parametrize(("text", "words", "line", "column"), WRONG, ids=range(len(WRONG)))
+def test_files_of_no_format(tmp_path, text, words, line, column):
+    with pytest.raises(ParseError) as caught:
+        read_recording(written(tmp_path, text))
+    assert (caught.value.line, caught.value.column) == (line, column)
+    assert words in str(caught.value)
+
+
+def test_files_that_are_not_there_or_not_text(tmp_path):
+    with pytest.raises(FileError, match=r"no\.csv: cannot be read: No such file"):
+        read_recording(tmp_path / "no.csv")
+    (tmp_path / "picture.csv").write_bytes(b"\x89PNG\0\0\0")
+    with pytest.raises(FileError, match="not text; expected CSV"):
+        read_recording(tmp_path / "picture.csv")
+    (tmp_path / "latin.csv").write_bytes(GOOD.encode() + b"a,2,\xe9,1,in\n")
+    with pytest.raises(FileError, match=r"not (UTF-8 )?text"):
+        read_recording(tmp_path / "latin.csv")
+    far = HEADING + rows("a", "in", samples=2000)
+    (tmp_path / "far.csv").write_bytes(far.encode() + b"a,9999,\xe9,1,in\n")
+    with pytest.raises(FileError, match=r"far\.csv: not UTF-8 text after line \d+ \(byte 0xe9\)"):
+        read_recording(tmp_path / "far.csv")
+    with pytest.raises(FileError, match="interposx"):
+        read_recording(tmp_path)
+
+
+def test_arguments_out_of_range(tmp_path):
+    file = written(tmp_path, GOOD)
+    with pytest.raises(DataError, match="unknown repair 'magic'; expected one of rows, cut"):
+        read_recording(file, repair=["magic"])
+    with pytest.raises(DataError, match="the longest silence is 0 s"):
+        read_recording(file, gap=0)
+
+
+def test_batches_do_not_show(tmp_path, monkeypatch):
+    whole = read_recording(written(tmp_path, GOOD + rows("a", "in", start=2.0)))
+    monkeypatch.setattr("lcorpp.learning.data.csv_reader.BATCH_LINES", 5)
+    told = []
+    parts = read_recording(tmp_path / "people.csv", progress=lambda done, total: told.append((done, total)))
+    for one, other in zip(whole.tracks, parts.tracks, strict=True):
+        assert (one.id, one.label) == (other.id, other.label)
+        np.testing.assert_array_equal(one.times, other.times)
+        np.testing.assert_array_equal(one.positions, other.positions)
+    size = (tmp_path / "people.csv").stat().st_size
+    assert told[-1] == (size, size)
+    assert sorted(told) == told
+
+
+cells = st.one_of(
+    st.floats(-1e6, 1e6).map(repr),
+    st.integers(-(10**6), 10**6).map(str),
+    st.decimals(-1000, 1000, places=3).map(lambda number: f" {number} "),
+    st.sampled_from(["-0", "1e-7", ".5", "3.", "+2"]),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(rows=st.lists(st.tuples(cells, cells), min_size=1, max_size=8), quoted=st.booleans())
+def test_the_quick_way_and_the_careful_way_read_the_same(tmp_path_factory, rows, quoted):
+    file = tmp_path_factory.mktemp("rows") / "a.csv"
+    name = '"a, b"' if quoted else "a"
+    file.write_text("".join(f"{name},{number},{x},{y}\n" for number, (x, y) in enumerate(rows)))
+    quick, careful = (
+        CsvFile(file, {"track": 0, "time": 1, "x": 2, "y": 3}, 4, ("time", "x", "y")) for _ in "ab"
+    )
+    careful._at_once = lambda lines, number: None
+    (one,), (other,) = (list(reader.batches(RepairLog())) for reader in (quick, careful))
+    assert one.lines.tolist() == other.lines.tolist() == list(range(1, len(rows) + 1))
+    assert one.texts == other.texts
+    for column in ("time", "x", "y"):
+        assert one.numbers[column].tobytes() == other.numbers[column].tobytes()
+
+
+@settings(max_examples=60, deadline=None)
+@given(edits=st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), min_size=1, max_size=5))
+def test_a_data_set_whose_bytes_are_changed_is_refused_or_whole(tmp_path_factory, edits):
+    file = tmp_path_factory.mktemp("bytes") / "d.npz"
+    save_dataset(Dataset(np.ones((2, 2, 5)), ("a", "b")), file)
+    content = bytearray(file.read_bytes())
+    for at, value in edits:
+        content[at % len(content)] = value
+    file.write_bytes(content)
+    try:
+        data = read_data(file)
+    except DataError:
+        return
+    assert data.trajectories.shape[0] == len(data.labels) == len(data.groups)
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    edits=st.lists(
+        st.tuples(st.integers(0, 900), st.sampled_from(["", ",", "\n", '"', "-", "nan", "1e400", "é"])),
+        max_size=5,
+    ),
+    repairs=st.sampled_from([(), ("all",), ("rows", "cut"), ("gaps", "order", "nonfinite")]),
+)
+def test_no_tracking_data_end_in_anything_but_tracks_or_a_typed_error(tmp_path_factory, edits, repairs):
+    text = atc_rows(7) + atc_rows(9, speed=0.5)
+    for at, letters in edits:
+        text = text[:at] + letters + text[at + 1 :]
+    file = written(tmp_path_factory.mktemp("fuzz"), text)
+    try:
+        recording = read_recording(file, repair=repairs)
+    except LcorppError:
+        return
+    assert all(
+        np.isfinite(track.positions).all() and np.diff(track.times).min() > 0 for track in recording.tracks
+    )
