@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import re
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -78,3 +79,21 @@ def run(text: str, names: dict[str, Any]) -> int:
         shown = np.array2string(found, precision=4) if isinstance(found, np.ndarray) else str(found)
         assert shown == value, source
     return told
+
+
+def test_every_path_of_the_paper_s_page_exists() -> None:
+    """Paths in docs/paper.md are below src/lcorpp or the repository, and `file.py: name` is defined there."""
+    root = DOCS.parent
+    page = (DOCS / "paper.md").read_text(encoding="utf-8")
+    spans = re.findall(r"`([^`]+)`", page)
+    paths = [span for span in spans if re.fullmatch(r"[\w./*]+(/|\.\w+)(: \w+)?|\w+(/\w+)+", span)]
+    paths = [span for span in paths if "/" in span]
+    assert len(paths) > 30
+    for span in paths:
+        path, _, name = span.partition(": ")
+        found = [*(root / "src" / "lcorpp").glob(path), *root.glob(path)]
+        assert found, span
+        assert not name or re.search(rf"^(def|class) {name}\b", found[0].read_text(), re.MULTILINE), span
+    names = {"values", "protocols"}
+    for module, name in re.findall(r"`(\w+)\.([A-Z]\w+)`", page):
+        assert module not in names or hasattr(import_module(f"lcorpp.{module}"), name), name

@@ -62,7 +62,7 @@ def interrupt(*_, **__):
         ),
         (
             "comparison.evaluate_exactly",
-            ("run", ROOMS, "--exact", "--classifier", "channel"),
+            ("run", "--exact", "--classifier", "channel"),
             "enumerating people and answers",
         ),
         ("comparison.run_trials", ("run", "--classifier", "channel"), "simulating trials"),
