@@ -120,8 +120,8 @@ def test_bad_row_is_located():
         (HEAD + "start exclude: a b\n" + BODY, (6, 16), "no state is left"),
         (HEAD + "start: *\n" + BODY, (6, 8), "'*' is no state to start in"),
         (HEAD + "start:\n" + BODY, (7, 1), "expected states to start in"),
-        (HEAD + "O: x reset\n", (6, 6), "'reset' cannot stand for this observation matrix"),
-        (HEAD + "T: x : a identity\n", (6, 10), "'identity' cannot stand for this transition row"),
+        (HEAD + "O: x reset\n", (6, 6), "'reset' is not allowed for this observation matrix"),
+        (HEAD + "T: x : a identity\n", (6, 10), "'identity' is not allowed for this transition row"),
         ("hello " + HEAD + BODY, (1, 1), "expected one of discount:, values:"),
     ],
 )

@@ -64,7 +64,7 @@ def statements(draw: st.DrawFn, keywords: str) -> Statement:
     )
 
 
-def written_out(given: list[Statement]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def dense_tables(given: list[Statement]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     tables = {keyword: np.zeros(sizes) for keyword, sizes in SIZES.items()}
     rows = {keyword: np.zeros(sizes[:2], dtype=bool) for keyword, sizes in SIZES.items()}
     for statement in given:
@@ -80,13 +80,13 @@ def read_all(given: list[Statement]) -> Statements:
     return read
 
 
-@pytest.mark.parametrize("at_once", [1, 3, 10**6])
+@pytest.mark.parametrize("batch_size", [1, 3, 10**6])
 @given(given=st.lists(statements("TTOO"), max_size=14))
 @settings(max_examples=60, deadline=None)
-def test_tables_are_what_the_statements_write(at_once, given):
-    with patch.object(pomdp_tokens, "MOST_AT_ONCE", at_once):
+def test_tables_are_what_the_statements_write(batch_size, given):
+    with patch.object(pomdp_tokens, "MAX_BATCH", batch_size):
         read = read_all(given)
-    tables, rows = written_out(given)
+    tables, rows = dense_tables(given)
     for keyword, table in (("T", read.transition), ("O", read.observation)):
         found, places = table.rows()
         assert (found.dense == tables[keyword]).all()
@@ -104,13 +104,13 @@ def distributions(draw: st.DrawFn, N: int) -> np.ndarray:
     return table / table.sum(axis=2, keepdims=True)
 
 
-@pytest.mark.parametrize("at_once", [1, 3, 10**6])
+@pytest.mark.parametrize("batch_size", [1, 3, 10**6])
 @given(given=st.lists(statements("R"), max_size=10), T=distributions(S), Z=distributions(O))
 @settings(max_examples=60, deadline=None)
-def test_rewards_are_the_sums_written_out(at_once, given, T, Z):
+def test_rewards_are_the_sums_written_out(batch_size, given, T, Z):
     """With few cases at once, matrix products take the place of looking up all of them."""
-    expected = np.einsum("ast,ato,asto->as", T, Z, written_out(given)[0]["R"])
-    with patch.object(pomdp_rewards, "AT_ONCE", at_once):
+    expected = np.einsum("ast,ato,asto->as", T, Z, dense_tables(given)[0]["R"])
+    with patch.object(pomdp_rewards, "CHUNK_CASES", batch_size):
         reward = expected_rewards(SparseTables.of(T), SparseTables.of(Z), read_all(given).rewards)
     assert reward == pytest.approx(expected, abs=1e-12)  # a handful of roundings of numbers up to 10
 

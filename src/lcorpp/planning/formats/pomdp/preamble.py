@@ -1,4 +1,4 @@
-"""The head of a .pomdp file: discount, sign, names and start belief."""
+"""Preamble of a .pomdp file: discount, sign of the values, names and initial belief."""
 
 from __future__ import annotations
 
@@ -9,35 +9,36 @@ import numpy as np
 
 from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.planning.formats.numbers import is_count, is_number
-from lcorpp.planning.formats.pomdp.tokens import PREAMBLE, ROW_TOLERANCE, TABLES, Tokens
+from lcorpp.planning.formats.pomdp.tokens import PREAMBLE_KEYWORDS, ROW_TOLERANCE, TABLE_KEYWORDS, Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, discount_message
 from lcorpp.values import Belief
 
 MAX_COUNT = 1_000_000
-"""The most states, actions or observations a count may ask for: beyond it even their names do not fit."""
+"""Maximum number of states, actions or observations; beyond it the names alone exhaust the memory."""
 
 MAX_ROWS = 2**26
-"""The most pairs of an action and a state: each takes some 32 bytes whatever the tables hold."""
+"""Maximum number of pairs of an action and a state; each takes about 32 bytes even in empty tables."""
 
 ALL = -1
-"""The index that stands for ``*``."""
+"""The index that represents ``*``."""
 
 
 @dataclass
 class Preamble:
-    """What stands before the tables, filled while it is read.
+    """Contents of the preamble, filled during reading.
 
-    names: for states, actions and observations the names. places: the offset of each name, or of the count.
-    indices: for each of them what may stand for one, names and numbers, with the index; `ALL` for ``*``.
-    sign: 1 where values are rewards, -1 where they are costs.
+    names: of states, actions and observations. offsets: of each name, or of the count.
+    indices: for states, actions and observations: name or number -> index; `ALL` for ``*``.
+    sign: 1 if values are rewards, -1 if they are costs.
+    declared_start: the initial belief, None if the file has none.
     """
 
     discount: float = 0.0
     sign: float = 1.0
     names: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    places: dict[str, list[int]] = field(default_factory=dict)
+    offsets: dict[str, list[int]] = field(default_factory=dict)
     indices: dict[str, dict[str, int]] = field(default_factory=dict)
-    given_start: Belief | None = None
+    declared_start: Belief | None = None
 
     @property
     def counts(self) -> tuple[int, int, int]:
@@ -46,24 +47,24 @@ class Preamble:
 
     @property
     def start(self) -> Belief:
-        """(S,) the start belief; uniform where none is given."""
-        if self.given_start is not None:
-            return self.given_start
+        """(S,) the initial belief; uniform if the file has none."""
+        if self.declared_start is not None:
+            return self.declared_start
         return _uniform_over(self.counts[1], range(self.counts[1]))
 
-    def reference(self, tokens: Tokens, kind: str) -> int:
-        """Read a name, a number or ``*`` among the states, actions or observations."""
-        known, text = self.indices[kind], tokens.peek()
-        index = known.get(text)
-        if index is None and is_count(text):  # a number with zeros before it, or too large
+    def read_reference(self, tokens: Tokens, kind: str) -> int:
+        """Read a name, a number or ``*`` among the states, actions or observations; return its index."""
+        indices, text = self.indices[kind], tokens.peek()
+        index = indices.get(text)
+        if index is None and is_count(text):  # a number with leading zeros, or too large
             index = int(text) if len(text) <= 18 else MAX_COUNT
             if index >= len(self.names[kind]):
                 raise tokens.error(
                     f"number {text} is not among the {len(self.names[kind])} {kind}, counted from 0"
                 )
         if index is None:
-            singular = kind.removesuffix("s")
-            raise tokens.error(f"unknown {singular} {tokens.found()}; {expected_one_of(self.names[kind])}")
+            known = expected_one_of(self.names[kind])
+            raise tokens.error(f"unknown {kind.removesuffix('s')} {tokens.describe_next()}; {known}")
         tokens.take()
         return index
 
@@ -73,122 +74,123 @@ def read_preamble(tokens: Tokens) -> Preamble:
 
     Raises:
         ParseError: it is malformed or incomplete.
-        ModelError: it names or counts more than can be held.
+        ModelError: it declares too many names.
     """
-    head = Preamble()
-    while not tokens.done():
+    preamble = Preamble()
+    while not tokens.at_end():
         if not tokens.at_statement():
-            raise tokens.stray()
+            raise tokens.unexpected_token()
         keyword = tokens.peek()
-        if keyword in TABLES:
+        if keyword in TABLE_KEYWORDS:
             break
         if keyword == "start":
-            _read_start(tokens, head)
+            _read_start(tokens, preamble)
         else:
-            _read_item(tokens, head, keyword)
-    missing = [name for name in PREAMBLE if name not in head.places]
+            _read_item(tokens, preamble, keyword)
+    missing = [name for name in PREAMBLE_KEYWORDS if name not in preamble.offsets]
     if missing:
         raise tokens.error(f"missing preamble: {', '.join(missing)}")
-    A, S, _ = head.counts
+    A, S, _ = preamble.counts
     if A * S > MAX_ROWS:
         raise ModelError(f"{A} actions in {S} states are too many: at most {MAX_ROWS} pairs can be held")
-    return head
+    return preamble
 
 
-def _read_item(tokens: Tokens, head: Preamble, keyword: str) -> None:
-    if keyword in head.places:
+def _read_item(tokens: Tokens, preamble: Preamble, keyword: str) -> None:
+    if keyword in preamble.offsets:
         raise tokens.error(f"duplicate preamble: {keyword!r} is given twice")
     tokens.take()
     tokens.take()
-    head.places[keyword] = [tokens.at]
+    preamble.offsets[keyword] = [tokens.offset]
     if keyword == "discount":
-        head.discount = float(tokens.numbers(1, "discount")[0][0, 0])
-        if not 0 < head.discount < 1:
-            raise tokens.error(discount_message(head.discount), head.places[keyword][0])
+        preamble.discount = float(tokens.numbers(1, "discount")[0][0, 0])
+        if not 0 < preamble.discount < 1:
+            raise tokens.error(discount_message(preamble.discount), preamble.offsets[keyword][0])
     elif keyword == "values":
         if tokens.peek() not in ("reward", "cost"):
-            raise tokens.error(f"values must be 'reward' or 'cost', found {tokens.found()}")
-        head.sign = 1.0 if tokens.take() == "reward" else -1.0
+            raise tokens.error(f"values must be 'reward' or 'cost', found {tokens.describe_next()}")
+        preamble.sign = 1.0 if tokens.take() == "reward" else -1.0
     else:
-        names, head.places[keyword] = _read_names(tokens, keyword)
-        head.names[keyword] = names
-        # a published file may mix: names declared, numbers used; no name is a number
+        names, preamble.offsets[keyword] = _read_names(tokens, keyword)
+        preamble.names[keyword] = names
+        # published files declare names and then use numbers; no name is a number
         numbers = {str(i): i for i in range(len(names))} if not is_count(names[0]) else {}
-        head.indices[keyword] = {**numbers, **{name: i for i, name in enumerate(names)}, "*": ALL}
+        preamble.indices[keyword] = {**numbers, **{name: i for i, name in enumerate(names)}, "*": ALL}
 
 
 def _read_names(tokens: Tokens, keyword: str) -> tuple[tuple[str, ...], list[int]]:
+    """Read names or a count; return the names and their offsets."""
     if is_count(tokens.peek()) and not is_number(tokens.peek(1)):
-        text, place = tokens.peek(), tokens.at
+        text, offset = tokens.peek(), tokens.offset
         if len(text) > 18 or int(text) > MAX_COUNT:
             raise ModelError(f"{text[:30]} {keyword} are too many; at most {MAX_COUNT} can be held")
         if int(text) == 0:
             raise tokens.error(f"there must be at least one of the {keyword}")
         tokens.take()
-        return tuple(str(i) for i in range(int(text))), [place]
-    names: dict[str, int] = {}
-    while not tokens.done() and not tokens.at_statement():
+        return tuple(str(i) for i in range(int(text))), [offset]
+    offset_of: dict[str, int] = {}
+    while not tokens.at_end() and not tokens.at_statement():
         name = tokens.peek()
         if is_number(name) or name in (":", "*"):
             raise tokens.error(f"expected a name among the {keyword}, found {name!r}")
-        if name in names:
+        if name in offset_of:
             raise tokens.error(f"{name!r} is twice among the {keyword}")
-        names[name] = tokens.at
+        offset_of[name] = tokens.offset
         tokens.take()
-    if not names:
-        raise tokens.error(f"expected a count or names after '{keyword}:', found {tokens.found()}")
-    if len(names) > MAX_COUNT:
-        raise ModelError(f"{len(names)} {keyword} are too many; at most {MAX_COUNT} can be held")
-    return tuple(names), list(names.values())
+    if not offset_of:
+        raise tokens.error(f"expected a count or names after '{keyword}:', found {tokens.describe_next()}")
+    if len(offset_of) > MAX_COUNT:
+        raise ModelError(f"{len(offset_of)} {keyword} are too many; at most {MAX_COUNT} can be held")
+    return tuple(offset_of), list(offset_of.values())
 
 
-def _read_start(tokens: Tokens, head: Preamble) -> None:
-    if head.given_start is not None:
+def _read_start(tokens: Tokens, preamble: Preamble) -> None:
+    if preamble.declared_start is not None:
         raise tokens.error("duplicate preamble: 'start' is given twice")
-    if "states" not in head.names:
+    if "states" not in preamble.names:
         raise tokens.error("missing preamble: 'states' must come before 'start'")
-    S = len(head.names["states"])
+    S = len(preamble.names["states"])
     tokens.take()
     mode = tokens.take()
     if mode != ":":
         tokens.take()
-    first = tokens.at
+    first = tokens.offset
     if mode != ":":
-        chosen = _read_states(tokens, head)
-        chosen = set(range(S)) - chosen if mode == "exclude" else chosen
-        if not chosen:
+        states = _read_states(tokens, preamble)
+        states = set(range(S)) - states if mode == "exclude" else states
+        if not states:
             raise tokens.error("no state is left to start in", first)
-        head.given_start = _uniform_over(S, chosen)
-    elif tokens.peek() == "uniform" and "uniform" not in head.indices["states"]:
+        preamble.declared_start = _uniform_over(S, states)
+    elif tokens.peek() == "uniform" and "uniform" not in preamble.indices["states"]:
         tokens.take()
-        head.given_start = _uniform_over(S, range(S))
-    elif is_number(tokens.peek()) and not _one_state_number(tokens, S):
+        preamble.declared_start = _uniform_over(S, range(S))
+    elif is_number(tokens.peek()) and not _is_state_number(tokens, S):
         start = tokens.probabilities(S, "the start belief")[0][0]
         total = start.sum()
         if abs(total - 1) > ROW_TOLERANCE:
             raise tokens.error(f"the start belief sums to {total:.10g}, not 1", first)
-        head.given_start = start / total if abs(total - 1) > SUM_TOLERANCE else start
+        preamble.declared_start = start / total if abs(total - 1) > SUM_TOLERANCE else start
     else:
-        head.given_start = _uniform_over(S, _read_states(tokens, head))
+        preamble.declared_start = _uniform_over(S, _read_states(tokens, preamble))
 
 
-def _one_state_number(tokens: Tokens, states: int) -> bool:
-    """Whether one whole number stands alone after ``start:``, the number of a state."""
+def _is_state_number(tokens: Tokens, states: int) -> bool:
+    """Return whether a single whole number follows ``start:``: the index of a state, not a belief."""
     return states > 1 and is_count(tokens.peek()) and not is_number(tokens.peek(1))
 
 
-def _read_states(tokens: Tokens, head: Preamble) -> set[int]:
-    chosen: set[int] = set()
-    while not tokens.done() and not tokens.at_statement():
+def _read_states(tokens: Tokens, preamble: Preamble) -> set[int]:
+    states: set[int] = set()
+    while not tokens.at_end() and not tokens.at_statement():
         if tokens.peek() == "*":
             raise tokens.error("'*' is no state to start in")
-        chosen.add(head.reference(tokens, "states"))
-    if not chosen:
-        raise tokens.error(f"expected states to start in, found {tokens.found()}")
-    return chosen
+        states.add(preamble.read_reference(tokens, "states"))
+    if not states:
+        raise tokens.error(f"expected states to start in, found {tokens.describe_next()}")
+    return states
 
 
-def _uniform_over(states: int, chosen: Collection[int]) -> Belief:
-    belief = np.zeros(states)
-    belief[list(chosen)] = 1.0 / len(chosen)
+def _uniform_over(count: int, states: Collection[int]) -> Belief:
+    belief = np.zeros(count)
+    belief[list(states)] = 1.0 / len(states)
     return belief

@@ -1,7 +1,7 @@
-"""Reading A. Cassandra's .pomdp format, as published files use it.
+"""Read A. Cassandra's .pomdp format, as published files use it.
 
-The format: http://pomdp.org/code/pomdp-file-spec.html. Later statements override earlier ones. Beyond the
-specification, as in published files: a bare list of start states, and a stray colon before the numbers.
+The format: http://pomdp.org/code/pomdp-file-spec.html. Later statements override earlier ones. Extensions of
+published files: a bare list of initial states, and a stray colon before the numbers.
 """
 
 from __future__ import annotations
@@ -16,24 +16,23 @@ from lcorpp.planning.formats.pomdp.preamble import Preamble, read_preamble
 from lcorpp.planning.formats.pomdp.rewards import expected_rewards
 from lcorpp.planning.formats.pomdp.statements import Statements
 from lcorpp.planning.formats.pomdp.tables import Table
-from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE, Places, Tokens
+from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE, Offsets, Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.planning.sparse import SparseTables
 
 
 def read_pomdp(path: str | Path) -> Pomdp:
-    """Read a model: a .pomdpx file where its name ends so or it is XML, otherwise a .pomdp file.
+    """Read a model: PomdpX if the suffix is .pomdpx or the content is XML, otherwise .pomdp.
 
     Raises:
         FileError: the file cannot be read.
-        ParseError: the text is malformed; file, line and column are told.
-        ModelError: the model is too large to be held.
+        ParseError: the text is malformed; the message has file, line and column.
+        ModelError: the model is too large.
     """
-    xml = Path(path).suffix.lower() == ".pomdpx"
-    text = "" if xml else read_text(path)
-    if xml or text.lstrip("\ufeff \t\r\n").startswith(
-        "<"
-    ):  # published under either name; no .pomdp begins so
+    is_xml = Path(path).suffix.lower() == ".pomdpx"
+    text = "" if is_xml else read_text(path)
+    # PomdpX files are published under either suffix, and no .pomdp file starts with "<"
+    if is_xml or text.lstrip("\ufeff \t\r\n").startswith("<"):
         from lcorpp.planning.formats.pomdpx.reader import read_pomdpx
 
         return read_pomdpx(path)
@@ -41,73 +40,75 @@ def read_pomdp(path: str | Path) -> Pomdp:
 
 
 def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
-    """The POMDP that a text in .pomdp format describes.
+    """Parse a text in .pomdp format.
 
     Rows that sum to 1 within 1e-4 are normalised; costs become negative rewards; rewards that depend on the
-    next state or the observation are folded into the expected reward. Time and memory follow the length of
-    the text and the number of probabilities above zero.
+    next state or the observation become expected rewards. Time and memory are linear in the length of the
+    text and the number of nonzero probabilities.
 
     Raises:
         ParseError: the text is malformed.
-        ModelError: the model is too large to be held.
+        ModelError: the model is too large.
     """
     tokens = Tokens(text, file)
     try:
-        head = read_preamble(tokens)
-        statements = Statements(tokens, head)
+        preamble = read_preamble(tokens)
+        statements = Statements(tokens, preamble)
         statements.read()
         transition, observation = (
-            _checked(tokens, head, table) for table in (statements.transition, statements.observation)
+            _normalized_rows(tokens, preamble, table)
+            for table in (statements.transition, statements.observation)
         )
         reward = expected_rewards(transition, observation, statements.rewards)
         return Pomdp(
-            head.names["states"],
-            head.names["actions"],
-            head.names["observations"],
+            preamble.names["states"],
+            preamble.names["actions"],
+            preamble.names["observations"],
             transition,
             observation,
-            # 0 + and 0 - turn -0.0 into 0.0: a file should not come back with another sign
-            0.0 + reward if head.sign > 0 else 0.0 - reward,
-            head.discount,
-            head.start,
+            # 0 + and 0 - turn -0.0 into 0.0, so that writing and reading back gives the same bits
+            0.0 + reward if preamble.sign > 0 else 0.0 - reward,
+            preamble.discount,
+            preamble.start,
             file,
         )
     except ModelError as error:
         raise ModelError(f"{file}: {error}") from None
 
 
-def _checked(tokens: Tokens, head: Preamble, table: Table) -> SparseTables:
-    """The table, of which every row is there and sums to 1; rounding of the file is taken out.
+def _normalized_rows(tokens: Tokens, preamble: Preamble, table: Table) -> SparseTables:
+    """The rows of a table, all present and of sum 1, without the file's rounding errors.
 
     Raises:
-        ParseError: a row is missing or its sum is wrong.
+        ParseError: a row is missing or has another sum.
     """
-    rows, places = table.rows()
-    _check_all_there(tokens, head, table, places)
+    rows, offsets = table.rows()
+    _check_complete(tokens, preamble, table, offsets)
     sums = rows.row_sums()
-    off = np.abs(sums - 1)
-    if off.max() > ROW_TOLERANCE:
-        wrong = np.argwhere(off > ROW_TOLERANCE)
-        a, s = wrong[places[tuple(wrong.T)].argmin()].tolist()
+    errors = np.abs(sums - 1)
+    if errors.max() > ROW_TOLERANCE:
+        wrong = np.argwhere(errors > ROW_TOLERANCE)
+        a, s = wrong[offsets[tuple(wrong.T)].argmin()].tolist()
         raise tokens.error(
-            f"{table.title} row for {head.names['actions'][a]!r}, {head.names['states'][s]!r}"
+            f"{table.title} row for {preamble.names['actions'][a]!r}, {preamble.names['states'][s]!r}"
             f" sums to {sums[a, s]:.10g}, not 1",
-            int(places[a, s]),
+            int(offsets[a, s]),
         )
-    if off.max() <= SUM_TOLERANCE:
+    if errors.max() <= SUM_TOLERANCE:
         return rows
-    divisors = np.where(off > SUM_TOLERANCE, sums, 1.0).reshape(-1)
+    divisors = np.where(errors > SUM_TOLERANCE, sums, 1.0).reshape(-1)
     return SparseTables(rows.shape, rows.begins, rows.columns, rows.values / divisors[rows.rows])
 
 
-def _check_all_there(tokens: Tokens, head: Preamble, table: Table, places: Places) -> None:
-    unset = places < 0
+def _check_complete(tokens: Tokens, preamble: Preamble, table: Table, offsets: Offsets) -> None:
+    """Raise a ParseError if a row of the table is missing."""
+    unset = offsets < 0
     if not unset.any():
         return
     a = int(unset.any(axis=1).argmax())
-    action, own = head.names["actions"][a], head.places["actions"]
-    place = own[a] if len(own) > 1 else own[0]
+    action, action_offsets = preamble.names["actions"][a], preamble.offsets["actions"]
+    offset = action_offsets[a] if len(action_offsets) > 1 else action_offsets[0]
     if unset[a].all():
-        raise tokens.error(f"action {action!r} has no {table.title} rows", place)
-    state = head.names["states"][int(unset[a].argmax())]
-    raise tokens.error(f"{table.title} row for {action!r}, {state!r} is missing", place)
+        raise tokens.error(f"action {action!r} has no {table.title} rows", offset)
+    state = preamble.names["states"][int(unset[a].argmax())]
+    raise tokens.error(f"{table.title} row for {action!r}, {state!r} is missing", offset)

@@ -1,4 +1,4 @@
-"""The statements T, O and R of a .pomdp file, one at a time or many plain entries at once."""
+"""Read the statements T, O and R of a .pomdp file: plain entries in batches, all others one at a time."""
 
 from __future__ import annotations
 
@@ -7,37 +7,36 @@ from sys import float_info
 import numpy as np
 
 from lcorpp.planning.formats.numbers import is_count, is_number
-from lcorpp.planning.formats.pomdp.entries import Entries
 from lcorpp.planning.formats.pomdp.preamble import ALL, Preamble
-from lcorpp.planning.formats.pomdp.tables import Content, Table
-from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE, TABLES, Places, Tokens
+from lcorpp.planning.formats.pomdp.tables import Entries, StoredRows, Table
+from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE, TABLE_KEYWORDS, Offsets, Tokens
 
-_KEYWORD_BODIES = ("identity", "uniform", "reset")
+_ROW_KEYWORDS = ("identity", "uniform", "reset")
 
 
 class Statements:
     """Reads all tables.
 
-    transition, observation: what T and O gave. rewards: what R gave, by action, state, next state and
+    transition, observation: the statements of T and O. rewards: those of R, by action, state, next state and
         observation, each of which may be `ALL`.
     """
 
-    def __init__(self, tokens: Tokens, head: Preamble) -> None:
-        self.tokens, self.head = tokens, head
-        A, S, observations = head.counts
+    def __init__(self, tokens: Tokens, preamble: Preamble) -> None:
+        self.tokens, self.preamble = tokens, preamble
+        A, S, observations = preamble.counts
         self.transition = Table("transition", (A, S, S))
         self.observation = Table("observation", (A, S, observations))
         self.rewards = Entries(4)
-        self._kept: dict[tuple[str, str], Content] = {}
-        kinds = head.indices
-        # `*` for the column gives a whole row, which is no plain entry
-        states, observed = (
-            {k: i for k, i in kinds[c].items() if i != ALL} for c in ("states", "observations")
+        self._shared_rows: dict[tuple[str, str], StoredRows] = {}
+        indices = preamble.indices
+        # `*` as the column sets a whole row, so that is no plain entry
+        next_states, observed = (
+            {k: i for k, i in indices[c].items() if i != ALL} for c in ("states", "observations")
         )
-        self._plain = {
-            "T": (kinds["actions"], kinds["states"], states),
-            "O": (kinds["actions"], kinds["states"], observed),
-            "R": (kinds["actions"], kinds["states"], kinds["states"], kinds["observations"]),
+        self._plain_indices = {
+            "T": (indices["actions"], indices["states"], next_states),
+            "O": (indices["actions"], indices["states"], observed),
+            "R": (indices["actions"], indices["states"], indices["states"], indices["observations"]),
         }
 
     def read(self) -> None:
@@ -47,43 +46,43 @@ class Statements:
             ParseError: it is malformed.
         """
         tokens = self.tokens
-        while not tokens.done():
+        while not tokens.at_end():
             if not tokens.at_statement():
-                raise tokens.stray()
+                raise tokens.unexpected_token()
             keyword = tokens.peek()
-            if keyword not in TABLES:
+            if keyword not in TABLE_KEYWORDS:
                 raise tokens.error(f"{keyword!r} must come before the first T, O or R")
-            if self._read_plain(keyword):
+            if self._read_plain_entries(keyword):
                 continue
             tokens.take()
             tokens.take()
             if keyword == "R":
-                self._reward()
+                self._read_reward()
             elif keyword == "T":
-                self._rows(self.transition, "states")
+                self._read_rows(self.transition, "states")
             else:
-                self._rows(self.observation, "observations")
+                self._read_rows(self.observation, "observations")
 
-    def _read_plain(self, keyword: str) -> bool:
-        """Read plain entries of one table; False where the next statement is none."""
-        least, most = (-float_info.max, float_info.max) if keyword == "R" else (0.0, 1 + ROW_TOLERANCE)
-        found = self.tokens.entries(self._plain[keyword], least, most)
-        if found is None:
+    def _read_plain_entries(self, keyword: str) -> bool:
+        """Read a batch of plain entries of one table; return False if the next statement is none."""
+        low, high = (-float_info.max, float_info.max) if keyword == "R" else (0.0, 1 + ROW_TOLERANCE)
+        batch = self.tokens.plain_entries(self._plain_indices[keyword], low, high)
+        if batch is None:
             return False
         entries = {"T": self.transition.entries, "O": self.observation.entries, "R": self.rewards}
-        entries[keyword].add(*found)
+        entries[keyword].add(*batch)
         return True
 
-    def _another(self, kind: str) -> bool:
-        """Whether a colon and one more reference follow; a stray colon before the numbers is stepped over."""
+    def _take_reference_colon(self, kind: str) -> bool:
+        """Take a colon, also a stray one before numbers; return whether a reference follows it."""
         tokens = self.tokens
         if tokens.peek() != ":":
             return False
         tokens.take()
         text = tokens.peek()
-        if text in self.head.indices[kind] or is_count(text):
+        if text in self.preamble.indices[kind] or is_count(text):
             return True
-        return not (is_number(text) or text in _KEYWORD_BODIES)
+        return not (is_number(text) or text in _ROW_KEYWORDS)
 
     def _skip_colon(self) -> None:
         if self.tokens.peek() == ":":
@@ -91,84 +90,87 @@ class Statements:
 
     # --- T and O ---
 
-    def _rows(self, table: Table, columns: str) -> None:
-        """An entry, a row or a matrix."""
-        tokens, head = self.tokens, self.head
+    def _read_rows(self, table: Table, columns: str) -> None:
+        """Read an entry, a row or a matrix."""
+        tokens, preamble = self.tokens, self.preamble
         S = table.shape[1]
-        action = head.reference(tokens, "actions")
-        if not self._another("states"):
-            content, places = self._body(table, columns, f"{table.title} matrix of {S} rows", matrix=True)
-            table.replace(action, ALL, content, places)
+        action = preamble.read_reference(tokens, "actions")
+        if not self._take_reference_colon("states"):
+            rows, offsets = self._read_body(table, columns, f"{table.title} matrix of {S} rows", matrix=True)
+            table.set_rows(action, ALL, rows, offsets)
             return
-        state = head.reference(tokens, "states")
-        if not self._another(columns):
-            table.replace(action, state, *self._body(table, columns, f"{table.title} row", matrix=False))
+        state = preamble.read_reference(tokens, "states")
+        if not self._take_reference_colon(columns):
+            rows, offsets = self._read_body(table, columns, f"{table.title} row", matrix=False)
+            table.set_rows(action, state, rows, offsets)
             return
-        column = head.reference(tokens, columns)
+        column = preamble.read_reference(tokens, columns)
         self._skip_colon()
-        place = tokens.at
+        offset = tokens.offset
         value = float(tokens.probabilities(1, f"{table.title} entry")[0][0, 0])
         if column == ALL:
-            table.replace(action, state, self._constant(table, value), place)
+            table.set_rows(action, state, self._constant_row(table, value), offset)
         else:
-            table.entries.add([action, state, column], value, place)
+            table.entries.add([action, state, column], value, offset)
 
-    def _body(self, table: Table, columns: str, what: str, *, matrix: bool) -> tuple[Content, int | Places]:
-        """The numbers of a matrix or of one row, or the keyword that stands for them, and where they are."""
+    def _read_body(
+        self, table: Table, columns: str, what: str, *, matrix: bool
+    ) -> tuple[StoredRows, int | Offsets]:
+        """Read the numbers of a matrix or of one row, or a keyword; return the rows and their offsets."""
         tokens = self.tokens
         _, S, N = table.shape
-        place, word = tokens.at, tokens.peek()
-        if word not in _KEYWORD_BODIES:
-            values, places = tokens.probabilities(N, what, S if matrix else 1)
-            return (table.store(values), places) if matrix else (table.store(values[0]), place)
+        offset, word = tokens.offset, tokens.peek()
+        if word not in _ROW_KEYWORDS:
+            values, offsets = tokens.probabilities(N, what, S if matrix else 1)
+            return (table.store(values), offsets) if matrix else (table.store(values[0]), offset)
         fits = {"uniform": True, "reset": columns == "states", "identity": N == S and (matrix or S == 1)}
         if not fits[word]:
-            raise tokens.error(f"{word!r} cannot stand for this {what}")
+            raise tokens.error(f"{word!r} is not allowed for this {what}")
         tokens.take()
         if word == "uniform" or N == 1:
-            return self._constant(table, 1.0 / N), place
-        if (table.title, word) not in self._kept:
-            content = table.store_identity() if word == "identity" else table.store(self.head.start)
-            self._kept[table.title, word] = content
-        return self._kept[table.title, word], place
+            return self._constant_row(table, 1.0 / N), offset
+        if (table.title, word) not in self._shared_rows:
+            rows = table.store_identity() if word == "identity" else table.store(self.preamble.start)
+            self._shared_rows[table.title, word] = rows
+        return self._shared_rows[table.title, word], offset
 
-    def _constant(self, table: Table, value: float) -> Content:
-        """A row of one number throughout, kept once."""
+    def _constant_row(self, table: Table, value: float) -> StoredRows:
+        """A row of equal numbers, stored once."""
         key = (table.title, repr(value))
-        if key not in self._kept:
-            self._kept[key] = table.store(np.full(table.shape[2], value))
-        return self._kept[key]
+        if key not in self._shared_rows:
+            self._shared_rows[key] = table.store(np.full(table.shape[2], value))
+        return self._shared_rows[key]
 
     # --- R ---
 
-    def _reward(self) -> None:
-        """An entry, a row over the observations or a matrix of next states by observations."""
-        tokens, head = self.tokens, self.head
-        S = head.counts[1]
-        action = head.reference(tokens, "actions")
+    def _read_reward(self) -> None:
+        """Read an entry, a row over the observations or a matrix of next states by observations."""
+        tokens, preamble = self.tokens, self.preamble
+        S = preamble.counts[1]
+        action = preamble.read_reference(tokens, "actions")
         if tokens.peek() != ":":
-            raise tokens.error(f"expected ':', found {tokens.found()}")
+            raise tokens.error(f"expected ':', found {tokens.describe_next()}")
         tokens.take()
-        state = head.reference(tokens, "states")
-        if not self._another("states"):
-            self._reward_rows(action, state, np.arange(S), f"reward matrix of {S} rows")
+        state = preamble.read_reference(tokens, "states")
+        if not self._take_reference_colon("states"):
+            self._read_reward_rows(action, state, np.arange(S), f"reward matrix of {S} rows")
             return
-        following = head.reference(tokens, "states")
-        if not self._another("observations"):
-            self._reward_rows(action, state, np.array([following]), "reward row")
+        next_state = preamble.read_reference(tokens, "states")
+        if not self._take_reference_colon("observations"):
+            self._read_reward_rows(action, state, np.array([next_state]), "reward row")
             return
-        observation = head.reference(tokens, "observations")
+        observation = preamble.read_reference(tokens, "observations")
         self._skip_colon()
-        place = tokens.at
+        offset = tokens.offset
         value = tokens.numbers(1, "reward")[0]
-        self.rewards.add([action, state, following, observation], value, place)
+        self.rewards.add([action, state, next_state, observation], value, offset)
 
-    def _reward_rows(self, action: int, state: int, following: np.ndarray, what: str) -> None:
-        count = self.head.counts[2]
-        place = self.tokens.at
-        values, _ = self.tokens.numbers(count, what, len(following))
+    def _read_reward_rows(self, action: int, state: int, next_states: np.ndarray, what: str) -> None:
+        count = self.preamble.counts[2]
+        offset = self.tokens.offset
+        values, _ = self.tokens.numbers(count, what, len(next_states))
         indices = np.empty((*values.shape, 4), dtype=np.int64)
         indices[..., :2] = action, state
-        indices[..., 2] = following[:, None]
+        indices[..., 2] = next_states[:, None]
         indices[..., 3] = np.arange(count)
-        self.rewards.add(indices, values, np.full(values.size, place))
+        self.rewards.add(indices, values, np.full(values.size, offset))

@@ -1,8 +1,8 @@
-"""T or O while it is read: statements are kept as they came and become rows at the end.
+"""Statements of the tables T, O and R, and the resolution of overridden ones.
 
-No table is written out on the way, so a model takes the room of its text and of the rows that it comes to. Of
-statements with the same scope only the last one is kept; of the others each row takes the one that stands
-last in the text, and then the single numbers that stand after it.
+Statements are stored as they are; rows are built at the end. No dense table is allocated, so memory follows
+the length of the text and the size of the resulting rows. Among statements with the same scope only the last
+one is kept; each row takes the last whole-row statement that covers it, and then the single numbers after it.
 """
 
 from __future__ import annotations
@@ -13,69 +13,104 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.formats.pomdp.entries import Entries, Indices, last_of_each
 from lcorpp.planning.formats.pomdp.preamble import ALL
-from lcorpp.planning.formats.pomdp.tokens import Places
+from lcorpp.planning.formats.pomdp.tokens import Offsets
 from lcorpp.planning.sparse import MAX_BYTES, SparseTables
 from lcorpp.values import Array
 
+Indices = npt.NDArray[np.int64]
+
 MAX_NUMBERS = MAX_BYTES // 32
-"""The most numbers of a table: row, column, value and the order of each must be held for a moment."""
+"""Maximum number of numbers of a table; row, column, value and order of each need memory at once."""
+
+
+class Entries:
+    """Statements with one number each, in the order of the text.
+
+    axes: number of indices of a statement; an index may be `ALL`.
+    """
+
+    def __init__(self, axes: int) -> None:
+        self._axes = axes
+        self._chunks: list[tuple[Indices, Array, Offsets]] = []
+
+    def add(self, indices: npt.ArrayLike, values: npt.ArrayLike, offsets: npt.ArrayLike) -> None:
+        """Append indices (n, axes), values (n,) and their offsets in the text (n,)."""
+        self._chunks.append(
+            (
+                np.asarray(indices, dtype=np.int64).reshape(-1, self._axes),
+                np.asarray(values, dtype=np.float64).reshape(-1),
+                np.asarray(offsets, dtype=np.int64).reshape(-1),
+            )
+        )
+
+    def clear(self) -> None:
+        """Remove all: a later statement replaces them."""
+        self._chunks.clear()
+
+    def arrays(self) -> tuple[Indices, Array, Offsets]:
+        """(n, axes) indices, (n,) values and (n,) offsets of all statements."""
+        if not self._chunks:
+            return np.zeros((0, self._axes), dtype=np.int64), np.zeros(0), np.zeros(0, dtype=np.int64)
+        if len(self._chunks) > 1:
+            parts = zip(*self._chunks, strict=True)
+            self._chunks = [tuple(np.concatenate(part) for part in parts)]  # type: ignore[list-item]
+        return self._chunks[0]
 
 
 @dataclass(frozen=True, eq=False)
-class Content:
-    """Where in a table's store the numbers of a row are; of a matrix, arrays (S,) of it."""
+class StoredRows:
+    """Range of a table's stored numbers that form a row; for a matrix, arrays (S,) of ranges."""
 
     begin: int | Indices
     length: int | Indices
 
 
 @dataclass(frozen=True, eq=False)
-class _Whole:
-    """A statement that gives whole rows.
+class _RowStatement:
+    """A statement that sets whole rows.
 
-    places: the offset of the first number; of a matrix (S,) that of each row.
+    offsets: of the first number; for a matrix (S,) of the first number of each row.
     """
 
-    places: int | Places
-    content: Content
+    offsets: int | Offsets
+    rows: StoredRows
 
 
 class Table:
     """The statements of T or O so far.
 
-    title: what messages call it. shape: (A, S, N). entries: numbers given one at a time.
+    title: name for messages. shape: (A, S, N). entries: numbers given one at a time.
     """
 
     def __init__(self, title: str, shape: tuple[int, int, int]) -> None:
         self.title, self.shape = title, shape
         self.entries = Entries(3)
-        self._whole: dict[tuple[int, int], _Whole] = {}
+        self._statements: dict[tuple[int, int], _RowStatement] = {}  # in the order of the text
         self._columns: list[npt.NDArray[np.int32]] = []
         self._values: list[Array] = []
         self._stored = 0
 
-    def store(self, numbers: Array) -> Content:
-        """Keep what is not zero of the numbers (N,) of a row, or (S, N) of a matrix.
+    def store(self, numbers: Array) -> StoredRows:
+        """Store the nonzero numbers of a row (N,) or a matrix (S, N).
 
         Raises:
-            ModelError: it is too much together with what is kept already.
+            ModelError: the table becomes too large.
         """
-        where = np.nonzero(numbers)
-        begin = self._keep(where[-1].astype(np.int32), numbers[where])
+        nonzero = np.nonzero(numbers)
+        begin = self._store(nonzero[-1].astype(np.int32), numbers[nonzero])
         if numbers.ndim == 1:
-            return Content(begin, len(where[0]))
-        ends = np.searchsorted(where[0], np.arange(len(numbers) + 1))
-        return Content(begin + ends[:-1], np.diff(ends))
+            return StoredRows(begin, len(nonzero[0]))
+        ends = np.searchsorted(nonzero[0], np.arange(len(numbers) + 1))
+        return StoredRows(begin + ends[:-1], np.diff(ends))
 
-    def store_identity(self) -> Content:
-        """Keep the rows of an identity matrix."""
+    def store_identity(self) -> StoredRows:
+        """Store the rows of an identity matrix."""
         S = self.shape[1]
-        begin = self._keep(np.arange(S, dtype=np.int32), np.ones(S))
-        return Content(begin + np.arange(S), np.ones(S, dtype=np.int64))
+        begin = self._store(np.arange(S, dtype=np.int32), np.ones(S))
+        return StoredRows(begin + np.arange(S), np.ones(S, dtype=np.int64))
 
-    def _keep(self, columns: npt.NDArray[np.int32], values: Array) -> int:
+    def _store(self, columns: npt.NDArray[np.int32], values: Array) -> int:
         begin = self._stored
         self._stored += len(columns)
         self._check_size(self._stored)
@@ -83,85 +118,85 @@ class Table:
         self._values.append(values)
         return begin
 
-    def replace(self, action: int, state: int, content: Content, places: int | Places) -> None:
-        """Whole rows: of an action and a state, either of which may be `ALL`.
+    def set_rows(self, action: int, state: int, rows: StoredRows, offsets: int | Offsets) -> None:
+        """Set whole rows for an action and a state, either of which may be `ALL`.
 
-        A matrix has the state `ALL` and a place for each row.
+        A matrix has the state `ALL` and an offset for each row.
         """
-        if action == state == ALL:  # nothing before it counts any more
-            self._whole.clear()
+        if action == state == ALL:  # overrides everything before it
+            self._statements.clear()
             self.entries.clear()
-        # the statement goes to the end of the dictionary, which is in the order of the text
-        self._whole.pop((action, state), None)
-        self._whole[action, state] = _Whole(places, content)
+        self._statements.pop((action, state), None)  # so that the new one goes to the end
+        self._statements[action, state] = _RowStatement(offsets, rows)
 
-    def rows(self) -> tuple[SparseTables, Places]:
-        """The table, and for each row (A, S) the offset of the statement that last spoke of it, or -1.
+    def rows(self) -> tuple[SparseTables, Offsets]:
+        """The table, and for each row (A, S) the offset of the last statement about it, or -1.
 
         Raises:
-            ModelError: it would be too large.
+            ModelError: the table is too large.
         """
         A, S, _ = self.shape
-        places = np.full((A, S), -1, dtype=np.int64)
+        offsets = np.full((A, S), -1, dtype=np.int64)
         begins = np.zeros((A, S), dtype=np.int64)
         lengths = np.zeros((A, S), dtype=np.int64)
-        for (a, s), whole in self._whole.items():
+        for (a, s), statement in self._statements.items():
             scope = (slice(None) if a == ALL else a, slice(None) if s == ALL else s)
-            places[scope] = whole.places
-            begins[scope] = whole.content.begin
-            lengths[scope] = whole.content.length
+            offsets[scope] = statement.offsets
+            begins[scope] = statement.rows.begin
+            lengths[scope] = statement.rows.length
         total = int(lengths.sum())
         self._check_size(total)
-        row, column, value, at = self._later_entries(places, MAX_NUMBERS - total)
-        index = ranges(begins.reshape(-1), lengths.reshape(-1))
+        row, column, value, at = self._overriding_entries(offsets, MAX_NUMBERS - total)
+        index = concatenate_ranges(begins.reshape(-1), lengths.reshape(-1))
         columns = np.concatenate(self._columns or [np.zeros(0, dtype=np.int32)])[index]
         values = np.concatenate(self._values or [np.zeros(0)])[index]
-        places.reshape(-1)[row] = at  # of several the last one stays
+        offsets.reshape(-1)[row] = at  # numpy keeps the last of several
         if not len(row):
             ends = np.concatenate([[0], np.cumsum(lengths)])
-            return SparseTables(self.shape, ends, columns, values), places
+            return SparseTables(self.shape, ends, columns, values), offsets
         rows = np.repeat(np.arange(A * S), lengths.reshape(-1))
         return SparseTables.of_entries(
             self.shape,
             np.concatenate([rows, row]),
             np.concatenate([columns, column]),
             np.concatenate([values, value]),
-        ), places
+        ), offsets
 
-    def _later_entries(self, places: Places, room: int) -> tuple[Indices, Indices, Array, Places]:
-        """Row, column, value and place of each single number that stands after its row's last statement.
+    def _overriding_entries(self, offsets: Offsets, limit: int) -> tuple[Indices, Indices, Array, Offsets]:
+        """Row, column, value and offset of each single number after its row's last whole-row statement.
 
-        places: (A, S) where that statement is. room: how many numbers there may be.
+        Args:
+            offsets: (A, S) of these statements. limit: maximum number of numbers.
         """
         A, S, _ = self.shape
         indices, values, at = self.entries.arrays()
-        kept = self._worth_writing_out(places)
-        action, state, _ = indices[kept].T
-        times = np.where(action == ALL, A, 1) * np.where(state == ALL, S, 1)
-        total = int(times.sum())
-        if total > room:
-            self._check_size(total + MAX_NUMBERS - room)
-        step = np.arange(total) - np.repeat(np.cumsum(times) - times, times)
-        kept = np.repeat(kept, times)
-        action, state, column = indices[kept].T
-        # the first of an entry's copies is for the first action and state, the next one for the next state
+        selected = self._select_entries(offsets)
+        action, state, _ = indices[selected].T
+        copies = np.where(action == ALL, A, 1) * np.where(state == ALL, S, 1)
+        total = int(copies.sum())
+        if total > limit:
+            self._check_size(total + MAX_NUMBERS - limit)
+        step = np.arange(total) - np.repeat(np.cumsum(copies) - copies, copies)
+        selected = np.repeat(selected, copies)
+        action, state, column = indices[selected].T
+        # copies of an entry are in the order of actions, then states
         both = (action == ALL) & (state == ALL)
         row = np.where(action == ALL, np.where(both, step // S, step), action) * S
         row += np.where(state == ALL, np.where(both, step % S, step), state)
-        later = np.flatnonzero(at[kept] > places.reshape(-1)[row])
-        kept = kept[later]
-        return row[later], column[later], values[kept], at[kept]
+        later = np.flatnonzero(at[selected] > offsets.reshape(-1)[row])
+        selected = selected[later]
+        return row[later], column[later], values[selected], at[selected]
 
-    def _worth_writing_out(self, places: Places) -> npt.NDArray[np.intp]:
-        """Which entries: one with ``*`` is not when it is repeated or comes too early for all its rows."""
+    def _select_entries(self, offsets: Offsets) -> npt.NDArray[np.intp]:
+        """Indices of the entries to expand: without those with ``*`` that are overridden everywhere."""
         _, S, N = self.shape
         indices, _, at = self.entries.arrays()
         action, state, column = indices.T
         if not ((action == ALL) | (state == ALL)).any():
             return np.arange(len(at))
-        late = np.flatnonzero(at > _earliest(places, action, state))
+        late = np.flatnonzero(at > _first_offset(offsets, action, state))
         key = ((action[late] + 1) * (S + 1) + state[late] + 1) * N + column[late]
-        return late[last_of_each(key)]
+        return late[last_occurrences(key)]
 
     def _check_size(self, numbers: int) -> None:
         if numbers > MAX_NUMBERS:
@@ -171,17 +206,25 @@ class Table:
             )
 
 
-def ranges(begins: Indices, lengths: Indices) -> Indices:
-    """The numbers from each begin on, as many as its length, one range after the other."""
+def last_occurrences(keys: Indices) -> npt.NDArray[np.intp]:
+    """The index of the last occurrence of each key, increasing."""
+    order = np.argsort(keys, kind="stable")
+    last = np.ones(len(keys), dtype=bool)
+    last[:-1] = keys[order][1:] != keys[order][:-1]
+    return np.sort(order[last])
+
+
+def concatenate_ranges(begins: Indices, lengths: Indices) -> Indices:
+    """Return the ranges [begin, begin + length), one after the other."""
     total = int(lengths.sum())
     shift = begins - (np.cumsum(lengths) - lengths)
-    found: Indices = np.repeat(shift, lengths) + np.arange(total)
-    return found
+    numbers: Indices = np.repeat(shift, lengths) + np.arange(total)
+    return numbers
 
 
-def _earliest(places: Places, action: Indices, state: Indices) -> Places:
-    """(n,) the least place (A, S) among the rows of each scope."""
-    found = places[np.maximum(action, 0), np.maximum(state, 0)]
-    found = np.where(action == ALL, places.min(axis=0)[np.maximum(state, 0)], found)
-    found = np.where(state == ALL, places.min(axis=1)[np.maximum(action, 0)], found)
-    return np.where((action == ALL) & (state == ALL), places.min(), found)
+def _first_offset(offsets: Offsets, action: Indices, state: Indices) -> Offsets:
+    """(n,) the smallest of the offsets (A, S) among the rows of each scope."""
+    first = offsets[np.maximum(action, 0), np.maximum(state, 0)]
+    first = np.where(action == ALL, offsets.min(axis=0)[np.maximum(state, 0)], first)
+    first = np.where(state == ALL, offsets.min(axis=1)[np.maximum(action, 0)], first)
+    return np.where((action == ALL) & (state == ALL), offsets.min(), first)

@@ -1,4 +1,4 @@
-"""Writing the .pomdp format so that reading gives the same model, bit for bit."""
+"""Write the .pomdp format so that reading it back gives the same bits."""
 
 from __future__ import annotations
 
@@ -10,28 +10,38 @@ import numpy as np
 from lcorpp.errors import ModelError
 from lcorpp.files import write_atomically
 from lcorpp.planning.formats.numbers import is_number
-from lcorpp.planning.formats.pomdp.tokens import PREAMBLE, TABLES
+from lcorpp.planning.formats.pomdp.tokens import PREAMBLE_KEYWORDS, TABLE_KEYWORDS
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import SparseTables
 
-_RESERVED = {*PREAMBLE, *TABLES, "start", "include", "exclude", "uniform", "identity", "reset", "*"}
+_RESERVED = {
+    *PREAMBLE_KEYWORDS,
+    *TABLE_KEYWORDS,
+    "start",
+    "include",
+    "exclude",
+    "uniform",
+    "identity",
+    "reset",
+    "*",
+}
 
 
 def write_pomdp(pomdp: Pomdp, path: str | Path) -> None:
-    """Write a .pomdp file; `read_pomdp` gives the same tables back exactly.
+    """Write a .pomdp file; reading it back gives the same tables exactly.
 
     Raises:
         FileError: the file cannot be written.
-        ModelError: a name cannot stand in the format, such as one with a space.
+        ModelError: the format does not allow a name, such as one with a space.
     """
     write_atomically(path, format_pomdp(pomdp))
 
 
 def format_pomdp(pomdp: Pomdp) -> str:
-    """The text of a model in .pomdp format, non-zero entries only.
+    """Return the text of a model in .pomdp format, nonzero entries only.
 
     Raises:
-        ModelError: a name cannot stand in the format.
+        ModelError: the format does not allow a name.
     """
     return "\n".join(_lines(pomdp)) + "\n"
 
@@ -64,7 +74,7 @@ def _names(names: Sequence[str]) -> str:
     if all(name == str(i) for i, name in enumerate(names)):
         return str(len(names))
     for name in names:
-        odd = any(c.isspace() or c in ":#" or "\ud800" <= c <= "\udfff" for c in name)
-        if not name or name in _RESERVED or is_number(name) or odd:
+        invalid = any(c.isspace() or c in ":#" or "\ud800" <= c <= "\udfff" for c in name)
+        if not name or name in _RESERVED or is_number(name) or invalid:
             raise ModelError(f"the name {name!r} cannot be written into a .pomdp file")
     return " ".join(names)
