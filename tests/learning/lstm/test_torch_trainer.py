@@ -30,7 +30,7 @@ def test_adam_agrees_with_torch():
 
 
 def test_torch_keeps_its_random_state_and_its_threads(monkeypatch):
-    monkeypatch.setattr(training, "compiled", lambda: None)
+    monkeypatch.setattr(training, "load_kernels", lambda: None)
     x = tracks()
     before, threads = torch.get_rng_state(), torch.get_num_threads()
     LstmClassifier(units=4, epochs=2).fit(x, labels(x))

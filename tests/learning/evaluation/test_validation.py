@@ -9,10 +9,9 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Motion, Scaling, Validation, cross_validate
+from lcorpp.learning import ChannelStandardizer, Motion, Validation, cross_validate, estimate_rates
 from lcorpp.values import ConfusionMatrix, Dataset
-
-from .walkers import walkers
+from tests.learning.walkers import walkers
 
 
 def flat(tracks):
@@ -20,7 +19,9 @@ def flat(tracks):
 
 
 def quick_pipeline():
-    return make_pipeline(Motion(rate=15.0), Scaling(), FunctionTransformer(flat), LogisticRegression())
+    return make_pipeline(
+        Motion(rate=15.0), ChannelStandardizer(), FunctionTransformer(flat), LogisticRegression()
+    )
 
 
 class Recorder(ClassifierMixin, BaseEstimator):
@@ -99,17 +100,20 @@ def test_the_seed_divides():
 def test_intervals_are_those_of_jeffreys():
     counts = np.array([[48.0, 15.0], [0.0, 60.0]])
     validation = Validation(ConfusionMatrix(("no", "yes"), counts), (), np.empty((0, 2)), None, ())
-    no, yes = validation.summary()
-    assert (no.given, no.called, no.count, no.cases, no.value) == ("no", "no", 48, 63, 48 / 63)
-    assert (round(no.low, 2), round(no.high, 2)) == (0.65, 0.85)  # LEARNING.md: 48 of 63 is .65 to .85
-    np.testing.assert_allclose([no.low, no.high], beta.ppf([0.025, 0.975], 48.5, 15.5))
-    assert yes.high == 1
-    assert 0.9 < yes.low < 1
-    wrong = validation.rates_interval()[1][0]
-    assert (wrong.given, wrong.called, wrong.value, wrong.low) == ("yes", "no", 0, 0)
-    np.testing.assert_allclose(wrong.high, 1 - yes.low)
-    narrow = validation.rates_interval(level=0.5)[0][0]
-    assert no.low < narrow.low < narrow.high < no.high
+    no, yes = validation.recalls
+    assert (no.true, no.predicted, no.count, no.cases, no.value) == ("no", "no", 48, 63, 48 / 63)
+    assert (round(no.interval.low, 2), round(no.interval.high, 2)) == (
+        0.65,
+        0.85,
+    )  # LEARNING.md: 48 of 63 is .65 to .85
+    np.testing.assert_allclose([no.interval.low, no.interval.high], beta.ppf([0.025, 0.975], 48.5, 15.5))
+    assert yes.interval.high == 1
+    assert 0.9 < yes.interval.low < 1
+    wrong = validation.rates[1][0]
+    assert (wrong.true, wrong.predicted, wrong.value, wrong.interval.low) == ("yes", "no", 0, 0)
+    np.testing.assert_allclose(wrong.interval.high, 1 - yes.interval.low)
+    narrow = estimate_rates(validation.confusion, level=0.5)[0][0]
+    assert no.interval.low < narrow.interval.low < narrow.interval.high < no.interval.high
 
 
 def test_too_few_groups_are_told():

@@ -14,15 +14,14 @@ from sklearn.preprocessing import FunctionTransformer
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning import (
-    Cut,
+    DecisionThreshold,
     TrainedClassifier,
     learner,
     load_classifier,
     save_classifier,
     train_and_validate,
 )
-
-from .walkers import walkers
+from tests.learning.walkers import walkers
 
 pytest.importorskip("torch", reason="the LSTM needs torch: pip install 'lcorpp[torch]'")
 
@@ -59,14 +58,14 @@ def test_what_is_loaded_classifies_as_what_was_saved(trained, tmp_path):
 
 
 def test_calibration_and_cut_come_back(trained, tmp_path):
-    cut = replace(trained, cut=Cut("slow", 0.3))
-    save_classifier(cut, tmp_path / "c")
+    thresholded = replace(trained, threshold=DecisionThreshold("slow", 0.3))
+    save_classifier(thresholded, tmp_path / "c")
     loaded = load_classifier(tmp_path / "c")
-    assert loaded.cut == cut.cut
+    assert loaded.threshold == thresholded.threshold
     tracks = walkers(30, seed=9).trajectories
     said = [
         (dict(a), dict(b))
-        for a, b in zip(*(c.soft().classify_many(tracks) for c in (loaded, cut)), strict=True)
+        for a, b in zip(*(c.soft().classify_many(tracks) for c in (loaded, thresholded)), strict=True)
     ]
     assert all(a == b for a, b in said)
 
@@ -210,13 +209,19 @@ def changed(trained: TrainedClassifier, path, change) -> None:
         (lambda head, arrays: arrays["scaling/scale"].fill(0), "one positive deviation"),
         (lambda head, arrays: arrays["lstm/dense_bias"].fill(np.nan), "finite weights"),
         (lambda head, arrays: head["confusion"].update(counts=[[1]]), "cannot have shape"),
-        (lambda head, arrays: head["confusion"].update(classes=["a", "b"]), "tells .*fast.* apart"),
-        (lambda head, arrays: head["calibration"].update(classes=["a", "b"]), "calibration or cut does not"),
+        (
+            lambda head, arrays: head["confusion"].update(classes=["a", "b"]),
+            "classes of its last step are .*fast",
+        ),
+        (
+            lambda head, arrays: head["calibration"].update(classes=["a", "b"]),
+            "calibration or threshold is for others",
+        ),
         (lambda head, arrays: head["calibration"].update(slope=-1), "slope above 0"),
         (lambda head, arrays: head["calibration"].pop("shares"), "damaged"),
-        (lambda head, arrays: head.update(cut=["slowly", 0.5]), "calibration or cut does not"),
-        (lambda head, arrays: head.update(cut=["slow", 7]), "cannot be called slow from 7"),
-        (lambda head, arrays: head["steps"].pop(), "tells no classes apart"),
+        (lambda head, arrays: head.update(cut=["slowly", 0.5]), "calibration or threshold is for others"),
+        (lambda head, arrays: head.update(cut=["slow", 7]), "the threshold of slow is 7"),
+        (lambda head, arrays: head["steps"].pop(), "classes of its last step are missing"),
         (lambda head, arrays: head["steps"].clear(), "damaged"),
         (lambda head, arrays: head.clear(), "damaged"),
     ],

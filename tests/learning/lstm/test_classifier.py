@@ -17,8 +17,7 @@ from sklearn.utils.class_weight import compute_class_weight
 
 from lcorpp.errors import DataError
 from lcorpp.learning import LstmClassifier, fast_pipeline, paper_pipeline
-from lcorpp.learning.lstm.class_weights import class_weights
-from lcorpp.learning.lstm.training import Plan, learning_rates
+from lcorpp.learning.lstm.training import TrainingConfig, class_weights, learning_rates
 
 from .noise import labels, tracks
 
@@ -73,7 +72,9 @@ def test_a_cycle_of_the_rate_learns_in_few_passes():
 
 
 def test_the_rate_rises_once_and_falls_to_nothing():
-    plan = Plan(units=1, dropout=0, epochs=8, batch_size=10, learning_rate=0.5, schedule="one-cycle")
+    plan = TrainingConfig(
+        units=1, dropout=0, epochs=8, batch_size=10, learning_rate=0.5, schedule="one-cycle"
+    )
     rates = learning_rates(plan, 95)
     assert rates.shape == (8, 10)
     turns = np.diff(np.sign(np.diff(rates.ravel())))

@@ -8,7 +8,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn.pipeline import make_pipeline
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Motion, Scaling
+from lcorpp.learning import ChannelStandardizer, Motion
 
 ALL = ("x", "y", "velocity", "heading", "facing")
 TOLD = ("x", "y", "velocity", "heading", "facing", "approach", "attention", "distance", "bearing")
@@ -41,14 +41,14 @@ def test_the_papers_tracks_become_thirty_points():
 
 def test_speed_and_heading_of_a_walk_known_by_hand():
     """One metre ahead, then two to the left, then standing: a second each, the last sample not reached."""
-    found = told([[0, 0.5, 1, 1, 1, 1, 1, 9], [0, 0, 0, 1, 2, 2, 2, 9]], channels=("velocity", "heading"))
+    found = told([[0, 0.5, 1, 1, 1, 1, 1, 9], [0, 0, 0, 1, 2, 2, 2, 9]], features=("velocity", "heading"))
     assert found == {"velocity": [0, 1, 2, 0], "heading_cos": [0, 1, 0, 0], "heading_sin": [0, 0, 1, 0]}
 
 
 def test_what_was_measured_is_taken_as_it_is():
     east, west = [0.0] * 3, [np.pi] * 3
     x = [[0, 1, 2], [0, 0, 0], [7.0, 7, 8], west, east]
-    found = told(x, inputs=ALL, channels=("velocity", "heading", "facing"))
+    found = told(x, inputs=ALL, features=("velocity", "heading", "facing"))
     assert found["velocity"] == [7, 8]
     assert found["heading_cos"] == [-1, -1]
     assert found["facing_cos"] == [1, 1]
@@ -58,7 +58,7 @@ def test_angles_are_interpolated_the_short_way():
     """From 170 degrees to -170: half way is 180, not 0; the number of turns counted does not matter."""
     for turns in (0, 2 * np.pi, -4 * np.pi):
         x = [[0, 0], [0, 0], [np.deg2rad(170), np.deg2rad(-170) + turns]]
-        found = told(x, inputs=("x", "y", "facing"), channels=("facing",), rate=2, interval=1)
+        found = told(x, inputs=("x", "y", "facing"), features=("facing",), rate=2, interval=1)
         assert found["facing_cos"] == pytest.approx([np.cos(np.deg2rad(170)), -1, np.cos(np.deg2rad(170))])
         assert found["facing_sin"][1] == pytest.approx(0, abs=1e-9)
 
@@ -66,7 +66,7 @@ def test_angles_are_interpolated_the_short_way():
 def test_the_robot_sees_a_person_by_hand():
     """A person three metres before a robot that looks along y comes on, looking to the robot's left."""
     x = [[1, 1, 1], [5, 4.5, 4], [np.pi] * 3]
-    found = told(x, inputs=("x", "y", "facing"), channels=TOLD, robot=(1.0, 2.0, np.pi / 2))
+    found = told(x, inputs=("x", "y", "facing"), features=TOLD, robot=(1.0, 2.0, np.pi / 2))
     assert found == {
         "x": [0, -1],
         "y": [0, 0],
@@ -106,7 +106,7 @@ def test_interpolation_agrees_with_numpy(seed, rate, points):
 @given(seed=st.integers(0, 10**6), rate=st.sampled_from([2.7, 3.0, 30.0, 1 / 0.033]), end=st.integers(16, 50))
 def test_the_beginning_of_a_track_gives_the_beginning_of_its_motion(seed, rate, end):
     for inputs, x in ((ALL, measured(seed)), (("x", "y", "facing"), measured(seed)[:, [0, 1, 4]])):
-        motion = Motion(rate=rate, inputs=inputs, channels=TOLD, robot=(1.0, -2.0, 0.3)).fit(x)
+        motion = Motion(rate=rate, inputs=inputs, features=TOLD, robot=(1.0, -2.0, 0.3)).fit(x)
         part = motion.transform(x[:, :, :end])
         assert np.array_equal(part, motion.transform(x)[:, :, : part.shape[2]])
         assert part.shape[2] >= 2
@@ -118,7 +118,7 @@ def test_the_beginning_of_a_track_gives_the_beginning_of_its_motion(seed, rate, 
 def test_place_does_not_matter(seed, x, y):
     here = measured(seed)
     there = here + np.array([x, y, 0, 0, 0])[:, None]
-    motion = Motion(inputs=ALL, channels=ALL).fit(here)
+    motion = Motion(inputs=ALL, features=ALL).fit(here)
     np.testing.assert_allclose(motion.transform(here), motion.transform(there), atol=1e-9)  # kilometres
 
 
@@ -131,7 +131,7 @@ def test_only_what_the_robot_sees_matters_not_the_frame_of_the_tracks(seed, x, y
     there[:, 0] = cosine * here[:, 0] - sine * here[:, 1] + x
     there[:, 1] = sine * here[:, 0] + cosine * here[:, 1] + y
     for inputs, rows in ((ALL, [0, 1, 2, 3, 4]), (("x", "y", "facing"), [0, 1, 4])):
-        parameters = {"inputs": inputs, "channels": TOLD}
+        parameters = {"inputs": inputs, "features": TOLD}
         seen = Motion(robot=(0, 0, 0), **parameters).fit_transform(here[:, rows])
         same = Motion(robot=(x, y, turned), **parameters).fit_transform(there[:, rows])
         np.testing.assert_allclose(seen, same, atol=1e-6)  # a short step has a direction to 1e-7
@@ -139,7 +139,7 @@ def test_only_what_the_robot_sees_matters_not_the_frame_of_the_tracks(seed, x, y
 
 def test_scaling_knows_the_training_data_only():
     train, other = tracks(1), 100 * tracks(2) + 7
-    scaling = Scaling().fit(train)
+    scaling = ChannelStandardizer().fit(train)
     scaled = scaling.transform(train)
     np.testing.assert_allclose(scaled.mean(axis=(0, 2)), 0, atol=1e-12)
     np.testing.assert_allclose(scaled.std(axis=(0, 2)), 1, atol=1e-12)
@@ -152,11 +152,11 @@ def test_scaling_knows_the_training_data_only():
 
 def test_a_constant_channel_becomes_zero():
     x = np.concatenate([tracks(0), np.full((4, 1, 50), 3.0)], axis=1)
-    assert np.all(Scaling().fit_transform(x)[:, 2] == 0)
+    assert np.all(ChannelStandardizer().fit_transform(x)[:, 2] == 0)
 
 
 def test_it_stands_in_a_pipeline_and_is_cloned():
-    pipeline = clone(make_pipeline(Motion(rate=4.0, channels=("x", "heading")), Scaling()))
+    pipeline = clone(make_pipeline(Motion(rate=4.0, features=("x", "heading")), ChannelStandardizer()))
     assert pipeline.fit_transform(tracks(0)).shape == (4, 3, 7)
     assert pipeline.get_params()["motion__rate"] == 4.0
     with pytest.raises(NotFittedError):
@@ -173,13 +173,13 @@ def test_it_stands_in_a_pipeline_and_is_cloned():
     ],
 )
 def test_bad_tracks_are_told(x, words):
-    for step in (Motion(), Scaling()):
+    for step in (Motion(), ChannelStandardizer()):
         with pytest.raises(DataError, match=words):
             step.fit(tracks(0)).transform(x)
 
 
 def test_a_track_too_short_for_two_points_is_told():
-    words = r"10 time points 0.033 s apart last 0.297 s; motion at 3 points per second begins after 0.333 s"
+    words = r"10 time points .* last 0.297 s; motion at 3 points per second needs more than 0.333 s"
     for use in (Motion().fit, Motion().fit(tracks(0)).transform):
         with pytest.raises(DataError, match=words):
             use(tracks(0)[:, :, :10])
@@ -194,19 +194,19 @@ def test_a_track_too_short_for_two_points_is_told():
         ({"interval": 0.0}, "the interval is 0.0 s"),
         ({"interval": float("inf")}, "the interval is inf s"),
         (
-            {"channels": ("x", "z")},
-            "unknown channel 'z'; expected one of x, y, velocity, heading",
+            {"features": ("x", "z")},
+            "unknown feature 'z'; expected one of x, y, velocity, heading",
         ),
-        ({"channels": "x"}, "channels are given as a sequence of names, not 'x'"),
-        ({"channels": ()}, r"a sequence of names, not \(\)"),
-        ({"channels": ("x", "x")}, "channels are x, x; expected every name once"),
-        ({"channels": ("facing",)}, "channel 'facing' needs the input facing; the inputs are x, y"),
-        ({"channels": ("attention",)}, "channel 'attention' needs the input x and y and facing"),
+        ({"features": "x"}, "features must be a non-empty sequence of names, not 'x'"),
+        ({"features": ()}, r"a non-empty sequence of names, not \(\)"),
+        ({"features": ("x", "x")}, "features are x, x; expected every name once"),
+        ({"features": ("facing",)}, "feature 'facing' needs the input facing; the inputs are x, y"),
+        ({"features": ("attention",)}, "feature 'attention' needs the input x and y and facing"),
         ({"inputs": ("x", "distance")}, "unknown input 'distance'; expected one of x, y, velocity, heading"),
-        ({"inputs": ("x",)}, "channel 'x' needs the input x and y; the inputs are x"),
+        ({"inputs": ("x",)}, "feature 'x' needs the input x and y; the inputs are x"),
         (
-            {"inputs": ("x", "facing"), "channels": ("velocity",)},
-            "channel 'velocity' needs the input velocity or x and y",
+            {"inputs": ("x", "facing"), "features": ("velocity",)},
+            "feature 'velocity' needs the input velocity or x and y",
         ),
         ({"inputs": ("x", "y", "facing")}, "the inputs are x, y, facing, but the tracks have 2 channels"),
         ({"robot": (0.0, 0.0)}, r"the robot's pose is \(0.0, 0.0\); expected x, y and heading"),
@@ -219,7 +219,7 @@ def test_parameters_that_do_not_go_together_are_told(parameters, words):
 
 
 def test_what_was_stored_of_other_channels_is_refused():
-    stored = Motion(channels=("x", "heading")).fit(tracks(0)).to_arrays()
-    assert Motion(channels=("x", "heading")).from_arrays(stored).rows_ == ("x", "heading_cos", "heading_sin")
-    with pytest.raises(DataError, match="the channels give x, y, not"):
+    stored = Motion(features=("x", "heading")).fit(tracks(0)).to_arrays()
+    assert Motion(features=("x", "heading")).from_arrays(stored).rows_ == ("x", "heading_cos", "heading_sin")
+    with pytest.raises(DataError, match="the features give x, y, not"):
         Motion().from_arrays(stored)

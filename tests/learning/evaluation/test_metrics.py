@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 from sklearn.metrics import brier_score_loss, roc_auc_score
 
-from lcorpp.learning.evaluation.intervals import percentile_interval, resampled
-from lcorpp.learning.evaluation.metrics import auc, brier, calibration_error, error_by_chance, reliability
+from lcorpp.learning.evaluation.metrics import (
+    auc,
+    bootstrap_interval,
+    brier,
+    cluster_bootstrap_weights,
+    expected_calibration_error,
+    expected_ece_if_calibrated,
+    reliability,
+)
 
 
 def cases(count: int, *, seed: int = 0, sharpen: float = 1.0):
@@ -43,20 +50,22 @@ def test_as_scikit_learn_computes_them():
 def test_right_probabilities_have_the_error_of_chance_and_sure_ones_more():
     one = np.ones((1, 4000))
     scores, positive = cases(4000)
-    assert calibration_error(scores, positive, one)[0] < 2 * error_by_chance(scores)
+    assert expected_calibration_error(scores, positive, one)[0] < 2 * expected_ece_if_calibrated(scores)
     sure, positive = cases(4000, sharpen=3)
-    assert calibration_error(sure, positive, one)[0] > 5 * error_by_chance(sure)
+    assert expected_calibration_error(sure, positive, one)[0] > 5 * expected_ece_if_calibrated(sure)
 
 
 def test_the_reliability_curve_holds_everybody_once():
     scores, positive = cases(1000)
     bins = reliability(scores, positive)
     assert [b.cases for b in bins] == [100] * 10
-    assert sum(b.share * b.cases for b in bins) == pytest.approx(positive.sum())
-    assert all(b.low <= b.share <= b.high for b in bins)
-    assert sum(b.low <= b.said <= b.high for b in bins) >= 7  # 95 % of them are expected
+    assert sum(b.observed.estimate * b.cases for b in bins) == pytest.approx(positive.sum())
+    assert all(b.observed.low <= b.observed.estimate <= b.observed.high for b in bins)
+    assert (
+        sum(b.observed.low <= b.predicted <= b.observed.high for b in bins) >= 7
+    )  # 95 % of them are expected
     few = reliability(np.full(20, 0.5), np.arange(20) < 20)
-    assert [(b.said, b.share, b.high) for b in few] == [(0.5, 1.0, 1.0)]
+    assert [(b.predicted, b.observed.estimate, b.observed.high) for b in few] == [(0.5, 1.0, 1.0)]
 
 
 def test_intervals_hold_what_they_say():
@@ -66,19 +75,21 @@ def test_intervals_hold_what_they_say():
     hits = 0
     for seed in range(60):
         scores, positive = cases(150, seed=seed)
-        weights = resampled([str(i) for i in range(150)], count=300, seed=seed)
-        interval = percentile_interval(float(roc_auc_score(positive, scores)), auc(scores, positive, weights))
+        weights = cluster_bootstrap_weights([str(i) for i in range(150)], count=300, seed=seed)
+        interval = bootstrap_interval(float(roc_auc_score(positive, scores)), auc(scores, positive, weights))
         hits += interval.low <= truth <= interval.high
     assert hits >= 52
 
 
 def test_people_with_several_cases_are_drawn_whole():
     groups = [str(row // 5) for row in range(200)]
-    weights = resampled(groups, count=50)
+    weights = cluster_bootstrap_weights(groups, count=50)
     assert (weights.sum(axis=1) == 200).all()
     assert (weights.reshape(50, 40, 5) == weights.reshape(50, 40, 5)[:, :, :1]).all()
     scores = np.repeat(np.random.default_rng(0).normal(size=40), 5)
     positive = np.repeat(np.arange(40) % 2 == 0, 5)
-    wide = percentile_interval(0.5, auc(scores, positive, weights))
-    alone = percentile_interval(0.5, auc(scores, positive, resampled([str(i) for i in range(200)], count=50)))
+    wide = bootstrap_interval(0.5, auc(scores, positive, weights))
+    alone = bootstrap_interval(
+        0.5, auc(scores, positive, cluster_bootstrap_weights([str(i) for i in range(200)], count=50))
+    )
     assert wide.high - wide.low > 1.5 * (alone.high - alone.low)  # five copies tell nothing new

@@ -7,8 +7,8 @@ import pytest
 from sklearn.metrics import accuracy_score, f1_score
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Cut, choose_threshold
-from lcorpp.learning.evaluation.thresholds import called
+from lcorpp.learning import DecisionThreshold, choose_threshold
+from lcorpp.learning.evaluation.thresholds import apply_threshold
 
 
 def cases(count: int = 400, share: float = 0.5, seed: int = 0):
@@ -23,9 +23,9 @@ def test_no_threshold_is_better_on_the_data_s_own_share(goal, figure):
     scores, positive, folds = cases(120, share=0.3)
     found = choose_threshold(scores, positive, folds, prevalence=positive.mean(), goal=goal)
     reached = figure(positive, scores >= found.probability)
-    assert reached == pytest.approx(found.value)
+    assert reached == pytest.approx(found.in_sample)
     assert reached == pytest.approx(max(figure(positive, scores >= t) for t in [*scores, 0.0, 1.1]))
-    assert found.honest <= found.value
+    assert found.out_of_fold <= found.in_sample
 
 
 def test_a_rare_class_is_called_later():
@@ -38,7 +38,7 @@ def test_a_rare_class_is_called_later():
         assert found.probability == pytest.approx(1 - prevalence, abs=0.05)
     youden = choose_threshold(scores, positive, [0, 1] * 30_000, prevalence=0.02, goal="youden")
     assert youden.probability == pytest.approx(0.5, abs=0.05)
-    assert youden.value == pytest.approx(youden.hit - youden.alarm)
+    assert youden.in_sample == pytest.approx(youden.tpr - youden.fpr)
 
 
 def test_costs_move_it():
@@ -47,18 +47,21 @@ def test_costs_move_it():
     cheap = choose_threshold(scores, positive, folds, prevalence=0.5, goal=(1, 10))
     assert dear.goal == "cost"
     assert dear.probability < 0.3 < 0.7 < cheap.probability
-    assert dear.value == pytest.approx(-(0.5 * (1 - dear.hit) * 10 + 0.5 * dear.alarm))
+    assert dear.in_sample == pytest.approx(-(0.5 * (1 - dear.tpr) * 10 + 0.5 * dear.fpr))
     equal = choose_threshold(scores, positive, folds, prevalence=0.3, goal=(1, 1))
     accurate = choose_threshold(scores, positive, folds, prevalence=0.3)
-    assert (equal.probability, equal.value) == (accurate.probability, pytest.approx(accurate.value - 1))
+    assert (equal.probability, equal.in_sample) == (
+        accurate.probability,
+        pytest.approx(accurate.in_sample - 1),
+    )
 
 
 def test_the_honest_figure_was_not_seen_when_choosing():
     rng = np.random.default_rng(0)
     scores, positive = rng.random(60), rng.random(60) < 0.5  # nothing to be known
     found = choose_threshold(scores, positive, (np.arange(60) % 5).tolist(), prevalence=0.5)
-    assert found.value > 0.55
-    assert found.honest < found.value
+    assert found.in_sample > 0.55
+    assert found.out_of_fold < found.in_sample
 
 
 @pytest.mark.parametrize(
@@ -75,16 +78,16 @@ def test_what_makes_no_sense(change, words):
     scores, positive, folds = cases(50)
     with pytest.raises(DataError, match=words):
         choose_threshold(scores, positive, folds, **{"prevalence": 0.5, **change})
-    with pytest.raises(DataError, match="cases of both kinds"):
+    with pytest.raises(DataError, match="positive and negative cases"):
         choose_threshold(scores, np.ones(50, dtype=bool), folds, prevalence=0.5)
 
 
 def test_calls():
     probabilities = np.array([[0.2, 0.8], [0.6, 0.4], [0.5, 0.5]])
-    assert called(("a", "b"), probabilities) == ["b", "a", "a"]
-    assert called(("a", "b"), probabilities, Cut("b", 0.4)) == ["b", "b", "b"]
-    assert called(("a", "b"), probabilities, Cut("a", 0.6)) == ["b", "a", "b"]
+    assert apply_threshold(("a", "b"), probabilities) == ["b", "a", "a"]
+    assert apply_threshold(("a", "b"), probabilities, DecisionThreshold("b", 0.4)) == ["b", "b", "b"]
+    assert apply_threshold(("a", "b"), probabilities, DecisionThreshold("a", 0.6)) == ["b", "a", "b"]
     with pytest.raises(DataError, match="for two classes, not for a, b, c"):
-        called(("a", "b", "c"), np.full((1, 3), 1 / 3), Cut("a", 0.5))
+        apply_threshold(("a", "b", "c"), np.full((1, 3), 1 / 3), DecisionThreshold("a", 0.5))
     with pytest.raises(DataError, match="expected 0"):
-        Cut("a", 1.5)
+        DecisionThreshold("a", 1.5)

@@ -8,11 +8,11 @@
 
 namespace lcorpp::lstm {
 
-// One for each time that CMakeLists.txt has lstm_kernels.cpp compiled.
+// One per compilation of kernels.cpp, see CMakeLists.txt.
 namespace base {
 extern const Kernels kernels;
 }
-#ifdef LCORPP_LEVELS
+#ifdef LCORPP_INSTRUCTION_SETS
 namespace v3 {
 extern const Kernels kernels;
 }
@@ -23,15 +23,15 @@ extern const Kernels kernels;
 
 namespace {
 
-// From the best to the plainest.
+// From the fastest to the most portable.
 const Kernels* const kAll[] = {
-#ifdef LCORPP_LEVELS
+#ifdef LCORPP_INSTRUCTION_SETS
     &v4::kernels, &v3::kernels,
 #endif
     &base::kernels};
 
-bool runs_here([[maybe_unused]] const Kernels& kernels) {
-#ifdef LCORPP_LEVELS
+bool is_supported([[maybe_unused]] const Kernels& kernels) {
+#ifdef LCORPP_INSTRUCTION_SETS
     const auto is = [&](const char* name) { return std::strcmp(kernels.name, name) == 0; };
     __builtin_cpu_init();
     const bool v3 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
@@ -49,14 +49,14 @@ bool runs_here([[maybe_unused]] const Kernels& kernels) {
 
 const Kernels* best_kernels() {
     for (const Kernels* kernels : kAll) {
-        if (runs_here(*kernels)) return kernels;
+        if (is_supported(*kernels)) return kernels;
     }
-    return nullptr;  // never reached: the plainest run everywhere
+    return nullptr;  // unreachable: the base kernels run everywhere
 }
 
 const Kernels* kernels_named(const char* name) {
     for (const Kernels* kernels : kAll) {
-        if (std::strcmp(kernels->name, name) == 0 && runs_here(*kernels)) return kernels;
+        if (std::strcmp(kernels->name, name) == 0 && is_supported(*kernels)) return kernels;
     }
     return nullptr;
 }

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Calibration, Cut, TrainedClassifier, train, train_and_validate
+from lcorpp.learning import Calibration, DecisionThreshold, TrainedClassifier, train, train_and_validate
 from lcorpp.protocols import Classifier
 from lcorpp.values import Dataset, Instance
-
-from .walkers import walkers
+from tests.learning.walkers import walkers
 
 
 class ByLength:
@@ -35,8 +34,12 @@ def test_one_and_many_agree():
 
 def test_a_cut_calls_otherwise():
     tracks = walkers().trajectories
-    assert set(TrainedClassifier(ByLength(), cut=Cut("fast", 0.1)).classify_many(tracks)) == {"fast"}
-    assert set(TrainedClassifier(ByLength(), cut=Cut("slow", 0.05)).classify_many(tracks)) == {"slow"}
+    assert set(
+        TrainedClassifier(ByLength(), threshold=DecisionThreshold("fast", 0.1)).classify_many(tracks)
+    ) == {"fast"}
+    assert set(
+        TrainedClassifier(ByLength(), threshold=DecisionThreshold("slow", 0.05)).classify_many(tracks)
+    ) == {"slow"}
 
 
 def test_soft_evidence_is_what_the_calibration_makes_of_the_probabilities():
@@ -46,7 +49,7 @@ def test_soft_evidence_is_what_the_calibration_makes_of_the_probabilities():
     trained = TrainedClassifier(ByLength(), calibration=calibration)
     tracks = walkers(12).trajectories
     said = trained.soft().classify_many(tracks)
-    right = calibration.calibrated(ByLength().predict_proba(tracks))
+    right = calibration.calibrate(ByLength().predict_proba(tracks))
     for likelihood, row in zip(said, right, strict=True):
         weight = dict(likelihood)
         assert weight["fast"] / weight["slow"] == pytest.approx(row[0] / row[1] * 0.9 / 0.1)

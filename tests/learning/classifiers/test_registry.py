@@ -13,11 +13,18 @@ from sklearn.pipeline import make_pipeline
 
 from lcorpp.domains.sections.learning import CLASSIFIERS
 from lcorpp.errors import DataError
-from lcorpp.learning import LEARNERS, Motion, Summaries, cross_validate, learner, train, train_and_validate
-from lcorpp.learning.classifiers.contract import Scored, predicted, with_probabilities
+from lcorpp.learning import (
+    LEARNERS,
+    Motion,
+    SummaryFeatures,
+    cross_validate,
+    learner,
+    train,
+    train_and_validate,
+)
+from lcorpp.learning.classifiers.contract import SigmoidScores, ensure_predict_proba, predict_proba
 from lcorpp.values import Dataset, Instance
-
-from .walkers import walkers
+from tests.learning.walkers import walkers
 
 DATA = walkers(60)
 AEON = pytest.mark.skipif(
@@ -25,7 +32,7 @@ AEON = pytest.mark.skipif(
 )
 MADE = [
     ("lstm", {"epochs": 3}),
-    ("fast", {"epochs": 3}),
+    ("lstm-fast", {"epochs": 3}),
     ("summaries", {}),
     ("forest", {}),
     pytest.param("minirocket", {}, marks=[AEON, pytest.mark.slow]),  # numba compiles it for a minute
@@ -67,9 +74,14 @@ def test_the_same_seed_is_the_same_classifier():
 @pytest.mark.parametrize(
     ("name", "options", "words"),
     [
-        ("lstn", {}, "unknown learner 'lstn'; expected one of lstm, fast, summaries, forest, minirocket"),
-        ("forest", {"epochs": 3}, "'forest' makes no passes over the data; epochs are for lstm, fast"),
-        ("summaries", {"device": "cuda"}, "'summaries' computes on the cpu alone"),
+        ("fast", {}, "learner 'fast' is now called 'lstm-fast'"),
+        (
+            "lstn",
+            {},
+            "unknown learner 'lstn'; expected one of lstm, lstm-fast, summaries, forest, minirocket",
+        ),
+        ("forest", {"epochs": 3}, "'forest' makes no passes over the data; epochs are for lstm, lstm-fast"),
+        ("summaries", {"device": "cuda"}, "'summaries' runs on the cpu only"),
         ("no_such_module_here:make", {}, "No module named 'no_such_module_here'"),
         ("sklearn.svm:nothing", {}, "sklearn.svm has no function 'nothing'; expected one of"),
         ("sklearn.svm:", {}, "expected MODULE:FUNCTION or FILE.py:FUNCTION"),
@@ -97,7 +109,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.linear_model import SGDClassifier
 from sklearn.pipeline import make_pipeline
-from lcorpp.learning import Motion, Summaries
+from lcorpp.learning import Motion, SummaryFeatures
 
 @dataclass
 class Edge:
@@ -121,7 +133,7 @@ def by_speed(seed):
     return BySpeed(seed)
 
 def sgd(interval):
-    return make_pipeline(Motion(interval=interval), Summaries(), SGDClassifier())
+    return make_pipeline(Motion(interval=interval), SummaryFeatures(), SGDClassifier())
 
 def broken():
     raise ValueError("no luck")
@@ -145,7 +157,7 @@ def test_a_classifier_from_a_file_of_ones_own(own):
 
 def test_what_has_scores_only_is_given_probabilities(own):
     estimator = learner(f"{own}:sgd", seed=5)
-    assert isinstance(estimator, Scored)
+    assert isinstance(estimator, SigmoidScores)
     assert estimator.get_params()["classifier__sgdclassifier__random_state"] == 5  # it was left open
     assert cross_validate(estimator, DATA, folds=3).auc > 0.9
 
@@ -172,7 +184,7 @@ def test_mistakes_in_ones_own_file_are_located(own, tmp_path):
 @pytest.mark.parametrize("classifier", [Perceptron(), RidgeClassifier()])
 def test_scores_of_several_classes_become_distributions(classifier):
     data = walkers(90, classes=3)
-    pipeline = make_pipeline(Motion(rate=15.0), Summaries(rate=15.0), with_probabilities(classifier))
+    pipeline = make_pipeline(Motion(rate=15.0), SummaryFeatures(rate=15.0), ensure_predict_proba(classifier))
     validation = cross_validate(pipeline, data, folds=3)
     np.testing.assert_allclose(validation.probabilities.sum(axis=1), 1)
     assert validation.accuracy > 0.6  # a third is chance
@@ -222,21 +234,21 @@ def test_estimators_that_break_the_contract_are_told(way, words):
 def test_no_estimators_at_all():
     for thing in (LogisticRegression, "lstm", None):
         with pytest.raises(DataError, match="is no estimator"):
-            with_probabilities(thing)
+            ensure_predict_proba(thing)
     with pytest.raises(DataError, match="Motion has neither"):
-        with_probabilities(Motion())
-    assert with_probabilities(NearestCentroid()).get_params() is not None
+        ensure_predict_proba(Motion())
+    assert ensure_predict_proba(NearestCentroid()).get_params() is not None
 
 
 def test_a_trained_one_is_asked_once_for_many():
     trained = clone(Odd()).fit(DATA.trajectories, DATA.labels)
-    assert predicted(trained, DATA.trajectories).shape == (60, 2)
+    assert predict_proba(trained, DATA.trajectories).shape == (60, 2)
 
 
 def test_tracks_with_more_channels():
     tracks = np.concatenate([DATA.trajectories, np.ones((60, 1, 40))], axis=1)
     data = Dataset(tracks, DATA.labels, DATA.groups, channels=("x", "y", "velocity"))
-    seen = learner("summaries", inputs=data.channels, channels=("x", "y", "velocity"))
+    seen = learner("summaries", inputs=data.channels, features=("x", "y", "velocity"))
     assert cross_validate(seen, data, folds=3).auc > 0.95
     with pytest.raises(DataError, match="the inputs are x, y, but the tracks have 3 channels"):
         cross_validate(learner("summaries"), data, folds=3)
