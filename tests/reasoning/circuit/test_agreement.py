@@ -65,8 +65,8 @@ def check(case: Case) -> None:
 def check_question(case: Case, reasoner: Reasoner, worlds: Enumeration) -> None:
     """Compare the probability of a conjunction given literals.
 
-    The reasoner checks the conditions of P-log only in worlds that agree with the observations, as if these were
-    part of the program.
+    The reasoner checks the conditions of P-log only in worlds that agree with the observations, as if these
+    were part of the program.
     """
     question = parse_query(case.question, reasoner.program)
     found = outcome(lambda: reasoner.ask(question))
