@@ -69,7 +69,8 @@ def draw_graph(
     caption = []
     if len(selected) < len(graph) or len(lines) < len(all_arrows):
         caption.append(
-            f"the most visited {len(selected)} of {len(graph)} nodes and {len(lines)} of {len(all_arrows)} arrows"
+            f"the most visited {len(selected)} of {len(graph)} nodes"
+            f" and {len(lines)} of {len(all_arrows)} arrows"
         )
     if any(box.cut for box in boxes):
         caption.append("nodes with a dashed frame have more arrows")
