@@ -18,7 +18,7 @@ NATIVE := pyproject.toml CMakeLists.txt $(wildcard native/* native/*/*)
 # The demo trains its classifier once and loads it the next time; `make clean` forgets it.
 TRAINED := $(wildcard out/demo/classifier.npz)
 
-.PHONY: demo test check lint format check-slow sanitize bench clean help
+.PHONY: demo test check lint format stubs check-slow sanitize bench clean help
 
 help:
 	@echo "make demo        set up, then run the paper's comparison with a trained classifier"
@@ -27,6 +27,7 @@ help:
 	@echo "make check-slow  the checks that take minutes"
 	@echo "make bench       compare with plingo, ProbLog, plog 2.0, APPL and Keras, those that are there (some 40 minutes)"
 	@echo "make format      format the code"
+	@echo "make stubs       regenerate the type stubs of the C++ kernels"
 	@echo "make clean       remove the environment and what was made"
 
 demo: $(VENV)/.runtime
@@ -71,6 +72,11 @@ bench: $(VENV)-bench/.peers
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+# The type stubs of the C++ kernels, from the signatures of the bindings.
+stubs: $(VENV)/.dev
+	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.planning._native -o src/lcorpp/planning/_native.pyi
+	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.learning.lstm._kernels -o src/lcorpp/learning/lstm/_kernels.pyi
 
 $(VENV)/.python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "lcorpp needs Python 3.11 or newer")'

@@ -92,7 +92,7 @@ R: report_not_interested : not_interested_turned : * : * 80
 
 
 def shared_model(name: str) -> Path:
-    """A published model; the test is skipped where the folder beside the checkout is missing."""
+    """Return a published model; skip the test if the folder beside the checkout is missing."""
     path = SHARED / name
     if not path.exists():
         pytest.skip(f"the published model {name} is not beside this checkout")

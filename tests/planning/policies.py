@@ -10,8 +10,8 @@ from lcorpp.planning.belief import observation_probabilities
 from lcorpp.values import Array
 
 
-def blind(pomdp: Pomdp) -> Array:
-    """(A, S) what doing one action for ever earns."""
+def blind_values(pomdp: Pomdp) -> Array:
+    """Return (A, S) the values of repeating one action."""
     S = len(pomdp.states)
     return np.array(
         [
@@ -21,10 +21,10 @@ def blind(pomdp: Pomdp) -> Array:
     )
 
 
-def backed_up(pomdp: Pomdp, rounds: int, beliefs: Array | None = None) -> Policy:
-    """Point-based backups of the blind vectors, none dropped: each vector is backed by others."""
+def back_up(pomdp: Pomdp, rounds: int, beliefs: Array | None = None) -> Policy:
+    """Return point-based backups of the blind vectors, without pruning."""
     points = np.array([pomdp.start, *np.eye(len(pomdp.states))]) if beliefs is None else beliefs
-    vectors, actions = list(blind(pomdp)), list(range(len(pomdp.actions)))
+    vectors, actions = list(blind_values(pomdp)), list(range(len(pomdp.actions)))
     for _ in range(rounds):
         table = np.array(vectors)
         for belief in points:
@@ -46,7 +46,7 @@ def _backup(pomdp: Pomdp, belief: Array, action: int, table: Array) -> Array:
 
 @st.composite
 def policies(draw: st.DrawFn, pomdp: Pomdp) -> Policy:
-    """Any vectors at all: what they promise need not be true."""
+    """Draw arbitrary vectors, whose values need not be attainable."""
     count = draw(st.integers(1, 4))
     numbers = st.lists(st.integers(-9, 9), min_size=len(pomdp.states), max_size=len(pomdp.states))
     vectors = [draw(numbers) for _ in range(count)]
@@ -54,8 +54,8 @@ def policies(draw: st.DrawFn, pomdp: Pomdp) -> Policy:
     return Policy.of(pomdp, vectors, actions)
 
 
-def earned(pomdp: Pomdp, policy: Policy, steps: int, belief: Array | None = None) -> float:
-    """What a policy earns in some steps, by following every history."""
+def enumerate_reward(pomdp: Pomdp, policy: Policy, steps: int, belief: Array | None = None) -> float:
+    """Return a policy's reward in some steps, by enumeration of all histories."""
     at = pomdp.start if belief is None else belief
     if steps == 0:
         return 0.0
@@ -63,6 +63,6 @@ def earned(pomdp: Pomdp, policy: Policy, steps: int, belief: Array | None = None
     total = float(pomdp.reward[action] @ at)
     for o, chance in enumerate(observation_probabilities(pomdp, at, action)):
         if chance > 0:
-            ahead = earned(pomdp, policy, steps - 1, update(pomdp, at, action, o))
+            ahead = enumerate_reward(pomdp, policy, steps - 1, update(pomdp, at, action, o))
             total += pomdp.discount * float(chance) * ahead
     return total

@@ -43,6 +43,6 @@ def test_update_is_bayes_rule(pomdp):
 
 
 @pytest.mark.parametrize("belief", [[1.0], [0.5, 0.4], [1.5, -0.5], [float("nan"), 1.0], ["a", "b"]])
-def test_what_is_no_belief(belief):
+def test_invalid_beliefs(belief):
     with pytest.raises(ModelError):
         check_belief(tiger, belief)

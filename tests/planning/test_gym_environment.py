@@ -20,7 +20,7 @@ tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP + FREE)
 
 @pytest.mark.parametrize("options", [{}, {"render_mode": "ansi"}])
 @pytest.mark.parametrize("pomdp", [tiger, lcorpp], ids=["tiger", "the authors' model"])
-def test_gymnasium_finds_nothing_to_say(pomdp, options):
+def test_gymnasium_env_checker_passes(pomdp, options):
     check_env(gymnasium.make(ID, pomdp=pomdp, **options).unwrapped)
 
 
@@ -46,7 +46,7 @@ def test_an_episode():
     assert world.render().endswith("observed none, now in term")
 
 
-def test_a_state_that_still_charges_ends_nothing():
+def test_a_state_with_costs_is_not_terminal():
     world = PomdpEnvironment(parse_pomdp(LCORPP))
     world.reset(seed=0)
     assert not world.step(3)[2]
@@ -62,7 +62,7 @@ def test_the_same_seed_gives_the_same_episode():
     assert episode(3) != episode(4)
 
 
-def test_a_policy_earns_there_what_it_earns():
+def test_returns_agree_with_policy_evaluation():
     doors = Policy.of(tiger, [[0.0, 0.0], [-90.0, 10.0], [10.0, -90.0]], [0, 1, 2])
     world, returns = PomdpEnvironment(tiger), []
     world.reset(seed=1)
@@ -74,11 +74,11 @@ def test_a_policy_earns_there_what_it_earns():
             total += 0.95**step * reward
         returns.append(total)
     exact = evaluate(tiger, doors).interval.estimate
-    # five standard errors, and what 60 steps leave of at most 200
+    # five standard errors, plus the truncation after 60 steps of at most 200
     assert abs(np.mean(returns) - exact) < 5 * np.std(returns) / 150**0.5 + 0.95**60 * 200
 
 
-def test_another_start_and_its_belief_is_not_shared():
+def test_another_start_and_belief_copies():
     world = PomdpEnvironment(tiger, [1.0, 0.0])
     _, info = world.reset(seed=0)
     assert (info["state"], info["belief"].tolist()) == (0, [1.0, 0.0])
@@ -86,7 +86,7 @@ def test_another_start_and_its_belief_is_not_shared():
     assert world.reset()[1]["belief"].tolist() == [1.0, 0.0]
 
 
-def test_bad_use():
+def test_invalid_use():
     world = PomdpEnvironment(tiger)
     with pytest.raises(ModelError, match="call reset before the first step"):
         world.step(0)

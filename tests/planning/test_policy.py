@@ -16,7 +16,7 @@ def test_the_best_vector_decides():
     assert (policy.action(np.array([0.0, 1.0])), policy.value(np.array([0.0, 1.0]))) == (1, 10.0)
 
 
-def test_the_planner_speaks_names():
+def test_the_planner_uses_names():
     planner = Planner(policy, tiger)
     assert planner.action(planner.start) == "listen"
     belief = planner.update(planner.start, "listen", "tiger-right")
@@ -42,6 +42,6 @@ def test_a_planner_refuses_a_policy_for_another_model():
         (np.zeros((0, 2)), []),
     ],
 )
-def test_what_is_no_policy(vectors, actions):
+def test_invalid_policies(vectors, actions):
     with pytest.raises(PolicyError):
         Policy.of(tiger, vectors, actions)

@@ -12,7 +12,7 @@ from tests.planning.models import TIGER
 tiger = parse_pomdp(TIGER)
 
 
-def test_lookups_know_the_names():
+def test_lookup_errors_list_the_names():
     assert (tiger.state_index("tiger-right"), tiger.action_index("open-left")) == (1, 1)
     assert tiger.observation_index("tiger-left") == 0
     with pytest.raises(
@@ -48,7 +48,7 @@ def test_a_negative_probability_is_named():
         ({"actions": ()}, "a POMDP needs actions"),
     ],
 )
-def test_broken_laws(change, message):
+def test_invalid_models(change, message):
     with pytest.raises(ModelError, match=message):
         replace(tiger, **change)
 
@@ -72,14 +72,14 @@ def test_tables_are_frozen_copies():
         model.reward[0, 0] = 1
 
 
-def test_the_fingerprint_sees_numbers_but_not_the_start():
+def test_the_fingerprint_ignores_the_start():
     assert replace(tiger, start=np.array([1.0, 0.0])).fingerprint == tiger.fingerprint
     assert replace(tiger, reward=tiger.reward + 1).fingerprint != tiger.fingerprint
     assert replace(tiger, states=("a", "b")).fingerprint != tiger.fingerprint
 
 
 def test_a_hundred_thousand_states():
-    """A ring: nothing dense is made."""
+    """A ring, without any dense table."""
     size = 100_000
     ring = (np.arange(size + 1), np.roll(np.arange(size), -1), np.ones(size))
     pomdp = Pomdp(

@@ -15,7 +15,7 @@ tables = st.tuples(st.integers(1, 3), st.integers(1, 4), st.integers(1, 4)).flat
 
 
 @given(tables)
-def test_a_table_comes_back(table):
+def test_tables_round_trip(table):
     rows = SparseTables.of(table)
     assert (rows.dense == table).all()
     assert (np.asarray(rows) == table).all()
@@ -34,7 +34,7 @@ def test_a_table_comes_back(table):
         assert table[a, 0, columns].tolist() == values.tolist()
 
 
-def test_the_last_entry_counts():
+def test_the_last_duplicate_entry_counts():
     rows = SparseTables.of_entries((1, 2, 2), [1, 0, 1, 0], [1, 0, 1, 0], [0.5, 1.0, 0.75, 0.0])
     assert rows.dense.tolist() == [[[0.0, 0.0], [0.0, 0.75]]]
 
@@ -50,7 +50,7 @@ def test_zeros_are_dropped():
     )
 
 
-def test_rows_cannot_be_written_to():
+def test_tables_are_read_only():
     values = np.ones(2)
     rows = SparseTables((1, 2, 2), np.array([0, 1, 2]), np.array([0, 1]), values)
     values[:] = 7
@@ -63,24 +63,24 @@ def test_rows_cannot_be_written_to():
     ("begins", "columns"),
     [([0, 1], [0]), ([0, 2, 1], [0]), ([1, 1, 1], [0]), ([0, 1, 2], [0, 2]), ([0, 1, 2], [0, -1])],
 )
-def test_arrays_that_do_not_fit(begins, columns):
+def test_arrays_of_wrong_shape(begins, columns):
     with pytest.raises(ModelError, match="are not a table"):
         SparseTables((1, 2, 2), np.array(begins), np.array(columns), np.ones(len(columns)))
 
 
-def test_columns_rise():
+def test_columns_must_increase():
     with pytest.raises(ModelError, match="the columns of a row must increase"):
         SparseTables((1, 1, 3), np.array([0, 2]), np.array([2, 1]), np.ones(2))
 
 
 @pytest.mark.parametrize("table", ["ab", [[1.0]], [["a"]], None])
-def test_what_is_no_table(table):
+def test_invalid_tables(table):
     with pytest.raises(ModelError, match="a table"):
         SparseTables.of(table)
 
 
 @pytest.mark.parametrize("columns", [np.array([0, 2**31]), np.array([0.0, 0.5])])
-def test_columns_that_do_not_fit_are_refused(columns):
-    """A number beyond 32 bits would come to stand for another state."""
+def test_columns_beyond_32_bits_are_rejected(columns):
+    """A number beyond 32 bits would wrap to another state."""
     with pytest.raises(ModelError, match="whole numbers up to 2147483647"):
         SparseTables((1, 1, 2), np.array([0, 2]), columns, np.array([0.5, 0.5]))

@@ -152,7 +152,7 @@ def _select_states(pomdp: Pomdp, states: str | None) -> tuple[str, ...]:
 
 
 def _draw(pomdp: Pomdp, policy: Policy, states: tuple[str, ...], title: str, out: Path) -> None:
-    from lcorpp.planning.plots import draw_line, draw_triangle
+    from lcorpp.planning import draw_line, draw_triangle
     from lcorpp.plot_style import save_figure
 
     draw = draw_line if len(states) == 2 else draw_triangle
@@ -168,7 +168,7 @@ def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:
     if out.suffix.lower() == ".dot":
         write_atomically(out, graph.to_dot())
     else:
-        from lcorpp.planning.plots import draw_graph
+        from lcorpp.planning import draw_graph
         from lcorpp.plot_style import save_figure
 
         save_figure(draw_graph(graph, title=title), out)

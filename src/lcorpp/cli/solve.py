@@ -68,7 +68,7 @@ def solve(
     )
     typer.echo(f"{solution.reason} after {solution.seconds:.2f} s; wrote {solution.vectors} vectors to {out}")
     if plot is not None:
-        from lcorpp.planning.plots import draw_bounds
+        from lcorpp.planning import draw_bounds
         from lcorpp.plot_style import save_figure
 
         save_figure(draw_bounds(solution.history, title=problem.name), plot)

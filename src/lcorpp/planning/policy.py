@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, PolicyError
-from lcorpp.notebook import join_some
+from lcorpp.notebook import html_table, join_some
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import MAX_BYTES
 from lcorpp.values import Array, Belief, freeze
@@ -135,6 +135,11 @@ class Policy:
             f"<Policy {model}{len(self)} vectors{sets} over {len(self.state_names)} states,"
             f" actions {join_some(names)}>"
         )
+
+    def _repr_html_(self) -> str:
+        used, counts = np.unique(self.actions, return_counts=True)
+        rows = [(self.action_names[action], f"{count}") for action, count in zip(used, counts, strict=True)]
+        return html_table(("action", "vectors"), rows, caption=repr(self)[1:-1], limit=20)
 
     @cached_property
     def vectors(self) -> Array:

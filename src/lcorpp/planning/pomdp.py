@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, expected_one_of
+from lcorpp.notebook import html_table, join_some
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array, Belief, freeze
 
@@ -86,6 +87,19 @@ class Pomdp:
         S, A, obs = len(self.states), len(self.actions), len(self.observations)
         sizes = f"{S} states, {A} actions, {obs} observations"
         return f"<Pomdp {name}{sizes}, discount {self.discount:g}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (f"{len(names)} {kind}", join_some(names))
+            for kind, names in (
+                ("states", self.states),
+                ("actions", self.actions),
+                ("observations", self.observations),
+            )
+        ]
+        rows.append(("reward", f"{self.reward.min():g} to {self.reward.max():g}"))
+        rows.append(("discount", f"{self.discount:g}"))
+        return html_table(("POMDP", self.file), rows)
 
     def _check_rows(self, field: str, table: SparseTables) -> None:
         S = len(self.states)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lcorpp.notebook import html_table
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Belief
@@ -67,3 +68,14 @@ class Solution:
 
     def __repr__(self) -> str:
         return f"<Solution {self.summary()}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            ("lower bound", f"{self.lower:.6g}"),
+            ("upper bound", f"{self.upper:.6g}"),
+            ("gap", f"{self.upper - self.lower:.3g}"),
+            ("vectors", f"{self.vectors}"),
+            ("beliefs", f"{self.beliefs}"),
+            ("search", f"{self.reason} after {self.seconds:.2f} s"),
+        ]
+        return html_table(("solution", self.pomdp.file), rows)

@@ -16,7 +16,7 @@ NAMES = tuple("abcdef"), tuple("xyz")
 
 @st.composite
 def pieces(draw):
-    """Policies over six states in one to four pieces, with numbers that tie often."""
+    """Draw policies over six states in one to four vector sets, with frequent ties."""
     parts = []
     for _ in range(draw(st.integers(1, 4))):
         states = sorted(draw(st.sets(st.integers(0, 5), min_size=1)))
@@ -36,7 +36,7 @@ def dyadic(draw):
 
 @given(pieces(), st.lists(dyadic(), min_size=1, max_size=8))
 @settings(max_examples=100, deadline=None)
-def test_a_batch_is_as_one_by_one(policy, beliefs):
+def test_a_batch_agrees_with_single_beliefs(policy, beliefs):
     values, actions = BatchPolicy(policy).values_and_actions(np.array(beliefs))
     for belief, value, action in zip(beliefs, values, actions, strict=True):
         assert (value, action) == policy.value_and_action(belief)
@@ -44,8 +44,8 @@ def test_a_batch_is_as_one_by_one(policy, beliefs):
 
 @given(pieces(), st.lists(dyadic(), min_size=1, max_size=8))
 @settings(max_examples=30, deadline=None)
-def test_a_belief_does_not_see_the_others(policy, beliefs):
-    scaled = np.array(beliefs) / 3  # no longer exact: the order of the sums counts
+def test_results_do_not_depend_on_the_batch(policy, beliefs):
+    scaled = np.array(beliefs) / 3  # not exact: the order of summation matters
     together = BatchPolicy(policy).best(SparseBeliefs.of(scaled))
     for i in range(len(beliefs)):
         alone = BatchPolicy(policy).best(SparseBeliefs.of(scaled[i : i + 1]))
@@ -65,16 +65,16 @@ def test_sparse_and_dense_products_choose_the_same(monkeypatch):
         found.append(BatchPolicy(policy).best(SparseBeliefs.of(beliefs)))
     assert np.array_equal(found[0].values, found[1].values)
     assert np.array_equal(found[0].vectors, found[1].vectors)
-    monkeypatch.setattr(module, "MAX_PRODUCTS", 100)  # in several runs
+    monkeypatch.setattr(module, "MAX_PRODUCTS", 100)  # in several blocks
     assert np.array_equal(BatchPolicy(policy).best(SparseBeliefs.of(beliefs)).values, found[0].values)
 
 
-def test_the_first_among_equals_counts():
+def test_the_first_of_equal_vectors_counts():
     policy = Policy.of(tiger, [[1.0, 3.0], [2.0, 2.0], [3.0, 1.0]], [2, 1, 0])
     assert BatchPolicy(policy).values_and_actions(np.array([[0.5, 0.5]]))[1].tolist() == [2]
 
 
-def test_no_beliefs_and_a_wrong_shape():
+def test_an_empty_batch_and_a_wrong_shape():
     policy = Policy.of(tiger, [[1.0, 3.0]], [2])
     assert [len(part) for part in BatchPolicy(policy).values_and_actions(np.zeros((0, 2)))] == [0, 0]
     with pytest.raises(ModelError, match=r"beliefs over 2 states cannot have shape \(2,\)"):

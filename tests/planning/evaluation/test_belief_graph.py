@@ -8,13 +8,13 @@ from lcorpp.planning import Policy, parse_pomdp
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from tests.planning.models import LCORPP, TIGER
-from tests.planning.policies import backed_up
+from tests.planning.policies import back_up
 
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
 
-def test_equal_beliefs_are_one_node():
-    graph = BeliefGraph(tiger, Policy.of(tiger, [[0.0, 0.0]], [0]))  # listens for ever
+def test_equal_beliefs_share_a_node():
+    graph = BeliefGraph(tiger, Policy.of(tiger, [[0.0, 0.0]], [0]))  # always listens
     root = graph.add(SparseBeliefs.of(tiger.start[None]))
     left = graph.follow(root, np.array([0]))
     assert graph.beliefs.dense(int(left[0]), 2) == pytest.approx([0.85, 0.15])
@@ -22,8 +22,8 @@ def test_equal_beliefs_are_one_node():
     assert len(graph) == 2
 
 
-def test_following_and_expanding_find_the_same_nodes():
-    policy = backed_up(lcorpp, 4)
+def test_follow_and_expand_agree():
+    policy = back_up(lcorpp, 4)
     expanded, followed = BeliefGraph(lcorpp, policy), BeliefGraph(lcorpp, policy)
     roots = [graph.add(SparseBeliefs.of(lcorpp.start[None])) for graph in (expanded, followed)]
     owner, observation, probability, child = expanded.expand(roots[0])
@@ -36,8 +36,8 @@ def test_following_and_expanding_find_the_same_nodes():
     assert expanded.follow(owner, observation).tolist() == child.tolist()
 
 
-def test_a_copy_keeps_every_digit():
-    policy = backed_up(lcorpp, 4)
+def test_imported_nodes_are_bitwise_equal():
+    policy = back_up(lcorpp, 4)
     graph = BeliefGraph(lcorpp, policy)
     nodes = graph.expand(graph.add(SparseBeliefs.of(lcorpp.start[None]))).child
     other = graph.empty_copy()
@@ -46,7 +46,7 @@ def test_a_copy_keeps_every_digit():
     assert graph.beliefs.take(np.append(nodes, nodes)).keys() == other.beliefs.take(copied).keys()
 
 
-def test_where_all_is_over():
+def test_absorbing_beliefs():
     report = BeliefGraph(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [3]))
     move = BeliefGraph(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [0]))
     beliefs = SparseBeliefs.of(np.array([np.eye(5)[4], lcorpp.start]))
@@ -54,9 +54,9 @@ def test_where_all_is_over():
     assert report.absorbing[nodes].tolist() == [
         True,
         False,
-    ]  # a report is free at `term`, and leads nowhere else
+    ]  # a report in `term` has no cost and is a self-loop
     nodes = move.add(beliefs)
-    assert move.absorbing[nodes].tolist() == [False, False]  # a move is charged for
+    assert move.absorbing[nodes].tolist() == [False, False]  # a move has a cost
 
 
 def test_an_impossible_observation_names_everything():

@@ -9,22 +9,22 @@ from lcorpp.errors import ModelError
 from lcorpp.planning import Policy, Solution, parse_pomdp, solve
 from lcorpp.planning.evaluation.certificate import certificate
 from tests.planning.models import LCORPP, TIGER
-from tests.planning.policies import backed_up
+from tests.planning.policies import back_up
 
 LISTENED = np.array([[0.5, 0.5], [0.85, 0.15], [0.15, 0.85], [0.97, 0.03], [0.03, 0.97]])
-"""The beliefs that listening leads to."""
+"""Beliefs reached by listening."""
 
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
 
-def claimed(pomdp, policy, lower, upper):
+def claim(pomdp, policy, lower, upper):
     return Solution(pomdp, policy, lower, upper, 1.0, "time limit", (), 0, 0)
 
 
 @pytest.mark.parametrize("pomdp", [tiger, lcorpp], ids=["tiger", "the authors' model"])
-def test_vectors_that_back_each_other_are_confirmed(pomdp):
-    policy = backed_up(pomdp, 8)
-    found = certificate(claimed(pomdp, policy, policy.value(pomdp.start), 1000.0))
+def test_backed_up_vectors_are_confirmed(pomdp):
+    policy = back_up(pomdp, 8)
+    found = certificate(claim(pomdp, policy, policy.value(pomdp.start), 1000.0))
     assert (found.verdict, found.certain) == ("confirmed", True)
     assert found.evaluation.lower >= policy.value(pomdp.start) - found.tolerance
     assert "verdict: confirmed: the policy's value reaches the claimed lower bound (tolerance" in found.text
@@ -32,17 +32,17 @@ def test_vectors_that_back_each_other_are_confirmed(pomdp):
 
 
 @pytest.mark.parametrize("pomdp", [tiger, lcorpp], ids=["tiger", "the authors' model"])
-def test_what_the_solver_says_is_confirmed(pomdp):
+def test_sarsop_solutions_are_confirmed(pomdp):
     found = certificate(solve(pomdp, precision=1e-3, time_limit=10))
     assert (found.verdict, found.certain) == ("confirmed", True)
 
 
-def test_a_vector_that_others_needed_is_missed():
-    # opening is what listening is for: without the vectors that open, nothing backs the promise
-    policy = backed_up(tiger, 8, LISTENED)
+def test_a_missing_vector_is_detected():
+    # the value of listening depends on the vectors that open
+    policy = back_up(tiger, 8, LISTENED)
     best = int((policy.vectors @ tiger.start).argmax())
     torn = Policy.of(tiger, policy.vectors[[best]], policy.actions[[best]])
-    found = certificate(claimed(tiger, torn, policy.value(tiger.start), 1000.0))
+    found = certificate(claim(tiger, torn, policy.value(tiger.start), 1000.0))
     assert (found.verdict, found.certain) == ("refuted", True)
     assert (
         "the policy's value is below the claimed lower bound; the largest loss is in belief {" in found.reason
@@ -51,36 +51,36 @@ def test_a_vector_that_others_needed_is_missed():
 
 
 def test_crossed_bounds_and_a_low_upper_bound():
-    policy = backed_up(tiger, 8)
+    policy = back_up(tiger, 8)
     value = policy.value(tiger.start)
-    crossed = certificate(claimed(tiger, policy, value, value - 1))
+    crossed = certificate(claim(tiger, policy, value, value - 1))
     assert (crossed.verdict, crossed.reason) == ("refuted", "the upper bound is below the lower bound")
-    low = certificate(claimed(tiger, policy, -200.0, -100.0))
+    low = certificate(claim(tiger, policy, -200.0, -100.0))
     assert (low.verdict, low.reason) == ("refuted", "the policy's value is above the claimed upper bound")
-    above = certificate(claimed(tiger, policy, value + 1, value + 2))
+    above = certificate(claim(tiger, policy, value + 1, value + 2))
     assert above.verdict == "refuted"
-    assert "largest loss" not in above.reason  # the vectors never promised it
+    assert "largest loss" not in above.reason  # the vectors do not claim this value
 
 
-def test_trials_decide_where_there_are_too_many_beliefs():
-    policy = backed_up(lcorpp, 8)
+def test_trials_decide_if_there_are_too_many_beliefs():
+    policy = back_up(lcorpp, 8)
     value = policy.value(lcorpp.start)
     few = {"max_nodes": 2, "trials": 300}
-    fine = certificate(claimed(lcorpp, policy, value - 5, 1000.0), **few)
+    fine = certificate(claim(lcorpp, policy, value - 5, 1000.0), **few)
     assert (fine.verdict, fine.certain) == ("confirmed", False)
     assert "with confidence 99%" in fine.reason
     assert "300 trials beyond 1 computed beliefs" in fine.text
-    wrong = certificate(claimed(lcorpp, policy, value + 5, 1000.0), **few)
+    wrong = certificate(claim(lcorpp, policy, value + 5, 1000.0), **few)
     assert (wrong.verdict, wrong.certain) == ("refuted", False)
-    unsure = certificate(claimed(lcorpp, policy, value - 5, 1000.0), max_nodes=2, trials=0)
+    unsure = certificate(claim(lcorpp, policy, value - 5, 1000.0), max_nodes=2, trials=0)
     assert unsure.verdict == "open"
     assert "more trials or beliefs could decide" in unsure.text
 
 
 def test_another_start_has_its_own_claims():
-    policy = backed_up(tiger, 8, LISTENED)
+    policy = back_up(tiger, 8, LISTENED)
     start = LISTENED[3]
-    found = certificate(claimed(tiger, policy, 0.0, 1.0), start)
+    found = certificate(claim(tiger, policy, 0.0, 1.0), start)
     assert (found.lower, found.upper) == (policy.value(start), np.inf)
     assert found.verdict == "confirmed"
 
@@ -88,10 +88,10 @@ def test_another_start_has_its_own_claims():
         def value(self, belief):
             return 30.0
 
-    bounded = claimed(tiger, replace(policy, upper_bound=Flat()), 0.0, 1.0)
+    bounded = claim(tiger, replace(policy, upper_bound=Flat()), 0.0, 1.0)
     assert certificate(bounded, start).upper == 30
 
 
 def test_the_tolerance_is_positive():
     with pytest.raises(ModelError, match="the tolerance must be positive, not 0"):
-        certificate(claimed(tiger, backed_up(tiger, 1), 0.0, 1.0), tolerance=0)
+        certificate(claim(tiger, back_up(tiger, 1), 0.0, 1.0), tolerance=0)

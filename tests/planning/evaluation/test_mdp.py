@@ -8,7 +8,7 @@ from lcorpp.planning.evaluation.mdp import self_loop_observation_class, zero_rew
 from tests.planning.models import LCORPP, TIGER, pomdps
 
 
-def test_a_state_that_charges_for_something_is_no_end():
+def test_a_state_with_costs_has_further_rewards():
     charging = parse_pomdp(LCORPP)
     assert not zero_reward_states(charging).any()
     free = "".join(f"R: {a} : term : * : * 0\n" for a in ("move_forward", "greet", "turn"))
@@ -16,16 +16,16 @@ def test_a_state_that_charges_for_something_is_no_end():
     assert not zero_reward_states(parse_pomdp(TIGER)).any()
 
 
-def test_reporting_at_the_end_changes_nothing_and_costs_nothing():
+def test_reports_in_the_terminal_state_are_self_loops():
     shown = self_loop_observation_class(parse_pomdp(LCORPP))
     assert (shown[3:, 4] >= 0).all()
     assert (shown[:, :4] == -1).all()
-    assert (shown[:3, 4] == -1).all()  # there they charge
+    assert (shown[:3, 4] == -1).all()  # these actions have a cost
 
 
 @given(pomdps())
 @settings(max_examples=60, deadline=None)
-def test_an_unpaid_state_reaches_no_reward(pomdp):
+def test_zero_reward_states_reach_no_reward(pomdp):
     step = (np.asarray(pomdp.transition) > 0).any(axis=0)
     reach = np.linalg.matrix_power(step | np.eye(len(step), dtype=bool), len(step)) > 0
     pays = (pomdp.reward != 0).any(axis=0)

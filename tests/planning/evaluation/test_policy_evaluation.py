@@ -9,7 +9,7 @@ from lcorpp.planning import Policy, Pomdp, parse_pomdp
 from lcorpp.planning.evaluation.mdp import mdp_value_bounds
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from tests.planning.models import LCORPP, TIGER, pomdps
-from tests.planning.policies import backed_up, blind, earned, policies
+from tests.planning.policies import back_up, blind_values, enumerate_reward, policies
 
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 LISTEN = Policy.of(tiger, [[0.0, 0.0]], [0])
@@ -23,7 +23,7 @@ def test_listening_for_ever():
 
 
 def test_opening_at_once():
-    # the door pays -45 on average, and puts everything back
+    # a door has reward -45 on average and resets the problem
     found = evaluate(tiger, Policy.of(tiger, [[0.0, 0.0]], [1]), precision=1e-9)
     assert found.complete
     assert found.exact
@@ -33,7 +33,7 @@ def test_opening_at_once():
 
 
 def test_reporting_at_once():
-    # of the five states two pay 80 and two -80; then nothing more is paid
+    # two of the five states have reward 80, two -80; then all rewards are 0
     found = evaluate(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [3]), precision=1e-9)
     assert (found.complete, found.exact) == (True, True)
     assert found.interval.estimate == pytest.approx(0)
@@ -45,11 +45,11 @@ def test_reporting_at_once():
 
 @given(pomdps(discounts=(0.5,)), st.data())
 @settings(max_examples=40, deadline=None)
-def test_the_bounds_hold_what_all_histories_earn(pomdp, data):
+def test_the_bounds_bracket_the_value_by_all_histories(pomdp, data):
     policy = data.draw(policies(pomdp))
     steps = 5
     beyond = 0.5**steps * float(np.abs(pomdp.reward).max()) / 0.5
-    exact = earned(pomdp, policy, steps)
+    exact = enumerate_reward(pomdp, policy, steps)
     found = evaluate(pomdp, policy, precision=1e-6, max_nodes=300, trials=0)
     assert found.lower - beyond - 1e-9 <= exact <= found.upper + beyond + 1e-9
     assert found.exact == (found.upper - found.lower <= 1e-6 + 1e-9)
@@ -57,30 +57,30 @@ def test_the_bounds_hold_what_all_histories_earn(pomdp, data):
 
 @given(pomdps(discounts=(0.8, 0.95)), st.data())
 @settings(max_examples=15, deadline=None)
-def test_what_blind_policies_earn_is_a_linear_system(pomdp, data):
+def test_blind_policies_agree_with_a_linear_system(pomdp, data):
     a = data.draw(st.integers(0, len(pomdp.actions) - 1))
     found = evaluate(pomdp, Policy.of(pomdp, [[0.0] * len(pomdp.states)], [a]), precision=1e-4, trials=0)
-    exact = float(blind(pomdp)[a] @ pomdp.start)
+    exact = float(blind_values(pomdp)[a] @ pomdp.start)
     assert found.lower <= exact <= found.upper
 
 
 @given(pomdps(), st.data())
 @settings(max_examples=30, deadline=None)
-def test_the_range_holds_every_policy(pomdp, data):
+def test_mdp_bounds_bracket_every_policy(pomdp, data):
     low, high = mdp_value_bounds(pomdp)
     value = np.zeros(len(pomdp.states))
     for _ in range(400):
         value = (pomdp.reward + pomdp.discount * np.asarray(pomdp.transition) @ value).max(axis=0)
-    # 400 sweeps leave .95**400 of the range of rewards ahead, 2e-9 of at most 134
+    # the error after 400 sweeps is .95**400 of the range of returns: 2e-9 of at most 134
     assert (high >= value - 1e-6).all()
     assert high == pytest.approx(value, abs=2e-4 * max(1.0, float(np.ptp(pomdp.reward)) * 20))
-    for vector in blind(pomdp):
+    for vector in blind_values(pomdp):
         assert (low <= vector + 1e-9).all()
         assert (vector <= high + 1e-9).all()
 
 
 def test_few_beliefs_leave_bounds_and_an_estimate():
-    policy = backed_up(lcorpp, 8)
+    policy = back_up(lcorpp, 8)
     exact = evaluate(lcorpp, policy, precision=1e-7)
     assert exact.exact
     for seed in range(3):
@@ -94,7 +94,7 @@ def test_few_beliefs_leave_bounds_and_an_estimate():
     assert "not all" in found.summary()
 
 
-def test_the_estimate_is_right_whatever_the_vectors_promise():
+def test_the_estimate_does_not_rely_on_the_vectors():
     doors = Policy.of(tiger, [[7.0, 7.0], [-70.0, 30.0], [30.0, -70.0]], [0, 1, 2])
     exact = evaluate(tiger, doors, precision=1e-7)
     assert exact.exact
@@ -105,14 +105,14 @@ def test_the_estimate_is_right_whatever_the_vectors_promise():
     assert again.interval == found.interval
 
 
-def test_vectors_that_back_each_other_leave_the_estimate_no_noise():
-    # listening for ever earns -20 everywhere: a promise that is the truth explains all there is
+def test_exact_vectors_remove_all_variance():
+    # always listening has value -20 everywhere: exact vectors explain all variance
     listen = Policy.of(tiger, [[-20.0, -20.0]], [0])
     found = evaluate(tiger, listen, precision=1e-9, max_nodes=2, trials=10)
     assert (found.interval.low, found.interval.high) == pytest.approx((-20, -20), abs=1e-7)
 
 
-def test_where_a_promise_is_broken():
+def test_the_shortfall_of_wrong_vectors():
     boast = Policy.of(tiger, [[50.0, 50.0], [-100.0, 10.0]], [0, 1])
     loss = evaluate(tiger, boast, precision=1e-3).shortfall
     assert loss.belief == pytest.approx([0.5, 0.5])
@@ -120,7 +120,7 @@ def test_where_a_promise_is_broken():
     assert loss.backup_value == pytest.approx(-1 + 0.95 * 50)
 
 
-def test_a_long_way_is_walked_to_its_end():
+def test_a_long_path_is_expanded_completely():
     S = 700
     ahead = np.eye(S, k=1)
     ahead[-1, -1] = 1

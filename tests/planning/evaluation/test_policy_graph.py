@@ -14,7 +14,7 @@ from tests.planning.models import LCORPP, TIGER, pomdps
 from tests.planning.policies import policies
 
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
-# the best plans for the tiger: listen until one side was heard twice more often, then open the other door
+# optimal for the tiger: listen until one side was heard twice more often, then open the other door
 WAIT = Policy.of(
     tiger,
     [[19.37, 19.37], [22.0, 9.0], [9.0, 22.0], [28.4, -81.6], [-81.6, 28.4]],
@@ -42,7 +42,7 @@ def test_the_graph_of_the_tiger(merge):
 
 @given(pomdps(), st.data())
 @settings(max_examples=25, deadline=None)
-def test_a_graph_of_beliefs_is_the_policy(pomdp, data):
+def test_a_graph_by_belief_is_the_policy(pomdp, data):
     policy = data.draw(policies(pomdp))
     graph = policy_graph(pomdp, policy, merge="belief", max_nodes=25)
     assert graph.belief(0) == pytest.approx(pomdp.start)
@@ -74,7 +74,7 @@ def test_merged_by_vector_there_are_no_more_nodes_than_vectors(pomdp, data):
     assert sums == pytest.approx(1)
 
 
-def test_a_closed_graph_earns_what_the_policy_does():
+def test_a_complete_graph_has_the_policys_value():
     graph = policy_graph(tiger, WAIT, merge="belief")
     n = len(graph)
     moves = np.zeros((n, n))
@@ -120,7 +120,7 @@ def test_names_are_escaped_in_dot():
     assert '[label="\\\\\\nc\\\\n 1", peripheries=2]' in text
     assert 'n0 -> n0 [label="o?0 0.125\\no?1 0.125' in text
     assert "\\n2 others 0.25" in text
-    # outside of quoted strings there is nothing that a name put there
+    # names appear inside quoted strings only
     bare = re.sub(r'"(?:[^"\\]|\\.)*"', "", text)
     assert set(re.findall(r"[a-z_]\w*", bare)) <= {
         "digraph", "policy", "node", "shape", "box", "style", "rounded", "label", "peripheries", "n0",

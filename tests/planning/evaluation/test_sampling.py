@@ -13,7 +13,7 @@ ROWS = st.lists(st.lists(st.integers(0, 4), min_size=1, max_size=9).filter(any),
 
 @given(ROWS, st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=20))
 @settings(max_examples=100, deadline=None)
-def test_a_draw_is_the_first_entry_whose_sum_exceeds_the_number(rows, numbers):
+def test_a_sample_is_the_first_entry_whose_sum_exceeds_the_number(rows, numbers):
     begins = np.cumsum([0, *map(len, rows)])
     columns = np.concatenate([np.arange(len(row)) + 10 for row in rows]).astype(np.int32)
     draws = InverseCdfSampler(begins, columns, np.concatenate(rows).astype(float))
@@ -24,7 +24,7 @@ def test_a_draw_is_the_first_entry_whose_sum_exceeds_the_number(rows, numbers):
         assert all(row[c - 10] > 0 for c in found)
 
 
-def test_a_long_row_is_added_up_as_a_short_one():
+def test_long_and_short_rows_agree():
     weights = np.random.default_rng(0).random(100)
     for count in (64, 65, 100):  # the limit is 64
         draws = InverseCdfSampler(np.array([0, count]), np.arange(count, dtype=np.int32), weights[:count])
@@ -49,7 +49,7 @@ def test_splitmix64_gives_its_published_numbers():
     ]
 
 
-def test_a_number_depends_on_seed_trial_and_place_alone():
+def test_a_number_depends_on_seed_trial_and_counter_only():
     rng = CounterRng(7)
     keys = rng.trial_keys(0, 1000)
     assert np.array_equal(rng.trial_keys(300, 5), keys[300:305])
@@ -59,11 +59,11 @@ def test_a_number_depends_on_seed_trial_and_place_alone():
     assert not np.intersect1d(numbers, CounterRng(8).uniforms(CounterRng(8).trial_keys(0, 1000), 4)).size
 
 
-def test_the_numbers_are_even_and_independent():
+def test_the_numbers_are_uniform_and_independent():
     rng, n, cells = CounterRng(0), 100_000, 32
     keys = rng.trial_keys(0, n)
     columns = [rng.uniforms(keys, place) for place in range(4)]
-    columns.append(np.roll(columns[0], 1))  # the trial before
+    columns.append(np.roll(columns[0], 1))  # the previous trial
     assert min(c.min() for c in columns) >= 0
     assert max(c.max() for c in columns) < 1
     for i, one in enumerate(columns):
@@ -76,6 +76,6 @@ def test_the_numbers_are_even_and_independent():
 
 
 @pytest.mark.parametrize("seed", [-1, 0.5, True, "7", None])
-def test_what_is_no_seed(seed):
+def test_invalid_seeds(seed):
     with pytest.raises(ModelError, match="a seed is a whole number from 0"):
         CounterRng(seed)

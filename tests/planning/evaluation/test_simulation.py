@@ -10,19 +10,19 @@ from lcorpp.planning.evaluation import rollout
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from lcorpp.planning.evaluation.simulation import mean_interval, simulate
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
-from tests.planning.policies import backed_up, earned, policies
+from tests.planning.policies import back_up, enumerate_reward, policies
 
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
 
 def agrees(found, exact):
-    """Whether a mean is within five standard errors of the truth: once in two million it would not be."""
+    """Whether a mean is within five standard errors of the exact value; it fails once in two million."""
     return abs(found.mean - exact) <= 5 * found.standard_deviation / len(found.returns) ** 0.5 + 1e-9
 
 
 @pytest.mark.parametrize(("pomdp", "rounds"), [(tiger, 6), (lcorpp, 8)], ids=["tiger", "the authors' model"])
 def test_the_mean_is_the_exact_value(pomdp, rounds):
-    policy = backed_up(pomdp, rounds)
+    policy = back_up(pomdp, rounds)
     exact = evaluate(pomdp, policy, precision=1e-6)
     assert exact.exact
     found = simulate(pomdp, policy, trials=20_000, steps=300, seed=1)
@@ -36,7 +36,7 @@ def test_the_mean_is_the_exact_value_of_a_published_model():
     from lcorpp.planning import read_pomdp
 
     pomdp = read_pomdp(shared_model("4x3.95.pomdp"))
-    policy = backed_up(pomdp, 5)
+    policy = back_up(pomdp, 5)
     exact = evaluate(pomdp, policy, precision=1e-3)
     assert exact.exact
     found = simulate(pomdp, policy, trials=20_000, steps=200, seed=2)
@@ -45,10 +45,10 @@ def test_the_mean_is_the_exact_value_of_a_published_model():
 
 @given(pomdps(discounts=(0.5, 0.95)), st.data())
 @settings(max_examples=25, deadline=None, derandomize=True)
-def test_the_mean_is_that_of_all_histories(pomdp, data):
+def test_the_mean_agrees_with_all_histories(pomdp, data):
     policy = data.draw(policies(pomdp))
     found = simulate(pomdp, policy, trials=4_000, steps=4, seed=3)
-    assert agrees(found, earned(pomdp, policy, 4))
+    assert agrees(found, enumerate_reward(pomdp, policy, 4))
 
 
 @given(pomdps(), st.data())
@@ -68,7 +68,7 @@ def test_a_trace_follows_model_and_policy(pomdp, data):
                 int(x)
                 for x in (trace.states[t], trace.actions[t], trace.states[t + 1], trace.observations[t])
             )
-            # vectors may tie, and rounding then decides
+            # rounding decides between tied vectors
             promises = policy.vectors @ belief
             assert promises[policy.actions == a].max() > promises.max() - 1e-9
             assert T[a, s, after] > 0
@@ -79,11 +79,11 @@ def test_a_trace_follows_model_and_policy(pomdp, data):
         assert value == pytest.approx(total)
 
 
-def test_the_result_does_not_depend_on_how_trials_are_run(monkeypatch):
-    policy = Policy.of(tiger, [[0.0, 0.0], [-9999.0, 10.0], [10.0, -9999.0]], [0, 1, 2])  # listens long
+def test_the_result_does_not_depend_on_blocks(monkeypatch):
+    policy = Policy.of(tiger, [[0.0, 0.0], [-9999.0, 10.0], [10.0, -9999.0]], [0, 1, 2])  # listens often
     whole = simulate(tiger, policy, trials=300, steps=20, seed=5, traces=3)
     monkeypatch.setattr(rollout, "MAX_BLOCK_TRIALS", 64)
-    monkeypatch.setattr(rollout, "MAX_GRAPH_SIZE", 10)  # the graph forgets all the time
+    monkeypatch.setattr(rollout, "MAX_GRAPH_SIZE", 10)  # the graph is cleared at each step
     parts = simulate(tiger, policy, trials=300, steps=20, seed=5, traces=3)
     assert parts.beliefs > whole.beliefs
     assert np.array_equal(whole.returns, parts.returns)
@@ -97,8 +97,8 @@ def test_the_result_does_not_depend_on_how_trials_are_run(monkeypatch):
     assert not np.array_equal(simulate(tiger, policy, trials=100, steps=20, seed=6).returns, few.returns)
 
 
-def test_a_trial_stops_where_nothing_more_is_paid():
-    # report at once: -80 or 80, then `term` for ever, where reporting is free; only the policy knows that
+def test_a_trial_stops_if_no_rewards_remain():
+    # report at once: -80 or 80, then `term`, where this policy's action has no cost
     report = Policy.of(lcorpp, [[0.0] * 5], [3])
     found = simulate(lcorpp, report, trials=2_000, steps=50, seed=0)
     assert set(found.lengths.tolist()) == {1}
@@ -108,14 +108,14 @@ def test_a_trial_stops_where_nothing_more_is_paid():
     assert not found.rewards[1:].any()
 
 
-def test_what_is_cut_off_is_told():
+def test_truncation_is_reported():
     listen = Policy.of(tiger, [[0.0, 0.0]], [0])
     found = simulate(tiger, listen, trials=10, steps=3, seed=0)
     assert found.returns == pytest.approx(-(1 + 0.95 + 0.95**2))
     assert (found.unfinished, found.steps) == (10, 30)
     assert found.active_share.tolist() == [1, 1, 1]
     assert found.rewards.tolist() == [-1, -1, -1]
-    # the truth, -20, lies within what is left open
+    # the exact value, -20, is within the truncation bounds
     assert found.mean + found.truncation[0] <= -20 <= found.mean + found.truncation[1]
     assert "10 trials, 30 steps" in found.summary()
     assert "discounted reward -2.8525 (95% confidence: -2.8525 to -2.8525)" in found.summary()

@@ -13,7 +13,7 @@ tiger = parse_pomdp(TIGER)
 
 
 def points(pomdp, draw):
-    """Some beliefs of a model, its start among them, and an action each."""
+    """Return some beliefs of a model, including its start, and an action for each."""
     S = len(pomdp.states)
     dense = np.array([pomdp.start, *np.eye(S), np.full(S, 1 / S)])
     actions = np.array([draw(st.integers(0, len(pomdp.actions) - 1)) for _ in dense])
@@ -22,7 +22,7 @@ def points(pomdp, draw):
 
 @given(pomdps(), st.data())
 @settings(max_examples=40, deadline=None)
-def test_many_at_once_are_as_one_by_one(pomdp, data):
+def test_batches_agree_with_single_updates(pomdp, data):
     dense, actions = points(pomdp, data.draw)
     S = len(pomdp.states)
     spread = SparseBeliefs.of(dense).predict(pomdp, actions)
@@ -38,42 +38,44 @@ def test_many_at_once_are_as_one_by_one(pomdp, data):
             after = update(pomdp, belief, a, o)
             seen = spread.condition(pomdp, actions, np.full(len(dense), o))
             assert np.array_equal(seen.dense(i, S), parts.dense(int(k), S))
-            # 40 digits: each weight is off by at most its 2**-41th part, and by rounding of doubles
-            assert parts.rounded().dense(int(k), S) == pytest.approx(after, rel=2.0**-40, abs=0)
+            # 40 digits: relative error at most 2**-41, plus rounding of doubles
+            assert parts.round_weights().dense(int(k), S) == pytest.approx(after, rel=2.0**-40, abs=0)
 
 
 @given(pomdps(), st.data())
 @settings(max_examples=20, deadline=None)
-def test_what_is_found_does_not_depend_on_the_others(pomdp, data):
+def test_posteriors_do_not_depend_on_the_batch(pomdp, data):
     dense, actions = points(pomdp, data.draw)
-    together = SparseBeliefs.of(dense).predict(pomdp, actions).posteriors(pomdp, actions).parts.rounded()
+    together = (
+        SparseBeliefs.of(dense).predict(pomdp, actions).posteriors(pomdp, actions).parts.round_weights()
+    )
     alone = SparseBeliefs.concatenate(
         SparseBeliefs.of(dense[i : i + 1])
         .predict(pomdp, actions[[i]])
         .posteriors(pomdp, actions[[i]])
-        .parts.rounded()
+        .parts.round_weights()
         for i in range(len(dense))
     )
     for field in ("begins", "states", "weights"):
         assert np.array_equal(getattr(together, field), getattr(alone, field))
 
 
-def test_the_order_of_arithmetic_is_rounded_away():
+def test_rounding_merges_equal_beliefs():
     listen = np.array([0])
     one = SparseBeliefs.of(tiger.start[None])
     for o in (0, 1):
-        one = one.predict(tiger, listen).condition(tiger, listen, np.array([o])).rounded()
-    assert one.keys() == SparseBeliefs.of(tiger.start[None]).rounded().keys()
+        one = one.predict(tiger, listen).condition(tiger, listen, np.array([o])).round_weights()
+    assert one.keys() == SparseBeliefs.of(tiger.start[None]).round_weights().keys()
 
 
-def test_keys_tell_beliefs_apart():
+def test_keys_distinguish_beliefs():
     dense = np.array([[0.5, 0.5], [0.5, 0.5], [0.25, 0.75], [0.75, 0.25], [1.0, 0.0], [0.0, 1.0]])
     keys = SparseBeliefs.of(dense).keys()
     assert keys[0] == keys[1]
     assert len(set(keys)) == 5
 
 
-def test_take_join_and_chunks(monkeypatch):
+def test_take_concatenate_and_chunks(monkeypatch):
     dense = np.array([[0.5, 0.5, 0.0], [0.0, 0.0, 1.0], [0.2, 0.3, 0.5], [1.0, 0.0, 0.0]])
     beliefs = SparseBeliefs.of(dense)
     assert beliefs.take(np.array([2, 0])).dense(0, 3).tolist() == [0.2, 0.3, 0.5]
@@ -84,7 +86,7 @@ def test_take_join_and_chunks(monkeypatch):
     assert [(run.start, run.stop) for run in beliefs.chunks(9)] == [(0, 1), (1, 2), (2, 3), (3, 4)]
 
 
-def test_an_entry_is_found_with_and_without_the_dense_table(monkeypatch):
+def test_entries_from_sparse_and_dense_tables_agree(monkeypatch):
     rng = np.random.default_rng(3)
     dense = rng.random((3, 7, 11)) * (rng.random((3, 7, 11)) < 0.4)
     dense[1, 2] = 0

@@ -48,7 +48,7 @@ ROVER: dict[str, object] = {
 
 
 def rover(**changes: object) -> Factored:
-    """The rover, with some of its parts changed."""
+    """Return the rover problem with some changes."""
     return Factored.of(**{**ROVER, **changes})  # type: ignore[arg-type]
 
 
@@ -62,7 +62,7 @@ def _distribution(draw: st.DrawFn, size: int) -> list[float]:
 def _tables(
     draw: st.DrawFn, children: list[str], others: list[str], sizes: dict[str, int]
 ) -> tuple[Table, ...]:
-    """A table for each of the children, or one for two of them, given others and children before them."""
+    """Draw a table for each child, or one for two of them, that depends on others and previous children."""
     left, before, tables = list(children), [], []
     while left:
         own = [left.pop(0) for _ in range(draw(st.integers(1, min(2, len(left)))))]
@@ -81,7 +81,7 @@ def _tables(
 
 @st.composite
 def factored_models(draw: st.DrawFn) -> Factored:
-    """Small random problems in parts, with many zeros."""
+    """Draw small random factored problems with many zeros."""
 
     def variables(letter: str, least: int, most: int) -> list[Variable]:
         return [

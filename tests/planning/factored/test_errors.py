@@ -1,4 +1,4 @@
-"""What is wrong with a problem in parts is said in words."""
+"""Error messages of factored problems."""
 
 from __future__ import annotations
 
@@ -110,13 +110,13 @@ BAD = [
 
 
 @pytest.mark.parametrize(("changes", "message"), BAD, ids=[message[:40] for _, message in BAD])
-def test_what_is_wrong_is_said(changes, message):
+def test_errors_name_the_fault(changes, message):
     with pytest.raises(ModelError) as caught:
         flatten(rover(**changes))
     assert message in str(caught.value)
 
 
-def test_tables_that_do_not_fit():
+def test_tables_of_wrong_shape():
     with pytest.raises(ModelError, match="are not a table of x"):
         Table(("x",), (), (3,), Table.of((), ("x",), [0.5, 0.5]).rows)
     problem = rover()
@@ -132,7 +132,7 @@ def test_tables_that_do_not_fit():
         dataclasses.replace(problem, actions=(Variable("action", ("a",), observed=True),))
 
 
-def test_a_table_too_large_is_refused():
+def test_a_table_too_large_is_rejected():
     names = {f"x{i}": range(10) for i in range(9)}
     with pytest.raises(ModelError, match="reward 'r': a table of 1000000000 rows of 1 numbers is too large"):
         Factored.of(

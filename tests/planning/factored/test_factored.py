@@ -13,19 +13,19 @@ from tests.planning.factored.models import factored_models, rover
 from tests.planning.models import LCORPP
 
 
-def test_the_rover_earns_what_is_known_by_hand():
-    """West, look at the rock for nothing, sample it if it is good (10), then out (10)."""
+def test_the_value_of_the_rover_by_hand():
+    """West, look at the rock for free, sample it if it is good (10), then leave (10)."""
     known = (10 * 0.95**2 + 10 * 0.95**4) / 2 + 10 * 0.95**3 / 2
     solution = solve(flatten(rover()), precision=1e-4)
     assert solution.lower == pytest.approx(known, abs=1e-4)
     assert solution.lower - 1e-9 <= known <= solution.upper + 1e-9
 
 
-def test_names_say_what_they_mean():
+def test_names_of_flat_states():
     flat = flatten(rover())
     assert flat.states[:3] == ("rover=left,rock=good", "rover=left,rock=bad", "rover=middle,rock=good")
     assert flat.actions == ("west", "east", "check", "sample")
-    # the exit and a bad reading never come together
+    # the exit and a bad reading never occur together
     assert flat.observations == (
         "rover=left,sensor=good",
         "rover=left,sensor=bad",
@@ -46,7 +46,7 @@ def test_flat_tables_by_hand():
     assert flat.start.tolist() == [0, 0, 0.5, 0.5, 0, 0]
 
 
-def test_one_variable_alone_keeps_the_names_of_its_values():
+def test_a_single_variable_keeps_its_value_names():
     problem = Factored.of(
         states={"door": range(2)},
         actions="wait",
@@ -70,7 +70,7 @@ def test_several_action_and_observation_variables():
         transition={"x": table("base x", {"* *": "same", "go *": "uniform"})},
         observation={
             "eye": table("x'", {"a": [0.9, 0.1], "b": [0.1, 0.9]}),
-            # what is heard follows what is seen
+            # sounds follow the observed part
             "ear": table("eye", {"a": "a", "b": {"a": 0.5, "b": 0.5}}),
         },
         reward={"both": table("arm base", {"up go": 1})},
@@ -83,7 +83,7 @@ def test_several_action_and_observation_variables():
     assert flat.reward[:, 0].tolist() == [0, 1, 0, 0]
 
 
-def test_rewards_may_depend_on_what_comes_of_it():
+def test_rewards_may_depend_on_the_next_state():
     problem = Factored.of(
         states={"x": "a b"},
         actions="go",
@@ -97,7 +97,7 @@ def test_rewards_may_depend_on_what_comes_of_it():
         },
         discount=0.9,
     )
-    # from a: 8 * 3/4 - 16 * 3/4 * 1/2 + 4 * 1/4; from b without the first
+    # from a: 8 * 3/4 - 16 * 3/4 * 1/2 + 4 * 1/4; from b without the first term
     assert flatten(problem).reward.tolist() == [[1.0, -5.0]]
 
 
@@ -130,7 +130,7 @@ def test_a_value_may_have_the_name_of_a_keyword():
 
 
 def dense(problem: Factored) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Transition, observation, reward and start over all combinations, one by one."""
+    """Return transition, observation, reward and start by enumeration of all combinations."""
     tables = {id(t): np.asarray(t) for t in (*problem.start, *problem.transition, *problem.observation)}
 
     def chance(parts, values):
@@ -183,7 +183,7 @@ def test_flat_is_the_product_of_the_tables(problem):
 
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(factored_models())
-def test_reachable_is_a_part_of_the_whole(problem):
+def test_reachable_states_are_a_subset(problem):
     whole, part = flatten(problem), flatten(problem, reachable=True)
     leads = (np.asarray(whole.transition) > 0).any(axis=0)
     known = whole.start > 0
@@ -202,7 +202,7 @@ def test_reachable_is_a_part_of_the_whole(problem):
 
 @settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 @given(factored_models())
-def test_starts_are_what_the_start_belief_is_made_of(problem):
+def test_start_beliefs_mix_to_the_start_belief(problem):
     flat = flatten(problem)
     starts = start_beliefs(problem, flat)
     assert starts.sum(axis=1) == pytest.approx(1)
@@ -215,7 +215,7 @@ def test_starts_are_what_the_start_belief_is_made_of(problem):
         assert len({tuple(part for part in name if part.split("=")[0] in seen) for name in names}) == 1
 
 
-def test_seeing_first_is_worth_something():
+def test_observing_first_has_value():
     problem = rover(start={"rover": {"left": 0.5, "middle": 0.5}, "rock": "good"})
     flat = flatten(problem)
     starts = start_beliefs(problem, flat)
@@ -228,14 +228,14 @@ def test_seeing_first_is_worth_something():
     assert np.mean([seeing.value(belief) for belief in starts]) > blind + 0.1
 
 
-def test_a_flat_problem_in_parts_is_the_same():
+def test_a_flat_problem_round_trips():
     pomdp = parse_pomdp(LCORPP)
     back = flatten(Factored.of_pomdp(pomdp))
     assert back.fingerprint == pomdp.fingerprint
     assert (back.start == pomdp.start).all()
 
 
-def test_a_large_grid_is_held_sparsely():
+def test_a_large_grid_is_sparse():
     """90,000 places: a matrix over them would take 65 GB."""
     side = 300
     moves = {"east": (1, 0), "north": (0, 1)}
@@ -272,7 +272,7 @@ def test_a_large_grid_is_held_sparsely():
     assert peak < 200e6
 
 
-def test_states_that_cannot_be_reached_need_no_room():
+def test_unreachable_states_take_no_memory():
     names = [f"x{i}" for i in range(40)]
     problem = Factored.of(
         states=dict.fromkeys(names, "off on"),
@@ -290,7 +290,7 @@ def test_states_that_cannot_be_reached_need_no_room():
     assert len(flatten(problem, reachable=True).states) == 2
 
 
-def test_a_flat_model_is_an_ordinary_one():
+def test_a_flattened_model_is_a_pomdp():
     assert isinstance(flatten(rover()), Pomdp)
     assert rover().equals(rover())
     assert not rover().equals(rover(discount=0.9))

@@ -1,4 +1,4 @@
-"""Pictures: what they show is what the policy does, nothing is cut off, and colours stay apart."""
+"""Figures of policies: they agree with the policy, are complete and use distinct colours."""
 
 from __future__ import annotations
 
@@ -14,8 +14,17 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import AlphaVectors, BatchPolicy, Policy, Pomdp, parse_pomdp, solve
-from lcorpp.planning.plots import draw_bounds, draw_line, draw_triangle
+from lcorpp.planning import (
+    AlphaVectors,
+    BatchPolicy,
+    Policy,
+    Pomdp,
+    draw_bounds,
+    draw_line,
+    draw_triangle,
+    parse_pomdp,
+    solve,
+)
 from lcorpp.planning.plots.belief_regions import BeliefSlice, area, grid, slice_policy
 from lcorpp.plot_style import Fill
 from tests.planning.models import LCORPP, TIGER, shared_model
@@ -36,7 +45,7 @@ def tiger():
 
 
 def model(S: int, A: int = 3) -> Pomdp:
-    """A problem of which only the names matter."""
+    """Return a problem of which only the names matter."""
     return Pomdp(
         tuple(f"s{i}" for i in range(S)),
         tuple(f"a{i}" for i in range(A)),
@@ -51,7 +60,7 @@ def model(S: int, A: int = 3) -> Pomdp:
 
 @st.composite
 def policies(draw: st.DrawFn) -> tuple[Pomdp, Policy]:
-    """Policies over four states, with vectors that are equal, parallel and dominated among them."""
+    """Draw policies over four states, including equal, parallel and dominated vectors."""
     rows = draw(st.lists(st.lists(st.integers(-3, 3), min_size=4, max_size=4), min_size=1, max_size=12))
     pomdp = model(4)
     actions = draw(st.lists(st.integers(0, 2), min_size=len(rows), max_size=len(rows)))
@@ -59,7 +68,7 @@ def policies(draw: st.DrawFn) -> tuple[Pomdp, Policy]:
 
 
 @given(policies())
-def test_a_line_does_what_the_policy_does(drawn):
+def test_a_line_agrees_with_the_policy(drawn):
     pomdp, policy = drawn
     line = slice_policy(pomdp, policy, ["s2", "s0"])
     regions = line.regions()
@@ -75,7 +84,7 @@ def test_a_line_does_what_the_policy_does(drawn):
 
 
 @given(policies())
-def test_a_triangle_does_what_the_policy_does(drawn):
+def test_a_triangle_agrees_with_the_policy(drawn):
     pomdp, policy = drawn
     triangle = slice_policy(pomdp, policy, ["s3", "s0", "s1"])
     regions = triangle.regions()
@@ -89,21 +98,21 @@ def test_a_triangle_does_what_the_policy_does(drawn):
     assert triangle.value(grid(7)) == pytest.approx(values)
 
 
-def test_the_tiger_is_listened_to_between_two_beliefs(tiger):
+def test_listening_is_best_between_two_beliefs(tiger):
     """The first and the last region open a door; by symmetry both are equally wide."""
     pomdp, solution = tiger
     regions = slice_policy(pomdp, solution.policy, pomdp.states).regions()
     names = [pomdp.actions[region.action] for region in regions]
-    assert names[0] == "open-right"  # away from the tiger at the left
+    assert names[0] == "open-right"  # the tiger is at the left
     assert names[-1] == "open-left"
     assert set(names[1:-1]) == {"listen"}
     left, right = regions[0].points[1, 1], 1 - regions[-1].points[0, 1]
-    # where one more listening is worth as much as opening; both ends of the line are worked out by themselves
+    # listening and opening have equal value there; computed independently
     assert left == pytest.approx(right, abs=1e-3)
     assert 0.02 < left < 0.06
 
 
-def test_other_states_keep_what_a_belief_gives_them(authors):
+def test_other_states_keep_their_probabilities(authors):
     pomdp, solution = authors
     base = np.array([0.1, 0.2, 0.3, 0.3, 0.1])
     line = slice_policy(pomdp, solution.policy, TURNED[:2], base)
@@ -121,7 +130,7 @@ def test_other_states_keep_what_a_belief_gives_them(authors):
         slice_policy(pomdp, solution.policy, TURNED[:2], [1, 1, 0, 0, 0])
 
 
-def test_a_policy_in_pieces_is_asked_of_those_that_hold_all_states():
+def test_only_covering_vector_sets_are_drawn():
     pomdp = model(5)
     pieces = [
         AlphaVectors(np.array([0, 1, 2]), np.array([[1.0, 0, 0], [0, 1, 0]]), np.array([0, 1])),
@@ -145,17 +154,17 @@ def test_a_policy_in_pieces_is_asked_of_those_that_hold_all_states():
         (["s0", "s9"], "unknown state 's9'; expected one of s0, s1"),
     ],
 )
-def test_states_that_make_no_picture(states, words):
+def test_invalid_states_of_a_figure(states, words):
     pomdp = model(4)
     with pytest.raises(ModelError, match=words):
         slice_policy(pomdp, Policy.of(pomdp, [[1, 2, 3, 4]], [0]), states)
 
 
 def shown(figure: Figure) -> list[str]:
-    """The words in a picture, all of which are inside of it."""
+    """Return the texts of a figure; check that all are inside of it."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    axis_labels = set()  # those beyond the end of an axis are made but not drawn
+    axis_labels = set()  # labels beyond the end of an axis exist but are not drawn
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             axis_labels |= {*axis.get_ticklabels(which="both")}
@@ -183,7 +192,7 @@ def test_a_line_names_all_actions_and_the_gap(authors):
 
 
 def replace_bound(policy: Policy) -> Policy:
-    """The same policy, as one that was read from a file."""
+    """Return the same policy without its upper bound, as read from a file."""
     return Policy(policy.vector_sets, policy.state_names, policy.action_names)
 
 
@@ -199,8 +208,8 @@ def test_a_triangle_names_actions_and_corners(authors):
     assert "the other states keep 0.4 in all" in words
 
 
-def test_many_actions_are_told_apart():
-    """20 actions, each best somewhere: no two look the same."""
+def test_many_actions_are_distinguishable():
+    """20 actions, each best somewhere, have distinct fills."""
     right = np.linspace(0, 1, 20)
     pomdp = model(2, A=20)
     policy = Policy.of(pomdp, np.stack([-(right**2), 2 * right - right**2], axis=1), np.arange(20))
@@ -224,7 +233,7 @@ def test_bounds_over_time_show_the_last_gap(authors):
 
 
 @pytest.mark.parametrize("last", [0.5, 3.0, 500.0])
-def test_long_searches_have_decades(last):
+def test_long_searches_have_a_log_scale(last):
     history = [(0.0, 0.0, 9.0, 1), (0.2, 1.0, 8.0, 4), (last, 2.0, 7.0, 9)]
     axes = draw_bounds(history).axes[1]
     assert axes.get_xscale() == ("linear" if last == 0.5 else "log")
@@ -232,7 +241,7 @@ def test_long_searches_have_decades(last):
     assert axes.get_xlim()[1] > last
 
 
-def test_one_entry_is_a_history_and_none_is_not():
+def test_a_history_needs_an_entry():
     assert "gap 0" in shown(draw_bounds([(0.0, 1.0, 1.0, 1)]))
     with pytest.raises(ModelError, match="no history"):
         draw_bounds([])
@@ -244,8 +253,8 @@ def test_planning_loads_no_matplotlib():
     assert ended.stdout.split() == ["False", "False"]
 
 
-def test_large_models_are_drawn_without_their_matrices():
-    """870 states: a picture takes the columns of its own states alone."""
+def test_large_models_are_drawn_without_dense_tables():
+    """870 states: a figure reads the columns of its own states only."""
     from lcorpp.planning import read_pomdp
 
     pomdp = read_pomdp(shared_model("tag-avoid.pomdp"))

@@ -8,9 +8,8 @@ from hypothesis import given, strategies as st
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import Policy, parse_pomdp, read_pomdp, solve
+from lcorpp.planning import Policy, draw_graph, parse_pomdp, read_pomdp, solve
 from lcorpp.planning.evaluation.policy_graph import policy_graph
-from lcorpp.planning.plots import draw_graph
 from lcorpp.planning.plots.graph_layout import DUMMY_SIZE, layout_graph
 from tests.planning.models import LCORPP, TIGER, shared_model
 from tests.planning.plots.test_belief_plots import shown
@@ -18,7 +17,7 @@ from tests.planning.plots.test_belief_plots import shown
 
 @st.composite
 def graphs(draw: st.DrawFn) -> tuple[list[int], list[tuple[int, int]]]:
-    """Nodes with the fewest steps to them, and arrows, also backwards, within a layer and to themselves."""
+    """Draw nodes with depths, and arrows that may go back, within a layer or to the same node."""
     depths = [0]
     arrows = []
     for node in range(1, draw(st.integers(1, 12))):
@@ -31,14 +30,14 @@ def graphs(draw: st.DrawFn) -> tuple[list[int], list[tuple[int, int]]]:
 
 
 @given(graphs())
-def test_all_keep_their_distance(graph):
+def test_nodes_do_not_overlap(graph):
     depths, arrows = graph
     positions, routes = layout_graph(*graph)
     assert positions[:, 0].tolist() == depths
     for node, (layer, height) in enumerate(positions):
         others = positions[(positions[:, 0] == layer) & (np.arange(len(positions)) != node)]
         assert (np.abs(others[:, 1] - height) > 1 - 1e-9).all()
-        # what passes the layer on its route
+        # routes across the layer
         inner = np.concatenate([np.zeros((0, 2)), *(route[1:-1] for route in routes)])
         passing = inner[inner[:, 0] == layer]
         assert (np.abs(passing[:, 1] - height) > (1 + DUMMY_SIZE) / 2 - 1e-9).all()
@@ -49,8 +48,8 @@ def test_all_keep_their_distance(graph):
         assert (np.diff(route[:, 0]) == step).all()
 
 
-def test_crossings_that_can_be_avoided_are():
-    """Two chains beside each other, given crosswise, and a tree."""
+def test_avoidable_crossings_are_avoided():
+    """Two parallel chains in crossed order, and a tree."""
     positions, _ = layout_graph([0, 0, 1, 1, 2, 2], [(0, 3), (1, 2), (3, 4), (2, 5)])
     above = positions[:, 1]
     assert (above[0] < above[1]) == (above[3] < above[2]) == (above[4] < above[5])
@@ -61,11 +60,11 @@ def test_crossings_that_can_be_avoided_are():
     first, second = sorted((1, 2), key=above.__getitem__)
     children = {1: (4, 6), 2: (3, 5)}
     assert max(above[list(children[first])]) < min(above[list(children[second])])
-    assert above[0] == pytest.approx(above[[3, 4, 5, 6]].mean())  # a parent stands between its children
+    assert above[0] == pytest.approx(above[[3, 4, 5, 6]].mean())  # a parent is centred on its children
 
 
 def test_the_tigers_graph():
-    """Hand-made: listen until one side is heard once more often, then open the other door."""
+    """A hand-made policy: listen until one side was heard once more often, then open the other door."""
     pomdp = parse_pomdp(TIGER)
     vectors = [[0.0, 0.0], [-0.5, 0.2], [0.2, -0.5]]
     actions = [pomdp.action_index(name) for name in ("listen", "open-left", "open-right")]
@@ -97,7 +96,7 @@ def test_certain_observations_need_no_number():
     assert [word for word in words if "none" in word] == ["none"]
 
 
-def test_large_graphs_show_what_is_met_most():
+def test_large_graphs_show_the_most_visited_nodes():
     pomdp = read_pomdp(shared_model("4x3.95.pomdp"))
     graph = policy_graph(pomdp, solve(pomdp).policy)
     assert len(graph) > 12

@@ -281,7 +281,7 @@ def test_an_interrupt_reaches_the_kernels():
 
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
     try:
-        solution = solve(pomdp, precision=1e-6, time_limit=60, callback=soon)
+        solution = solve(pomdp, precision=1e-6, time_limit=600, callback=soon)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)

@@ -16,7 +16,7 @@ tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
 
 def test_the_authors_first_steps():
-    planner, belief = OnlinePlanner(lcorpp, seconds=5, precision=1e-2), np.array([0.22, 0.78, 0, 0, 0])
+    planner, belief = OnlinePlanner(lcorpp, seconds=600, precision=1e-2), np.array([0.22, 0.78, 0, 0, 0])
     for action in ("move_forward", "move_forward", "greet"):
         assert planner.action(belief) == action
         belief = planner.update(belief, action, "pos")
@@ -24,13 +24,13 @@ def test_the_authors_first_steps():
 
 
 def test_bounds_hold_the_value():
-    seen = OnlinePlanner(lcorpp, seconds=5, precision=1e-2).search(lcorpp.start)
-    assert 51.64 <= seen.lower <= 51.657
-    assert 51.656 <= seen.upper <= 51.67
+    result = OnlinePlanner(lcorpp, seconds=600, precision=1e-2).search(lcorpp.start)
+    assert 51.64 <= result.lower <= 51.657
+    assert 51.656 <= result.upper <= 51.67
 
 
 def test_asking_again_costs_nothing():
-    planner = OnlinePlanner(tiger, seconds=5, precision=0.1)
+    planner = OnlinePlanner(tiger, seconds=600, precision=0.1)
     assert planner.search(tiger.start).trials > 0
     assert planner.search(tiger.start).trials == 0
 
@@ -40,9 +40,9 @@ def test_asking_again_costs_nothing():
 def test_exact_is_between_the_bounds(pomdp):
     planner, exact = OnlinePlanner(pomdp, trials=5), solve_exact(pomdp, precision=1e-3, time_limit=1)
     for belief in (pomdp.start, *corners(pomdp)):
-        seen = planner.search(belief)
-        assert seen.lower <= exact.policy.upper_bound.value(belief) + 1e-9
-        assert seen.upper >= exact.policy.value(belief) - 1e-9
+        result = planner.search(belief)
+        assert result.lower <= exact.policy.upper_bound.value(belief) + 1e-9
+        assert result.upper >= exact.policy.value(belief) - 1e-9
 
 
 @given(pomdps(discounts=(0.3, 0.5)))
@@ -59,13 +59,13 @@ def test_the_same_calls_get_the_same_answers():
     answers = []
     for _ in range(2):
         planner = OnlinePlanner(lcorpp, trials=4, seconds=60)
-        seen = [planner.search(belief) for belief in (lcorpp.start, np.array([0.5, 0.5, 0, 0, 0]))]
-        answers.append([(each.action, each.lower, each.upper, each.trials) for each in seen])
+        result = [planner.search(belief) for belief in (lcorpp.start, np.array([0.5, 0.5, 0, 0, 0]))]
+        answers.append([(each.action, each.lower, each.upper, each.trials) for each in result])
     assert answers[0] == answers[1]
 
 
 def test_memory_is_given_back_and_nothing_learnt_is_lost(monkeypatch):
-    planner = OnlinePlanner(lcorpp, seconds=5, precision=1e-2)
+    planner = OnlinePlanner(lcorpp, seconds=600, precision=1e-2)
     before = planner.search(lcorpp.start)
     monkeypatch.setattr(online, "MAX_NODES", 0)
     after = planner.search(lcorpp.start)

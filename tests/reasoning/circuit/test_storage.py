@@ -7,6 +7,7 @@ import json
 import struct
 import zipfile
 from contextlib import suppress
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -189,3 +190,26 @@ def test_numbers_that_are_no_weights(circuit, number, tmp_path):
     rewritten(path, lambda head: None, {"0/0": np.array([[0, 0, number]])})
     with pytest.raises(DataError, match="a matrix has entries outside of"):
         load_circuit(path)
+
+
+STORED = Path(__file__).parent / "stored"
+"""Files written by lcorpp before its modules were renamed; format version 1."""
+
+
+def test_old_files_can_be_read(circuit):
+    old = load_circuit(STORED / "version_1.circuit")
+    assert (old.inputs, old.queries) == (circuit.inputs, circuit.queries)
+    codes = np.stack(np.meshgrid([-1, 0, 1, 2], [-1, 0, 1], [-1, 0, 1]), -1).reshape(-1, 3)
+    for query, rows in circuit(codes).items():
+        np.testing.assert_array_equal(old(codes)[query], rows)
+
+
+def test_old_files_with_sparse_matrices_can_be_read():
+    """Three tosses of a coin that shows heads with probability x/65, with x from 1 to 65."""
+    old = load_circuit(STORED / "version_1_sparse.circuit")
+    assert any(layer.total.dense is None for layer in old.layers)
+    assert (old.inputs, old.do) == (("p(1)", "p(2)"), {"q": "true"})
+    squares, cubes = (sum(x**k for x in range(1, 66)) for k in (2, 3))
+    given = {"p(1)": "true", "p(2)": "true"}
+    assert old(given)["true"] == pytest.approx(cubes / squares / 65, abs=1e-12)
+    assert old.exact(given)["true"] == Fraction(cubes, 65 * squares)

@@ -36,8 +36,9 @@ class Children(NamedTuple):
 class BeliefGraph:
     """A graph whose nodes are the distinct beliefs that a policy reaches.
 
-    Beliefs have 40 binary digits (`SparseBeliefs.rounded`) and depend on the parent's belief, the action and
-    the observation only: the results at a node depend neither on the path to it nor on the order of visits.
+    Beliefs have 40 binary digits (`SparseBeliefs.round_weights`) and depend on the parent's belief, the
+    action and the observation only: the results at a node depend neither on the path to it nor on the order
+    of visits.
     """
 
     def __init__(self, pomdp: Pomdp, policy: Policy, batch: BatchPolicy | None = None) -> None:
@@ -95,7 +96,7 @@ class BeliefGraph:
 
     def add(self, beliefs: SparseBeliefs) -> Indices:
         """Return the nodes (k,) of beliefs, which need not be normalised; new beliefs become nodes."""
-        return self._add_rounded(beliefs.rounded())
+        return self._add_rounded(beliefs.round_weights())
 
     def _add_rounded(self, rounded: SparseBeliefs) -> Indices:
         nodes = np.zeros(len(rounded), dtype=np.intp)

@@ -122,7 +122,7 @@ class SparseBeliefs:
         owner, observation = np.divmod(distinct, table.shape[2])
         return Posteriors(owner, observation, parts)
 
-    def rounded(self) -> SparseBeliefs:
+    def round_weights(self) -> SparseBeliefs:
         """Return the beliefs normalised and with weights of 40 binary digits.
 
         Beliefs that differ only by rounding become equal. The relative error of a weight is at most 2**-41.

@@ -70,7 +70,7 @@ def build_table(scope: Scope, spec: Spec, children: tuple[str, ...], what: str) 
     parents, rows = (spec.parents, spec.rows) if isinstance(spec, Cpt) else ((), {"": spec})
     for name in parents:
         if name not in scope:
-            raise ModelError(f"{what} depends on {name!r}, which is not a variable; {_known(scope)}")
+            raise ModelError(f"{what} depends on {name!r}, which is not a variable; {_list_names(scope)}")
     reader = _RowReader(scope, parents, children, what)
     if isinstance(rows, Mapping):
         for key, row in rows.items():
@@ -159,7 +159,9 @@ class _RowReader:
         outcomes = [self._outcome(key) for key in row]
         loose = [ALL if selector == EACH else selector for selector in place]
         index = [np.array(axis) for axis in zip(*outcomes, strict=True)] or [np.zeros(0)] * len(self.children)
-        self.cells.put_entries([*loose, *(EACH for _ in self.children)], index, _finite(list(row.values())))
+        self.cells.put_entries(
+            [*loose, *(EACH for _ in self.children)], index, _check_finite(list(row.values()))
+        )
 
     def _outcome(self, key: Words) -> tuple[int, ...]:
         values = split_words(key) if len(self.children) > 1 else (str(key),)
@@ -171,7 +173,7 @@ class _RowReader:
         """Put an array with an axis for each `EACH`."""
         if isinstance(row, str | Mapping):
             raise ModelError(f"expected a number, found {row!r}")
-        array = _finite(row)
+        array = _check_finite(row)
         names = (*self.parents, *self.children)
         axes = [(names[i], self.cells.sizes[i]) for i, selector in enumerate(place) if selector == EACH]
         if array.shape != tuple(n for _, n in axes):
@@ -180,7 +182,7 @@ class _RowReader:
         self.cells.put(place, array)
 
 
-def _finite(numbers: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def _check_finite(numbers: npt.ArrayLike) -> npt.NDArray[np.float64]:
     try:
         array = np.asarray(numbers, dtype=np.float64)
     except (TypeError, ValueError):
@@ -194,5 +196,5 @@ def _is_value(scope: Scope, children: Sequence[str], word: str) -> bool:
     return len(children) == 1 and word in scope[children[0]].values
 
 
-def _known(scope: Mapping[str, Variable]) -> str:
+def _list_names(scope: Mapping[str, Variable]) -> str:
     return "known are " + ", ".join(scope)

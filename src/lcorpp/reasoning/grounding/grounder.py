@@ -1,8 +1,8 @@
 """Step 1a: ground a program. Each statement becomes one clause for each admissible binding of its variables.
 
-Unlike an ASP grounder, this one keeps the probabilities and needs no solver. Attributes that only facts
-define are evaluated here and do not become terms. The other, independent way from a program to its worlds
-is `enumeration.asp_translation`; tests compare the two.
+Unlike an ASP grounder, this one keeps the probabilities and needs no solver. Literals of attributes that only
+facts define are evaluated here and are not part of the clauses. The other, independent way from a program to
+its worlds is `enumeration.asp_translation`; tests compare the two.
 
 Source: the reducts of Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 3; semantics 2018: Balai, Gelfond
 and Zhang, 2019, section 3.1.

@@ -14,7 +14,7 @@ import pytest
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, Program, ask, parse_plog, parse_query, read_plog
 
-PLOG = Path(__file__).parent.parent / "plog"
+PLOG = Path(__file__).parents[2] / "plog"
 SEEN = {"time": "afternoon", "location": "classroom", "classifier": "zero"}
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
+from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning import Reasoner, parse_plog, read_plog
 
 LCORPP = read_plog(Path(__file__).parents[2] / "plog" / "lcorpp.plog")
@@ -116,20 +116,6 @@ def test_an_empty_batch(circuit):
     assert circuit({"time": []}).shape == (0, 2)
 
 
-def test_attributes_named_without_arguments():
-    program = parse_plog(
-        "d = {1, 2}. e = {g, h}. f : d, e -> boolean. random(f(D,E)). random(p). p : boolean."
-    )
-    circuit = Reasoner(program).compile(["f", "p", "f(1,h)"], "f(2,g)")
-    assert circuit.inputs == ("f(1,g)", "f(1,h)", "f(2,g)", "f(2,h)", "p")
-    assert circuit({"f(2,g)": "false"})["true"] == 0.0
-
-
-def test_terms_are_known_by_any_spelling():
-    program = parse_plog("d = {1, 2}. f : d, d -> boolean. random(f(D,E)). #domain d(D;E).")
-    assert Reasoner(program).compile(["f( 1 , 2 )"], "f(1, 1)").inputs == ("f(1,2)",)
-
-
 def test_small_integers_do_not_overflow():
     program = parse_plog(
         "n = {1..120}. x : n. p, q : boolean. random(x). random(p). random(q) :- x < 61. q :- x > 60."
@@ -139,17 +125,6 @@ def test_small_integers_do_not_overflow():
     for dtype in (np.int8, np.uint8, np.int16, np.uint64, np.int64):
         given = np.where(codes < 0, 0, codes).astype(dtype)
         assert circuit(given)[:, 0].tolist() == pytest.approx([0.5, 0.5, 1, 1, 1])
-
-
-def test_terms_that_no_rule_speaks_of():
-    program = parse_plog("p, q : boolean. d = {1, 2}. f : d -> boolean. random(p).")
-    circuit = Reasoner(program).compile(["q", "f"], "p")
-    assert circuit({})["true"] == 0.5
-    with pytest.raises(UndefinedError, match=r"no possible world of positive measure has q=true"):
-        circuit({"q": "true"})
-    assert np.isnan(circuit({"f(2)": ["true"]}, undefined="nan")).all()
-    with pytest.raises(ProgramError, match=r"q has no value with probability 1"):
-        Reasoner(program).compile([], "q")({})
 
 
 def test_more_inputs_than_dimensions_of_an_array():
@@ -186,102 +161,6 @@ def test_a_query_without_value_is_an_error_that_names_the_row():
             circuit({"p": ["true", None]}, undefined=undefined)
     with pytest.raises(ProgramError, match=r"partial\.plog: x has no value with probability 6/11;"):
         circuit.exact({})
-
-
-# what was given
-
-
-@pytest.mark.parametrize(
-    ("evidence", "words"),
-    [
-        ({"weather": "wet"}, "'weather' is not an input of the circuit; expected one of time, location"),
-        ({"intention": "interested"}, "'intention' is not an input of the circuit"),
-        ({"time": "noon"}, "'noon' is not a value of time; expected one of morning, afternoon, evening"),
-        ({"time": ["morning", "noon"]}, "row 1: 'noon' is not a value of time"),
-        ({"time": ["morning", 3]}, "row 1: 3 is not a value of time"),
-        ({"time": [["morning"]]}, r"row 0: \['morning'\] is not a value of time"),
-        ({"time": 3}, "3 is not a value of time"),
-        ({"time": None}, "None is not a value of time"),
-        ({"time": b"morning"}, "is not a value of time"),
-        ({b"time": "morning"}, "b'time' is not an input"),
-        ({3: "morning"}, "3 is not an input"),
-        ({None: "morning"}, "None is not an input"),
-        ({"time": ["morning"], "location": ["library"] * 2}, r"one length, not \[1, 2\]"),
-        (None, "expected a mapping from inputs to values, or codes, not None"),
-        ([[0, 0, 0]], "expected a mapping from inputs to values, or codes, not"),
-        ("morning", "expected a mapping"),
-        (np.zeros((2, 2), dtype=int), r"integer codes of shape \(B, 3\), not int64 \(2, 2\)"),
-        (np.zeros(3, dtype=int), r"not int64 \(3,\)"),
-        (np.zeros((1, 3)), r"integer codes of shape \(B, 3\), not float64"),
-        (np.zeros((1, 3), dtype=bool), "not bool"),
-        (np.array([["morning", "library", "one"]]), "not <U7"),
-        (np.array([[0, 0, 0], [0, 2, 0]]), "row 1: code 2 of location; expected -1 to 1"),
-        (np.array([[0, 0, -2]]), "row 0: code -2 of classifier; expected -1 to 1"),
-        (np.array([[2**63, 0, 0]], dtype=np.uint64), "row 0: code 9223372036854775808 of time"),
-    ],
-)  # fmt: skip
-def test_wrong_evidence(circuit, evidence, words):
-    with pytest.raises(ProgramError, match=words):
-        circuit(evidence)
-    circuit({"time": "morning"})  # also when answers are kept
-    with pytest.raises(ProgramError, match=words):
-        circuit(evidence)
-
-
-@pytest.mark.parametrize("evidence", [{"time": "noon"}, {"weather": "wet"}, {"time": 3}])
-def test_wrong_evidence_for_worlds(circuit, evidence):
-    for answer in (
-        circuit.exact,
-        circuit.most_probable,
-        lambda given: circuit.sample(np.random.default_rng(0), given),
-    ):
-        with pytest.raises(ProgramError, match="is not a"):
-            answer(evidence)
-
-
-@pytest.mark.parametrize(
-    ("inputs", "query", "do", "words"),
-    [
-        (["weather"], "time", {}, "'weather'"),
-        (["time"], "weather", {}, "'weather'"),
-        (["time"], "time=morning", {}, "'time=morning'"),
-        (["time"], "time(1)", {}, "time has no arguments|has 0 arguments"),
-        (["time"], "Time", {}, "'Time' is not an attribute"),
-        (["time"], "", {}, "''"),
-        ([3], "time", {}, "expected the name of an attribute, not 3"),
-        (["time"], [None], {}, "expected the name of an attribute, not None"),
-        (["time"], "intention", {"time": "noon"}, "'noon' is not a value of time"),
-        (["time"], "intention", {"weather": "wet"}, "'weather'"),
-    ],
-)
-def test_wrong_compilation(inputs, query, do, words):
-    with pytest.raises(ProgramError, match=words):
-        REASONER.compile(inputs, query, do)
-
-
-def test_do_needs_a_random_selection():
-    program = parse_plog("p, q : boolean. random(p). q :- p.", file="a.plog")
-    with pytest.raises(ProgramError, match=r"do\(q=\.\.\.\): q has no random selection in a\.plog"):
-        Reasoner(program).compile([], "p", {"q": "true"})
-
-
-def test_cr_rules_refuse_to_be_compiled():
-    program = parse_plog("p, q : boolean. [r] p +- . random(q) :- p. :- not p.")
-    with pytest.raises(ProgramError, match="a program with cr-rules cannot be compiled: an observation may"):
-        Reasoner(program).compile([], "p")
-
-
-def test_too_many_inputs_are_refused():
-    program = parse_plog("n = {1..1000}. f : n, n, n -> boolean. random(f(1,2,3)).")
-    with pytest.raises(TooLargeError, match="f has 1000000000 terms; at most 100000 can be inputs"):
-        Reasoner(program).compile(["f"], "f(1,2,3)")
-    assert Reasoner(program).compile(["f(1,2,3)", "f(3,2,1)"], "f(1,2,3)")({})["true"] == 0.5
-
-
-def test_too_many_states_are_refused(monkeypatch):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (5,))
-    with pytest.raises(TooLargeError, match=r"lcorpp\.plog: more than 5 edges in the circuit"):
-        REASONER.compile(INPUTS, "intention")
 
 
 # elsewhere

@@ -1,0 +1,85 @@
+"""Compilation: names of inputs and queries, and programs that cannot be compiled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
+from lcorpp.reasoning import Reasoner, parse_plog, read_plog
+
+LCORPP = read_plog(Path(__file__).parents[2] / "plog" / "lcorpp.plog")
+REASONER = Reasoner(LCORPP)
+INPUTS = ["time", "location", "classifier"]
+
+
+def test_attributes_named_without_arguments():
+    program = parse_plog(
+        "d = {1, 2}. e = {g, h}. f : d, e -> boolean. random(f(D,E)). random(p). p : boolean."
+    )
+    circuit = Reasoner(program).compile(["f", "p", "f(1,h)"], "f(2,g)")
+    assert circuit.inputs == ("f(1,g)", "f(1,h)", "f(2,g)", "f(2,h)", "p")
+    assert circuit({"f(2,g)": "false"})["true"] == 0.0
+
+
+def test_terms_are_known_by_any_spelling():
+    program = parse_plog("d = {1, 2}. f : d, d -> boolean. random(f(D,E)). #domain d(D;E).")
+    assert Reasoner(program).compile(["f( 1 , 2 )"], "f(1, 1)").inputs == ("f(1,2)",)
+
+
+def test_terms_that_no_rule_speaks_of():
+    program = parse_plog("p, q : boolean. d = {1, 2}. f : d -> boolean. random(p).")
+    circuit = Reasoner(program).compile(["q", "f"], "p")
+    assert circuit({})["true"] == 0.5
+    with pytest.raises(UndefinedError, match=r"no possible world of positive measure has q=true"):
+        circuit({"q": "true"})
+    assert np.isnan(circuit({"f(2)": ["true"]}, undefined="nan")).all()
+    with pytest.raises(ProgramError, match=r"q has no value with probability 1"):
+        Reasoner(program).compile([], "q")({})
+
+
+@pytest.mark.parametrize(
+    ("inputs", "query", "do", "words"),
+    [
+        (["weather"], "time", {}, "'weather'"),
+        (["time"], "weather", {}, "'weather'"),
+        (["time"], "time=morning", {}, "'time=morning'"),
+        (["time"], "time(1)", {}, "time has no arguments|has 0 arguments"),
+        (["time"], "Time", {}, "'Time' is not an attribute"),
+        (["time"], "", {}, "''"),
+        ([3], "time", {}, "expected the name of an attribute, not 3"),
+        (["time"], [None], {}, "expected the name of an attribute, not None"),
+        (["time"], "intention", {"time": "noon"}, "'noon' is not a value of time"),
+        (["time"], "intention", {"weather": "wet"}, "'weather'"),
+    ],
+)
+def test_wrong_compilation(inputs, query, do, words):
+    with pytest.raises(ProgramError, match=words):
+        REASONER.compile(inputs, query, do)
+
+
+def test_do_needs_a_random_selection():
+    program = parse_plog("p, q : boolean. random(p). q :- p.", file="a.plog")
+    with pytest.raises(ProgramError, match=r"do\(q=\.\.\.\): q has no random selection in a\.plog"):
+        Reasoner(program).compile([], "p", {"q": "true"})
+
+
+def test_cr_rules_refuse_to_be_compiled():
+    program = parse_plog("p, q : boolean. [r] p +- . random(q) :- p. :- not p.")
+    with pytest.raises(ProgramError, match="a program with cr-rules cannot be compiled: an observation may"):
+        Reasoner(program).compile([], "p")
+
+
+def test_too_many_inputs_are_refused():
+    program = parse_plog("n = {1..1000}. f : n, n, n -> boolean. random(f(1,2,3)).")
+    with pytest.raises(TooLargeError, match="f has 1000000000 terms; at most 100000 can be inputs"):
+        Reasoner(program).compile(["f"], "f(1,2,3)")
+    assert Reasoner(program).compile(["f(1,2,3)", "f(3,2,1)"], "f(1,2,3)")({})["true"] == 0.5
+
+
+def test_too_many_states_are_refused(monkeypatch):
+    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (5,))
+    with pytest.raises(TooLargeError, match=r"lcorpp\.plog: more than 5 edges in the circuit"):
+        REASONER.compile(INPUTS, "intention")
