@@ -1,6 +1,6 @@
 """Your own domain is a folder: `drinks`, next to this file, contains three files and no Python.
 
-The same from the command line: `lcorpp run examples/drinks`; `lcorpp check examples/drinks` helps to write it.
+The same from the command line: `lcorpp run examples/drinks`; `lcorpp check examples/drinks` finds mistakes.
 """
 
 from pathlib import Path

@@ -30,9 +30,8 @@ def main() -> None:
     interested = report.classes[0]
     print(f"accuracy:           {report.accuracy}")
     print(f"AUC:                {interested.auc}")
-    print(
-        f"calibration error:  {interested.said.error.value:.3f}, calibrated {interested.calibrated.error.value:.3f}"
-    )
+    raw, calibrated = interested.said.error.value, interested.calibrated.error.value
+    print(f"calibration error:  {raw:.3f}, calibrated {calibrated:.3f}")
     print(f"predict interested from {interested.thresholds[0].probability:.2f} on if 40% are")
 
     # Hard evidence is the predicted label; soft evidence is the likelihood of each class.
