@@ -12,13 +12,13 @@ from lcorpp import Planner, Reasoner, Robot, load_domain, solve
 from lcorpp.decision import strategies
 from lcorpp.experiments.training_data import simulate_training_data
 from lcorpp.experiments.trials import Experiment, run_trials
-from lcorpp.learning import Motion, Summaries, report_on, train_and_validate
+from lcorpp.learning import Motion, SummaryFeatures, build_report, train_and_validate
 
 
 def nearest(interval: float):
     """Return an untrained classifier, as `--learner` requires."""
     neighbours = KNeighborsClassifier(25)
-    return make_pipeline(Motion(interval=interval), Summaries(), StandardScaler(), neighbours)
+    return make_pipeline(Motion(interval=interval), SummaryFeatures(), StandardScaler(), neighbours)
 
 
 def main() -> None:
@@ -26,13 +26,12 @@ def main() -> None:
     training = simulate_training_data(domain, seed=0, tracks=600)
     classifier, validation = train_and_validate(nearest(training.dataset.interval), training.dataset)
 
-    report = report_on(validation, positive="interested", prevalence={"interested": 0.4})
+    report = build_report(validation, positive="interested", prevalence={"interested": 0.4})
     interested = report.classes[0]
-    print(f"accuracy:           {report.accuracy}")
-    print(f"AUC:                {interested.auc}")
-    raw, calibrated = interested.said.error.value, interested.calibrated.error.value
-    print(f"calibration error:  {raw:.3f}, calibrated {calibrated:.3f}")
-    print(f"predict interested from {interested.thresholds[0].probability:.2f} on if 40% are")
+    print(f"accuracy:  {report.accuracy}")
+    print(f"AUC:       {interested.auc}")
+    print(f"expected calibration error:  {interested.raw.ece}, calibrated {interested.calibrated.ece}")
+    print(f"best threshold at a prevalence of 40%: {interested.thresholds[0].probability:.2f}")
 
     # Hard evidence is the predicted label; soft evidence is the likelihood of each class.
     planner = Planner(solve(domain.pomdp, domain.start_beliefs()))

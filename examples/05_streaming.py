@@ -8,12 +8,12 @@ import numpy as np
 
 from lcorpp import Instance, load_domain
 from lcorpp.learning import (
-    Streams,
-    at_every_age,
-    calibrate_over_time,
-    out_of_fold_over_time,
+    StreamingClassifier,
+    calibrate_prefixes,
+    cross_predict_over_time,
     paper_pipeline,
     train,
+    with_prefix_ensemble,
 )
 from lcorpp.values import Dataset
 
@@ -23,13 +23,13 @@ INTERESTED, OTHER = {"intention": "interested"}, {"intention": "not_interested"}
 people = [INTERESTED, OTHER] * 200
 walkers = load_domain("intention").simulation.trajectories
 tracks = Dataset(walkers(people, RNG), tuple(person["intention"] for person in people))
-learner = at_every_age(paper_pipeline(epochs=30), shares=(0.25, 0.5, 1.0))
-by_then = out_of_fold_over_time(learner, tracks, folds=3)
-print(
-    "AUC after a quarter, half and all of the track:", [round(by_then.auc_at(s), 2) for s in (0.25, 0.5, 1)]
-)
+learner = with_prefix_ensemble(paper_pipeline(epochs=30), shares=(0.25, 0.5, 1.0))
+timeline = cross_predict_over_time(learner, tracks, folds=3)
+print("AUC after a quarter, half, all of the track:", [round(timeline.auc_at(s), 2) for s in (0.25, 0.5, 1)])
 trained = train(learner, tracks)
-streams = Streams.of(trained, early=calibrate_over_time(by_then), patience=0.1)
+streams = StreamingClassifier.from_trained(
+    trained, prefix_calibration=calibrate_prefixes(timeline), allowed_lateness=0.1
+)
 
 
 def simulate_tracker(name: str, walk: np.ndarray) -> list[tuple[float, tuple]]:
@@ -69,7 +69,6 @@ for name in walks:
     received = {time: (x, y) for _, (time, who, x, y) in arriving if who == name and x == x}
     times = sorted(received)
     motion, *_ = steps = trained.estimator
-    batch = steps[1:].predict_proba(
-        motion.transform_stamped(times, np.array([received[t] for t in times]).T)
-    )[0]
-    print(f"{name}: as the batch to 1e-6:", np.abs(streams.leave(name).probabilities - batch).max() < 1e-6)
+    positions = np.array([received[t] for t in times]).T
+    batch = steps[1:].predict_proba(motion.transform_stamped(times, positions))[0]
+    print(f"{name}: as the batch to 1e-6:", np.abs(streams.remove(name).probabilities - batch).max() < 1e-6)
