@@ -1,6 +1,6 @@
 """Feeds the parser inputs that atheris makes: each must end in a program or a typed error, within a second.
 
-    python tests/reasoning/fuzz_parser.py -runs=1000000
+    python tests/reasoning/language/fuzz_parser.py -runs=1000000
 
 Other options are libFuzzer's. An input is text, or, after the byte 255, one token for each byte. Without
 atheris (`pip install atheris`) it says so and does nothing.
@@ -81,7 +81,7 @@ def main() -> None:
         words.write_text("".join(f'"{token}"\n' for token in escaped))
         seeds = Path(folder) / "seeds"
         seeds.mkdir()
-        for number, path in enumerate(sorted((Path(__file__).parent.parent / "plog").glob("*.plog"))):
+        for number, path in enumerate(sorted((Path(__file__).parents[2] / "plog").glob("*.plog"))):
             for part, statement in enumerate(path.read_text().split("\n")):
                 (seeds / f"{number}-{part}").write_text(statement)
         for number in range(len(TOKENS)):
