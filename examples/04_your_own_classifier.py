@@ -1,4 +1,4 @@
-"""A classifier of your own: any scikit-learn classifier on arrays (people, channels, time points).
+"""Your own classifier: any scikit-learn classifier of arrays (people, channels, time points).
 
 The same from the command line: `lcorpp run --learner examples/04_your_own_classifier.py:nearest`, and with
 `pip install 'lcorpp[aeon]'` also `lcorpp run --learner minirocket`.
@@ -16,7 +16,7 @@ from lcorpp.learning import Motion, SummaryFeatures, build_report, train_and_val
 
 
 def nearest(interval: float):
-    """What `--learner` asks for: a function that returns a classifier, not yet trained."""
+    """Return an untrained classifier, as `--learner` requires."""
     neighbours = KNeighborsClassifier(25)
     return make_pipeline(Motion(interval=interval), SummaryFeatures(), StandardScaler(), neighbours)
 
@@ -33,7 +33,7 @@ def main() -> None:
     print(f"expected calibration error:  {interested.raw.ece}, calibrated {interested.calibrated.ece}")
     print(f"best threshold at a prevalence of 40%: {interested.thresholds[0].probability:.2f}")
 
-    # The label goes to the reasoner as it is, or as a likelihood that weighs what the reasoner knows.
+    # Hard evidence is the predicted label; soft evidence is the likelihood of each class.
     planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
     hard = Robot(classifier, Reasoner(domain.program_for(validation.confusion)), planner, domain)
     soft = Robot(classifier.soft(), Reasoner(domain.soft_program), planner, domain)

@@ -1,4 +1,4 @@
-"""The examples run as they are, and say what they claim."""
+"""The examples run without changes and print the documented results."""
 
 import subprocess
 import sys

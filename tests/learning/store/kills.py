@@ -31,7 +31,7 @@ from lcorpp.learning import train_and_validate
 from lcorpp.learning.classifiers.registry import learner
 from lcorpp.learning.store import read_store, writing
 from lcorpp.values import Dataset, Distribution, Episode, Instance
-from tests.decision.fakes import VALUES, Answers, Mind, Plan, Words
+from tests.decision.fakes import VALUES, FakeDomain, FakePlanner, FakeReasoner, FakeWorld
 
 INTERVAL, POINTS, BATCH = 0.2, 20, 24
 INSTRUCTIONS, PAUSE = 5, 2e-4
@@ -50,17 +50,17 @@ def initial_dataset() -> Dataset:
     return Dataset(np.array([walk(x == "yes", rng) for x in labels]), labels, interval=INTERVAL)
 
 
-def meet(number: int) -> tuple[Instance, Answers]:
+def meet(number: int) -> tuple[Instance, FakeWorld]:
     """Return the person with this number, whose answers are right three times of four."""
     rng = np.random.default_rng([1, number])
     slow = bool(rng.random() < 0.5)
     answers = ["nod" if (rng.random() < 0.75) == slow else "shake" for _ in range(200)]
-    return Instance(walk(slow, rng), {"sky": "grey"}), Answers(*answers)
+    return Instance(walk(slow, rng), {"sky": "grey"}), FakeWorld(*answers)
 
 
 def run(path: Path, report, batches: int | None = None) -> None:
     """Run or resume Algorithm 1, for ever or until this many batches are completed."""
-    data, words = initial_dataset(), Words()
+    data, words = initial_dataset(), FakeDomain()
 
     def learn(dataset: Dataset):
         report("training")
@@ -79,8 +79,8 @@ def run(path: Path, report, batches: int | None = None) -> None:
         loop = lcorpp(
             run_store.dataset(),
             learn=learn,
-            reason=lambda _: Mind(),
-            planner=Plan(),
+            reason=lambda _: FakeReasoner(),
+            planner=FakePlanner(),
             domain=words,
             collect=lambda: meet(next(line)),
             batch_size=BATCH,
