@@ -218,7 +218,8 @@ def _table(domain: Domain, tracks: int, found: Measured, leaks: list[str], liken
         "# The generator: what can be learnt from it, and what not",
         "",
         f"`python benchmarks/generator.py`, {date.today()}, {platform.machine()}, {os.cpu_count()} cores,"
-        f" Python {platform.python_version()}. The paper's LSTM, five-fold cross-validation, pooled; mean over"
+        f" Python {platform.python_version()}. The paper's LSTM, five-fold cross-validation, "
+        f"pooled; mean over"
         f" the seeds (each with its own balanced data set of {tracks} tracks) and its 95 % interval. The"
         f" paper: TPR .76, TNR .71. {CASES}/{POSITIVE}: {CASES} tracks, {POSITIVE} positive, class weights."
         " Smallest share: the smallest fraction of a class among the predictions of any fold.",
@@ -238,7 +239,8 @@ def _table(domain: Domain, tracks: int, found: Measured, leaks: list[str], liken
         lines += [
             "",
             "Simulated people without interest and real pedestrians (ETH: Pellegrini et al. 2009; UCY: Lerner"
-            " et al. 2007), both at 2.5 Hz, Kolmogorov-Smirnov distance of all samples. Half of the accelerations of"
+            " et al. 2007), both at 2.5 Hz, Kolmogorov-Smirnov distance of all samples. Half of the "
+            "accelerations of"
             " the zara scenes are exactly 0, since they were drawn as straight pieces; a walker has a mean"
             f" speed of {WALKING} m/s or more.",
             "",
