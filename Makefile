@@ -32,7 +32,7 @@ help:
 
 demo: $(VENV)/.runtime
 	$(BIN)/lcorpp explain intention --fact time=afternoon --fact location=classroom --label zero
-	$(BIN)/lcorpp run intention --trials 1000 --out out/demo $(if $(TRAINED),--classifier $(TRAINED),--learner fast)
+	$(BIN)/lcorpp run intention --trials 1000 --out out/demo $(if $(TRAINED),--classifier $(TRAINED),--learner lstm-fast)
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -m "not slow" -n 2

@@ -27,7 +27,7 @@ from scipy.stats import ks_2samp, t
 
 from lcorpp.domains import Domain, load_domain
 from lcorpp.files import make_folder, write_atomically
-from lcorpp.learning import Validation, cross_validate, leak_check, paper_pipeline
+from lcorpp.learning import Validation, check_leakage, cross_validate, paper_pipeline
 from lcorpp.simulation.recordings import simulate_recording
 from lcorpp.simulation.trajectories import SimulatedTrajectories, simulate_dataset
 from lcorpp.values import Array, Dataset
@@ -119,7 +119,7 @@ def part(dataset: Dataset, points: int) -> Dataset:
 
 def rates(validation: Validation, positive: str = "interested") -> dict[str, float]:
     """TPR and TNR, the pooled AUC, and the smallest share of a class that a fold gave out."""
-    found = {rate.given: rate.value for rate in validation.summary()}
+    found = {rate.true: rate.value for rate in validation.recalls}
     said = np.array(validation.predictions) == positive
     shares = [said[np.array(validation.folds) == fold].mean() for fold in set(validation.folds)]
     other = next(name for name in found if name != positive)
@@ -184,7 +184,7 @@ def _work(
 
 def _leaks(domain: Domain) -> list[str]:
     recording = simulate_recording(domain, np.random.default_rng(0), tracks=2000, positives=1000)
-    return [f"{leak.name} {leak.auc:.3f} [{leak.low:.3f}, {leak.high:.3f}]" for leak in leak_check(recording)]
+    return [f"{leak.name} {leak.auc}" for leak in check_leakage(recording)]
 
 
 def _likeness(domain: Domain, scenes: dict[str, list[Array]]) -> list[str]:
@@ -230,7 +230,8 @@ def _table(domain: Domain, tracks: int, found: Measured, leaks: list[str], liken
         lines.append(f"| {name} | {len(entries)} | " + " | ".join(cells) + f" | {least:.2f} |")
     lines += [
         "",
-        "What is not motion tells (AUC of `leak_check`, 1000 recordings of each class): " + ", ".join(leaks),
+        "What is not motion tells (AUC of `check_leakage`, 1000 recordings of each class): "
+        + ", ".join(leaks),
     ]
     if likeness:
         lines += [

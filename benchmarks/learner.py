@@ -28,8 +28,9 @@ from rich.console import Console
 
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning import fast_pipeline, paper_pipeline
-from lcorpp.learning.lstm.training import Cases, Draw, Plan, trainer_for
-from lcorpp.learning.lstm.weights import Weights
+from lcorpp.learning.lstm.network import Weights
+from lcorpp.learning.lstm.trainer import EpochDraw, TrainingConfig, TrainingSet
+from lcorpp.learning.lstm.training import select_trainer
 from lcorpp.values import Dataset
 
 CASES, FOLDS, BATCH, UNITS, DROPOUT = 2000, 5, 32, 50, 0.2
@@ -172,16 +173,18 @@ def _epoch(*, compiled: bool) -> float:
     rng = np.random.default_rng(0)
     n = CASES * (FOLDS - 1) // FOLDS
     inputs = rng.normal(size=(n, 30, 2)).astype(np.float32)
-    cases = Cases(inputs, (np.arange(n) % 2).astype(np.int32), np.ones(n, dtype=np.float32), 2)
-    plan = Plan(
+    cases = TrainingSet(inputs, (np.arange(n) % 2).astype(np.int32), np.ones(n, dtype=np.float32), 2)
+    plan = TrainingConfig(
         units=UNITS, dropout=DROPOUT, epochs=1, batch_size=BATCH, learning_rate=1e-3, schedule="constant"
     )
-    start = Weights.start(2, UNITS, 1, rng)
-    trainer = trainer_for("cpu")(start, cases, plan) if compiled else TorchTrainer(start, cases, plan, "cpu")
+    start = Weights.initialize(2, UNITS, 1, rng)
+    trainer = (
+        select_trainer("cpu")(start, cases, plan) if compiled else TorchTrainer(start, cases, plan, "cpu")
+    )
 
     def epoch() -> None:
-        draw = Draw(rng.permutation(n), rng.random((n, UNITS), dtype=np.float32) < 1 - DROPOUT)
-        trainer.epoch(draw, np.full(n // BATCH, 1e-3))
+        draw = EpochDraw(rng.permutation(n), rng.random((n, UNITS), dtype=np.float32) < 1 - DROPOUT)
+        trainer.run_epoch(draw, np.full(n // BATCH, 1e-3))
 
     return min(_timed(epoch) for _ in range(6))
 

@@ -1,10 +1,10 @@
-"""P-log programs of growing size, answered by lcorpp and by every peer that is installed, side by side.
+"""Compare lcorpp with its installed peers on P-log programs of growing size.
 
     python benchmarks/plog.py [--only chain,dice] [--limit 60] [--out benchmarks/results/plog.md]
 
-Every answer is compared with the exact one before its time is shown. Each engine has a process of its own for
-each case, stopped at the limit. The peers are plingo and ProbLog (`pip install plingo problog[sdd]`) and plog
-2.0 (a `plog2` command); one that is missing is shown as such.
+Every answer is compared with the exact one. Each engine runs in a separate process for each case, stopped at
+the limit. The peers are plingo and ProbLog (`pip install plingo problog[sdd]`) and plog 2.0 (a `plog2`
+command); the table marks peers that are not installed.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ ENGINES = {
     "problog-ddnnf": ("problog",),
     "plog2": (),
 }
-"""Each engine with the modules that it takes; plog2 is a command."""
+"""engine -> the modules that it needs; plog2 is a command."""
 
 Row = dict[str, Any]
 
@@ -59,24 +59,24 @@ FAMILIES: dict[str, tuple[str, tuple[tuple[int, ...], ...]]] = {
 
 
 def measure(engine: str, family: str, sizes: Sequence[int], limit: float) -> list[Row]:
-    """The measurements of one engine on one case; the last says so if it failed or one took too long."""
+    """Measure one engine on one case; if it fails or exceeds the limit, the last row says why."""
     command = [sys.executable, str(HERE / "plog_engines.py"), engine, family, *map(str, sizes)]
-    said, ended = b"", False
+    output, ended = b"", False
     with tempfile.TemporaryFile() as errors:
         worker = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, start_new_session=True)
         assert worker.stdout is not None
         try:
             while not ended and select.select([worker.stdout], [], [], limit)[0]:
                 chunk = os.read(worker.stdout.fileno(), 65536)
-                said, ended = said + chunk, not chunk
+                output, ended = output + chunk, not chunk
         finally:
             if not ended:
-                os.killpg(worker.pid, signal.SIGKILL)  # with whatever the peer started
+                os.killpg(worker.pid, signal.SIGKILL)  # and the processes that it started
             worker.stdout.close()
             code = worker.wait()
         errors.seek(0)
         reasons = errors.read().decode(errors="replace").strip().splitlines()
-    rows = [json.loads(line) for line in said.decode().splitlines() if line.startswith("{")]
+    rows = [json.loads(line) for line in output.decode().splitlines() if line.startswith("{")]
     if not ended:
         rows.append({"failed": f"{'the next: ' if rows else ''}more than {limit:g} s"})
     elif code and "failed" not in (rows or [{}])[-1]:
@@ -84,22 +84,22 @@ def measure(engine: str, family: str, sizes: Sequence[int], limit: float) -> lis
     return rows
 
 
-def installed(engine: str) -> bool:
-    """Whether an engine can be measured."""
+def is_installed(engine: str) -> bool:
+    """Whether an engine is installed."""
     if engine == "plog2":
         return shutil.which(engine) is not None
     return all(find_spec(module) for module in ENGINES[engine])
 
 
-def family_rows(family: str, limit: float, console: Console) -> list[list[str]]:
-    """The rows of one family's table: size, engine, what, wall, CPU, times lcorpp, notes."""
+def measure_family(family: str, limit: float, console: Console) -> list[list[str]]:
+    """Measure one family; return rows of size, engine, what, wall, CPU, times lcorpp, notes."""
     rows: list[list[str]] = []
     stopped: dict[str, str] = {}
     for sizes in FAMILIES[family][1]:
         size = f"{sizes[0]}, {sizes[1]} rooms" if len(sizes) > 1 else str(*sizes)
         ours: dict[str, Row] = {}
         for engine in ENGINES:
-            if not installed(engine):
+            if not is_installed(engine):
                 found: list[Row] = [{"failed": "not installed"}] if sizes == FAMILIES[family][1][0] else []
             elif engine in stopped:
                 found = [{"failed": f"not run: {stopped[engine]}"}]
@@ -114,36 +114,36 @@ def family_rows(family: str, limit: float, console: Console) -> list[list[str]]:
                     continue
                 if engine == "lcorpp":
                     ours.setdefault(row["kind"], row)
-                rows.append([size, engine, *_cells(row, {} if engine == "lcorpp" else ours)])
+                rows.append([size, engine, *_format_cells(row, {} if engine == "lcorpp" else ours)])
     return rows
 
 
-def _time(seconds: float) -> str:
+def _format_time(seconds: float) -> str:
     for unit, name in ((1, "s"), (1e-3, "ms"), (1e-6, "µs")):
         if seconds >= unit:
             return f"{seconds / unit:.3g} {name}" if seconds < 1000 * unit else f"{seconds / unit:.0f} {name}"
     return f"{seconds * 1e9:.3g} ns"
 
 
-def _cells(row: Row, ours: Mapping[str, Row]) -> list[str]:
-    """What, wall, CPU, both over ours, and a note."""
+def _format_cells(row: Row, ours: Mapping[str, Row]) -> list[str]:
+    """Format what, wall, CPU, both over lcorpp's, and a note."""
     notes = [f"WRONG: {row['wrong']}"] if row["wrong"] else []
     if row["rounds"] == 1:
         notes.append("one round")
     same = ours.get(row["kind"])
-    ratios = [_ratio(row[clock] / same[clock]) if same else "" for clock in ("wall", "cpu")]
+    ratios = [_format_ratio(row[clock] / same[clock]) if same else "" for clock in ("wall", "cpu")]
     if row["kind"] in ("text", "compiled") and "compiled, new" in ours:
-        never = f"{_ratio(row['wall'] / ours['compiled, new']['wall'])} × on evidence never met"
-        notes.append(f"{_ratio(row['wall'] / ours['compiled']['wall'])} × lcorpp compiled, {never}")
-    return [row["what"], _time(row["wall"]), _time(row["cpu"]), *ratios, "; ".join(notes)]
+        never = f"{_format_ratio(row['wall'] / ours['compiled, new']['wall'])} × on new evidence"
+        notes.append(f"{_format_ratio(row['wall'] / ours['compiled']['wall'])} × lcorpp compiled, {never}")
+    return [row["what"], _format_time(row["wall"]), _format_time(row["cpu"]), *ratios, "; ".join(notes)]
 
 
-def _ratio(ratio: float) -> str:
+def _format_ratio(ratio: float) -> str:
     return f"{ratio:,.0f}" if ratio >= 10 else f"{ratio:.2g}"
 
 
-def slower(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Where a peer was right and took less wall time than lcorpp, or lcorpp failed, as items of a list."""
+def list_losses(rows: Sequence[Sequence[str]]) -> list[str]:
+    """List the rows in which a correct peer was faster than lcorpp, or lcorpp failed, as Markdown items."""
     return [
         f"- {' '.join(filter(None, row[:2]))}: {row[7]}"
         if row[1] == "lcorpp"
@@ -157,8 +157,8 @@ def slower(rows: Sequence[Sequence[str]]) -> list[str]:
 COLUMNS = ("size", "engine", "what", "wall", "CPU", "× wall", "× CPU", "notes")
 
 
-def shown(title: str, rows: Sequence[Sequence[str]]) -> Table:
-    """The table for a terminal."""
+def make_table(title: str, rows: Sequence[Sequence[str]]) -> Table:
+    """Return the table for a terminal."""
     table = Table(title=title, title_justify="left")
     for name in COLUMNS:
         table.add_column(name, justify="right" if name in COLUMNS[3:7] else "left")
@@ -167,20 +167,20 @@ def shown(title: str, rows: Sequence[Sequence[str]]) -> Table:
     return table
 
 
-def markdown(title: str, rows: Sequence[Sequence[str]]) -> str:
-    """The same as Markdown."""
-    lines = [f"## {title}", "", _line(COLUMNS), _line([*["---"] * 3, *["--:"] * 4, "---"])]
-    lost = slower(rows)
-    found = ["lcorpp lost here:", "", *lost] if lost else ["lcorpp was nowhere slower here."]
-    return "\n".join([*lines, *map(_line, rows), "", *found, ""])
+def format_markdown(title: str, rows: Sequence[Sequence[str]]) -> str:
+    """Return the table as Markdown."""
+    lines = [f"## {title}", "", _format_line(COLUMNS), _format_line([*["---"] * 3, *["--:"] * 4, "---"])]
+    losses = list_losses(rows)
+    summary = ["lcorpp lost here:", "", *losses] if losses else ["lcorpp was nowhere slower here."]
+    return "\n".join([*lines, *map(_format_line, rows), "", *summary, ""])
 
 
-def _line(cells: Sequence[str]) -> str:
+def _format_line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def conditions(limit: float) -> str:
-    """What was measured, where and how."""
+def describe_conditions(limit: float) -> str:
+    """Describe the machine, the versions and the method."""
     names = ("lcorpp", "plingo", "problog", "pysdd", "clingo", "numpy")
     versions = [f"{name} {_version(name)}" for name in names]
     versions.append("plog2 " + (shutil.which("plog2") or "not installed"))
@@ -198,19 +198,18 @@ def conditions(limit: float) -> str:
 {_processor()}, {os.cpu_count()} cores, load {load} at the start, Python {platform.python_version()};
 {", ".join(versions)}; commit {commit}{" with uncommitted changes in src" if changed else ""}.
 
-Every answer was compared with the exact one: to a relative 1e-9, for plingo to 2e-3, for what commands print
-to 2e-3 and 1e-5. Times are medians over rounds of repetitions, per question; the × columns are the wall and
-CPU time over lcorpp's for the same kind of question in this run. The machine does other work meanwhile: trust
-ratios more than times, and CPU more than wall.
+Every answer was compared with the exact one: to a relative 1e-9, for plingo to 2e-3, for the output of
+commands to 2e-3 and 1e-5. Times are medians over rounds of repetitions, per question; the × columns are the
+wall and CPU time over lcorpp's for the same kind of question in this run. The machine also did other work:
+trust ratios more than times, and CPU more than wall.
 
-"Text to answer" begins with the program's text and ends with the probability, in one process, imports not
-counted; a command is the whole process. plingo is called by the steps of its own application less the
-printing, ProbLog by its library with each of its compilers, which is fairer to both than their commands.
-plingo has no form compiled ahead: each of its questions is one from text. "Compiled" is a program prepared
-before with its evidence left open. "In turn" means that the evidences are asked one after the other, again
-and again: each was asked before, so lcorpp finds its answer by a look-up; "never met" is the first time that
-a circuit meets an evidence. A process that takes more than {limit:g} s for one measurement is stopped, and
-its engine not asked larger cases of the family.
+"Text to answer" begins with the program's text and ends with the probability, in one process, without
+imports; a command is the whole process. plingo runs the steps of its own application without printing,
+ProbLog its library with each of its compilers, which is fairer to both than their commands. plingo cannot
+compile ahead: each of its questions starts from text. "Compiled" is a compiled program with open evidence.
+"In turn" repeats a list of evidences: lcorpp has answered each before and looks the answer up; "new" is the
+first time that a circuit gets an evidence. A process that takes more than {limit:g} s for one measurement
+is stopped, and its engine gets no larger case of the family.
 """
 
 
@@ -241,11 +240,11 @@ def main(
     if unknown:
         raise typer.BadParameter(f"unknown family {unknown[0]!r}; expected some of {', '.join(FAMILIES)}")
     console = Console()
-    parts = [conditions(limit)]
+    parts = [describe_conditions(limit)]
     for family in chosen:
-        title, rows = FAMILIES[family][0], family_rows(family, limit, console)
-        console.print(shown(title, rows))
-        parts.append(markdown(title, rows))
+        title, rows = FAMILIES[family][0], measure_family(family, limit, console)
+        console.print(make_table(title, rows))
+        parts.append(format_markdown(title, rows))
     make_folder(out.parent)
     write_atomically(out, "\n".join(parts))
     console.print(f"written to {out}")

@@ -1,9 +1,9 @@
-"""One engine on one case, measured in a process of its own: `plog_engines.py ENGINE FAMILY ARGUMENTS`.
+"""Measure one engine on one case in a separate process: `plog_engines.py ENGINE FAMILY ARGUMENTS`.
 
-Prints measurements as lines of JSON, each {kind, what, wall, cpu, rounds, wrong}: medians in seconds over so
-many rounds, and what is wrong with the answers, if anything. Kinds are what can be compared: "text" is from
-the program's text to the answer, "process" a whole command, "compiled" a question to a program prepared
-before, "batch" each of 10,000 such questions.
+Each measurement is a line of JSON {kind, what, wall, cpu, rounds, wrong}: the medians in seconds over the
+rounds, and the first wrong answer. Measurements of one kind are comparable: "text" is from the program's
+text to the answer, "process" a whole command, "compiled" a question to a compiled program, "batch" one of
+10,000 such questions.
 """
 
 from __future__ import annotations
@@ -31,27 +31,26 @@ FAMILIES: Mapping[str, Callable[..., Case]] = {
     **{f: getattr(plog_families, f) for f in ("chain", "dice", "dice_sum", "squirrel", "robot", "blocks")},
 }
 EXACT, ROUNDED, PRINTED = 1e-9, 2e-3, 1e-5
-"""Relative tolerances of floating point and of plingo, which rounds the logarithms of its weights; and what
-the digits that commands print leave open."""
+"""Relative tolerances for floating point and for plingo, which rounds the logarithms of its weights; absolute
+tolerance for the digits that commands print."""
 
 BATCH = 10_000
 NUMBER = re.compile(r"(?:^|\):|robability:?)\s*(\d*\.?\d+(?:e[+-]?\d+)?)\s*$", re.M)
 Row = dict[str, Any]
 
 
-def spent() -> float:
-    """CPU seconds of this process and of its children that have ended."""
+def read_cpu_seconds() -> float:
+    """Return the CPU seconds of this process and of its ended children."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(u.ru_utime + u.ru_stime for u in used)
 
 
-def timed(
+def measure(
     kind: str, what: str, calls: Sequence[Callable[[], Any]], seconds: float = 1.0
 ) -> tuple[Row, list[Any]]:
-    """Call some functions in turn until the seconds are over, each at least once.
+    """Call functions in turn until the seconds are over, each at least once.
 
-    A round that is too short for a clock is repeated within one measurement. The times are per call, medians
-    over rounds.
+    Short rounds are repeated within one measurement. The times are per call, medians over rounds.
 
     Returns:
         The measurement, and what the functions returned.
@@ -61,51 +60,51 @@ def timed(
     results: list[Any] = []
     start, inner = time.perf_counter(), 1
     while not walls or (passed := time.perf_counter() - start) < seconds or len(walls) < 3 > passed / seconds:
-        wall, cpu = time.perf_counter(), spent()
+        wall, cpu = time.perf_counter(), read_cpu_seconds()
         for _ in range(inner):
             results = [call() for call in calls]
-        wall, cpu = time.perf_counter() - wall, spent() - cpu
+        wall, cpu = time.perf_counter() - wall, read_cpu_seconds() - cpu
         walls.append(wall / inner / len(calls))
         cpus.append(cpu / inner / len(calls))
         if wall < 5e-3:
             inner, walls, cpus = inner * 4, [], []
-    return row(kind, what, walls, cpus), results
+    return make_row(kind, what, walls, cpus), results
 
 
-def row(kind: str, what: str, walls: Sequence[float], cpus: Sequence[float], wrong: str = "") -> Row:
-    """A measurement, ready to be printed."""
+def make_row(kind: str, what: str, walls: Sequence[float], cpus: Sequence[float], wrong: str = "") -> Row:
+    """Return a measurement, ready to be printed."""
     times = {"wall": median(walls), "cpu": median(cpus)}
     return {"kind": kind, "what": what, **times, "rounds": len(walls), "wrong": wrong}
 
 
-def checked(
-    found: tuple[Row, list[Any]],
+def check_answers(
+    measured: tuple[Row, list[Any]],
     answers: Sequence[float],
     tolerance: float,
     number: Callable[[Any], float] = float,
     digits: float = 0.0,
 ) -> Row:
-    """The measurement with what is wrong with its results, if anything."""
-    pairs = zip(map(number, found[1]), answers, strict=True)
+    """Return the measurement with its first wrong result."""
+    pairs = zip(map(number, measured[1]), answers, strict=True)
     allowed = [tolerance * exact + digits for exact in answers]
     wrong = [
-        f"{got:.6g}, not {exact:.6g}"
-        for (got, exact), most in zip(pairs, allowed, strict=True)
-        if not abs(got - exact) <= most
+        f"{result:.6g}, not {exact:.6g}"
+        for (result, exact), limit in zip(pairs, allowed, strict=True)
+        if not abs(result - exact) <= limit
     ]
-    return {**found[0], "wrong": wrong[0] if wrong else ""}
+    return {**measured[0], "wrong": wrong[0] if wrong else ""}
 
 
-def command(arguments: Sequence[str | Path], cases: Sequence[Case], language: str) -> Row:
-    """A whole process for each case; the last number that it prints is its answer."""
+def measure_command(arguments: Sequence[str | Path], cases: Sequence[Case], language: str) -> Row:
+    """Measure a process for each case; the last number that it prints is its answer."""
     with tempfile.TemporaryDirectory() as folder:
         calls = []
         for i, case in enumerate(cases):
             file = Path(folder, f"{i}.{language}")
             file.write_text(case.texts[language], "utf-8")
             calls.append(partial(subprocess.run, [*arguments, file], capture_output=True, text=True))
-        return checked(
-            timed("process", f"{Path(arguments[0]).name} command", calls),
+        return check_answers(
+            measure("process", f"{Path(arguments[0]).name} command", calls),
             [case.answer for case in cases],
             ROUNDED,
             lambda done: float((NUMBER.findall(done.stdout) or ["nan"])[-1]),
@@ -113,76 +112,85 @@ def command(arguments: Sequence[str | Path], cases: Sequence[Case], language: st
         )
 
 
-def lcorpp_rows(cases: Sequence[Case]) -> Iterator[Row]:
-    """lcorpp: from text, compiled, as a command and, for the paper's question, in batches."""
+def measure_lcorpp(cases: Sequence[Case]) -> Iterator[Row]:
+    """Measure lcorpp: from text, compiled, as a command and, for the paper's question, in batches."""
     from lcorpp.reasoning import Reasoner, parse_plog
 
-    def asked(text: str) -> Any:
+    def answer(text: str) -> Any:
         program = parse_plog(text, file="benchmark.plog")
         return Reasoner(program).ask(program.queries[0])
 
     texts = [case.texts["lcorpp"] for case in cases]
-    yield checked(timed("text", "text to answer", [partial(asked, t) for t in texts]), answers(cases), EXACT)
-    yield timed(
-        "parse", "of this, to read the text", [partial(parse_plog, t, file="b.plog") for t in texts], 1
-    )[0]
-    yield command([Path(sys.executable).with_name("lcorpp"), "ask"], cases, "lcorpp")
+    yield check_answers(
+        measure("text", "text to answer", [partial(answer, t) for t in texts]), list_answers(cases), EXACT
+    )
+    yield measure("parse", "of this, parsing", [partial(parse_plog, t, file="b.plog") for t in texts], 1)[0]
+    yield measure_command([Path(sys.executable).with_name("lcorpp"), "ask"], cases, "lcorpp")
     case = cases[0]
     if not case.evidences:
         return
     name, value = case.query
     reasoner = Reasoner(parse_plog(case.texts["lcorpp"].split("?{")[0], file="benchmark.plog"))
-    compiling = partial(reasoner.compile, case.inputs, name)
-    yield timed("compile", "compile", [compiling])[0]
+    compile_case = partial(reasoner.compile, case.inputs, name)
+    yield measure("compile", "compile", [compile_case])[0]
     evidences, exact = [dict(e) for e, _ in case.evidences], [answer for _, answer in case.evidences]
-    circuit = compiling()
+    circuit = compile_case()
     calls: list[Callable[[], Any]] = [partial(circuit, evidence) for evidence in evidences]
     turn = f"compiled, {len(calls)} evidences in turn"
-    yield checked(timed("compiled", turn, calls), exact, EXACT, lambda marginal: float(marginal[value]))
-    yield _never_met(compiling, evidences)
+    yield check_answers(
+        measure("compiled", turn, calls), exact, EXACT, lambda marginal: float(marginal[value])
+    )
+    yield _measure_new_evidence(compile_case, evidences)
     calls = [partial(reasoner.posterior, name, evidence) for evidence in evidences]
-    found = timed("posterior", f"reasoner.posterior, {len(calls)} evidences in turn", calls)
-    yield checked(found, exact, EXACT, lambda marginal: float(marginal[value]))
-    yield from _batches(circuit, evidences, exact, circuit.values[name].index(value))
+    measured = measure("posterior", f"reasoner.posterior, {len(calls)} evidences in turn", calls)
+    yield check_answers(measured, exact, EXACT, lambda marginal: float(marginal[value]))
+    yield from _measure_batches(circuit, evidences, exact, circuit.values[name].index(value))
 
 
-def _never_met(compiling: Callable[[], Any], evidences: Sequence[Mapping[str, str]]) -> Row:
+def _measure_new_evidence(compile_case: Callable[[], Any], evidences: Sequence[Mapping[str, str]]) -> Row:
     walls, cpus = [], []
     for _ in range(20):
-        circuit = compiling()
+        circuit = compile_case()
         for evidence in evidences:
-            wall, cpu = time.perf_counter(), spent()
+            wall, cpu = time.perf_counter(), read_cpu_seconds()
             circuit(evidence)
             walls.append(time.perf_counter() - wall)
-            cpus.append(spent() - cpu)
-    return row("compiled, new", "compiled, evidence that this circuit never met", walls, cpus)
+            cpus.append(read_cpu_seconds() - cpu)
+    return make_row("compiled, new", "compiled, evidence new to the circuit", walls, cpus)
 
 
-def _batches(
-    circuit: Any, evidences: Sequence[Mapping[str, str]], exact: Sequence[float], place: int
+def _measure_batches(
+    circuit: Any, evidences: Sequence[Mapping[str, str]], exact: Sequence[float], index: int
 ) -> Iterator[Row]:
     import numpy as np
 
-    drawn = np.random.default_rng(0).integers(len(evidences), size=BATCH)
-    columns = {name: [evidences[i][name] for i in drawn] for name in circuit.inputs}
+    rows = np.random.default_rng(0).integers(len(evidences), size=BATCH)
+    columns = {name: [evidences[i][name] for i in rows] for name in circuit.inputs}
     codes = circuit.encode(columns)
-    wanted = np.array(exact)[drawn]
+    expected = np.array(exact)[rows]
     for what, batch in (("codes", codes), ("columns of words", columns)):
-        found, results = timed("batch", f"one of a batch of {BATCH:,}, {what}", [partial(circuit, batch)])
-        wrong = (
-            "" if np.allclose(results[0][:, place], wanted, rtol=EXACT, atol=0) else "not the exact answers"
+        measurement, results = measure(
+            "batch", f"one of a batch of {BATCH:,}, {what}", [partial(circuit, batch)]
         )
-        yield {**found, "wall": found["wall"] / BATCH, "cpu": found["cpu"] / BATCH, "wrong": wrong}
+        wrong = (
+            "" if np.allclose(results[0][:, index], expected, rtol=EXACT, atol=0) else "not the exact answers"
+        )
+        yield {
+            **measurement,
+            "wall": measurement["wall"] / BATCH,
+            "cpu": measurement["cpu"] / BATCH,
+            "wrong": wrong,
+        }
 
 
-def plingo_rows(cases: Sequence[Case]) -> Iterator[Row]:
-    """plingo: in this process, by the steps of its `PlingoApp.main` but the printing; and as a command."""
+def measure_plingo(cases: Sequence[Case]) -> Iterator[Row]:
+    """Measure plingo: in this process, by the steps of `PlingoApp.main` but its output; and as a command."""
     from clingo.control import Control
     from plingo.plingo_app import PlingoApp
     from plingo.probability import ProbabilityModule
     from plingo.query import collect_query
 
-    def asked(file: str) -> float:
+    def answer(file: str) -> float:
         app = PlingoApp()
         app.frontend = "plog"
         control = Control(["--warn=none"])
@@ -199,28 +207,30 @@ def plingo_rows(cases: Sequence[Case]) -> Iterator[Row]:
         files = [Path(folder, f"{i}.lp") for i in range(len(cases))]
         for file, case in zip(files, cases, strict=True):
             file.write_text(case.texts["plingo"], "utf-8")
-        calls = [partial(asked, str(file)) for file in files]
-        yield checked(timed("text", "text to answer, in-process", calls), answers(cases), ROUNDED)
+        calls = [partial(answer, str(file)) for file in files]
+        yield check_answers(
+            measure("text", "text to answer, in-process", calls), list_answers(cases), ROUNDED
+        )
     if len(cases) > 1:
-        yield command([Path(sys.executable).with_name("plingo"), "--frontend=plog"], cases, "plingo")
+        yield measure_command([Path(sys.executable).with_name("plingo"), "--frontend=plog"], cases, "plingo")
 
 
-def problog_rows(compiler: str, cases: Sequence[Case]) -> Iterator[Row]:
-    """ProbLog with one of its compilers: from text, compiled once, and as a command."""
+def measure_problog(compiler: str, cases: Sequence[Case]) -> Iterator[Row]:
+    """Measure ProbLog with one of its compilers: from text, compiled once, and as a command."""
     from problog import get_evaluatable
     from problog.logic import Term
     from problog.program import PrologString
 
     sys.setrecursionlimit(10_000)  # as ProbLog's own command does
 
-    def asked(text: str) -> float:
+    def answer(text: str) -> float:
         found = get_evaluatable(compiler).create_from(PrologString(text)).evaluate()
         return float(next(iter(found.values())))
 
-    calls = [partial(asked, case.texts["problog"]) for case in cases]
-    yield checked(timed("text", "text to answer, in-process", calls), answers(cases), EXACT)
+    calls = [partial(answer, case.texts["problog"]) for case in cases]
+    yield check_answers(measure("text", "text to answer, in-process", calls), list_answers(cases), EXACT)
     if len(cases) > 1:
-        yield command([Path(sys.executable).with_name("problog"), "-k", compiler], cases, "problog")
+        yield measure_command([Path(sys.executable).with_name("problog"), "-k", compiler], cases, "problog")
     case = cases[0]
     if not case.evidences:
         return
@@ -231,44 +241,44 @@ def problog_rows(compiler: str, cases: Sequence[Case]) -> Iterator[Row]:
     rules = [line for line in case.texts["problog"].splitlines() if not line.startswith("evidence(")]
     text = "\n".join([*rules, *sorted({f"evidence({atom})." for each in observed for atom in each})])
     exact = [answer for _, answer in case.evidences]
-    given = [{Term.from_string(atom): seen for atom, seen in each.items()} for each in observed]
-    compiling = partial(get_evaluatable(compiler).create_from, PrologString(text))
-    yield timed("compile", "compile", [compiling])[0]
-    compiled = compiling()
-    found = timed(
+    evidences = [{Term.from_string(atom): value for atom, value in each.items()} for each in observed]
+    compile_case = partial(get_evaluatable(compiler).create_from, PrologString(text))
+    yield measure("compile", "compile", [compile_case])[0]
+    compiled = compile_case()
+    measured = measure(
         "compiled",
-        f"compiled, {len(given)} evidences in turn",
-        [partial(compiled.evaluate, evidence=each) for each in given],
+        f"compiled, {len(evidences)} evidences in turn",
+        [partial(compiled.evaluate, evidence=each) for each in evidences],
     )
-    yield checked(found, exact, EXACT, lambda result: float(next(iter(result.values()))))
+    yield check_answers(measured, exact, EXACT, lambda result: float(next(iter(result.values()))))
 
 
-def plog2_rows(cases: Sequence[Case]) -> Iterator[Row]:
-    """plog 2.0, which is a command only."""
-    yield command([shutil.which("plog2") or "plog2", "--mode=query", "--algo=dco"], cases, "plog2")
+def measure_plog2(cases: Sequence[Case]) -> Iterator[Row]:
+    """Measure plog 2.0, which is a command only."""
+    yield measure_command([shutil.which("plog2") or "plog2", "--mode=query", "--algo=dco"], cases, "plog2")
 
 
-def answers(cases: Sequence[Case]) -> list[float]:
-    """The exact answers."""
+def list_answers(cases: Sequence[Case]) -> list[float]:
+    """Return the exact answers."""
     return [case.answer for case in cases]
 
 
 ENGINES: Mapping[str, Callable[[Sequence[Case]], Iterator[Row]]] = {
-    "lcorpp": lcorpp_rows,
-    "plingo": plingo_rows,
-    "plog2": plog2_rows,
-    "problog-sdd": partial(problog_rows, "sdd"),
-    "problog-ddnnf": partial(problog_rows, "ddnnf"),
+    "lcorpp": measure_lcorpp,
+    "plingo": measure_plingo,
+    "plog2": measure_plog2,
+    "problog-sdd": partial(measure_problog, "sdd"),
+    "problog-ddnnf": partial(measure_problog, "ddnnf"),
 }
 
 
 def main(engine: str, family: str, *sizes: str) -> None:
-    """Measure one engine; each measurement is printed as it is made, so that a time limit loses no other."""
+    """Measure one engine and print each measurement at once, so that a time limit loses no other."""
     cases = [FAMILIES[family](*map(int, sizes))] if sizes else [lcorpp(number) for number in range(12)]
     try:
-        for found in ENGINES[engine](cases):
-            print(json.dumps(found), flush=True)
-    except Exception as error:  # whatever a peer raises is its result
+        for measurement in ENGINES[engine](cases):
+            print(json.dumps(measurement), flush=True)
+    except Exception as error:  # the exception of a peer is its result
         lines = str(error).strip().splitlines() or [""]
         print(json.dumps({"failed": f"{type(error).__name__}: {lines[0]}"[:160]}), flush=True)
 

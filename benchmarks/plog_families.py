@@ -1,7 +1,7 @@
-"""The programs of the P-log benchmark: each family for any size, in every language, with its exact answer.
+"""The programs of the P-log benchmark: each family at any size, in four languages, with its exact answer.
 
-A family is written four times: for plog 1.0 (what lcorpp reads), plog 2.0, plingo and ProbLog. The texts say
-the same in the idiom of each, from the public descriptions of the families in the P-log papers and examples.
+The languages are plog 1.0 (which lcorpp reads), plog 2.0, plingo and ProbLog. The texts of a family are
+equivalent, in the idiom of each language, after the public descriptions in the P-log papers and examples.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from math import comb
 
 @dataclass(frozen=True)
 class Case:
-    """One program and its question.
+    """A program and its query.
 
-    texts: "lcorpp", "plog2", "plingo", "problog" -> the program with the question in it.
-    answer: the probability that is asked for.
-    query, inputs: a term to compile for, with its value, and what is left open as evidence; without inputs
-        the family is measured from its text alone.
-    evidences: full evidences and the answers to them.
+    texts: "lcorpp", "plog2", "plingo", "problog" -> the program with the query.
+    answer: the probability that the query asks for.
+    query, inputs: the term to compile for, with its value, and the terms that evidence may name; without
+        inputs the family is measured from its text only.
+    evidences: evidence for all inputs, with the answers.
     """
 
     texts: Mapping[str, str]
@@ -147,8 +147,8 @@ def squirrel(days: int) -> Case:
 def robot(steps: int, rooms: int = 0) -> Case:
     """A robot goes along a line; P(it is where nine of ten steps lead), or P(it reached the last room).
 
-    rooms: 0 for a line that never ends and steps that succeed with 9/10; otherwise the number of rooms, with
-        steps that succeed with 1/50, since else all know where it is.
+    rooms: 0 for an infinite line and steps that succeed with 9/10; otherwise the number of rooms, with steps
+        that succeed with 1/50, so that the position stays uncertain.
     """
     last = rooms - 1 if rooms else steps
     goal = last if rooms else 9 * steps // 10
@@ -232,7 +232,7 @@ NEAR = {i: {a + b - i for a, b in LEFT + BELOW if i in (a, b)} for i in range(1,
 
 
 def _open(blocked: set[int]) -> bool:
-    """Whether a way leads from 1 to 20."""
+    """Whether a path leads from 1 to 20."""
     reached = {1} - blocked
     todo = list(reached)
     while todo:

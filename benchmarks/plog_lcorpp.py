@@ -1,4 +1,4 @@
-"""The paper's own question in every language: is this person interested, given time, place and classifier?"""
+"""The paper's query in four languages: is this person interested, given time, location and classifier?"""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ IDENTITIES = {
 
 
 def lcorpp(number: int) -> Case:
-    """The knowledge of the paper, asked for the intention; `number` picks one of the 12 full evidences."""
+    """The paper's program with the query for the intention; `number` selects one of the 12 full evidences."""
     named = ("time", "location", "classifier")
     ranges = (("morning", "afternoon", "evening"), ("classroom", "library"), ("zero", "one"))
     evidences = tuple(dict(zip(named, values, strict=True)) for values in product(*ranges))

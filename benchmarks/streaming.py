@@ -24,7 +24,7 @@ from rich.console import Console
 from lcorpp.domains import load_domain
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning.classifiers.registry import learner
-from lcorpp.learning.streaming import Streams, at_every_age
+from lcorpp.learning.streaming import StreamingClassifier, with_prefix_ensemble
 from lcorpp.values import Array
 
 RATE = 30.0
@@ -76,7 +76,7 @@ def main(
         kind, _, every_age = name.partition(", ")
         epochs = EPOCHS if kind == "lstm" else None
         pipeline = learner(kind, interval=INTERVAL, epochs=epochs).set_params(motion__rate=rate)
-        pipeline = at_every_age(pipeline) if every_age else pipeline
+        pipeline = with_prefix_ensemble(pipeline) if every_age else pipeline
         pipeline.fit(tracks, np.array(labels))
         row = _measured(pipeline, lively if lived else walks, lived, together)
         how = ("as in life" if lived else "regular", "a frame at once" if together else "one by one")
@@ -134,9 +134,9 @@ def _as_in_life(frames: Frames, rng: np.random.Generator) -> Frames:
 
 
 def _measured(pipeline: Any, frames: Frames, lived: bool, together: bool) -> list[str]:
-    streams = Streams(pipeline, patience=0.1 if lived else 0.0)
+    streams = StreamingClassifier(pipeline, allowed_lateness=0.1 if lived else 0.0)
     streams.push(-10.0, "before", 0.0, 0.0)  # what is made when first used is made
-    streams.leave("before")
+    streams.remove("before")
     costs = []
     for samples in frames:
         began = time.process_time()
@@ -161,7 +161,7 @@ def _measured(pipeline: Any, frames: Frames, lived: bool, together: bool) -> lis
     ]
 
 
-def _difference(pipeline: Any, streams: Streams, frames: Frames) -> float:
+def _difference(pipeline: Any, streams: StreamingClassifier, frames: Frames) -> float:
     """The most by which the last answers differ from those of the pipeline to all samples."""
     tracks: dict[Hashable, dict[float, Sequence[float]]] = {}
     for samples in frames:
@@ -173,9 +173,9 @@ def _difference(pipeline: Any, streams: Streams, frames: Frames) -> float:
         times = sorted(track)
         motion = pipeline[0].transform_stamped(times, np.array([track[at] for at in times]).T)
         expected = pipeline[1:].predict_proba(motion)[0]
-        answer = streams.leave(person)
-        assert answer.track == 1, f"{person}: {streams.report()}"
-        worst = max(worst, float(np.abs(answer.probabilities - expected).max()))
+        prediction = streams.remove(person)
+        assert prediction.track == 1, f"{person}: {streams.report()}"
+        worst = max(worst, float(np.abs(prediction.probabilities - expected).max()))
     return worst
 
 

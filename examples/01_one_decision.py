@@ -1,6 +1,6 @@
 """One decision, part by part: label, evidence, posterior, prior, actions, report.
 
-Run it with `python examples/01_one_decision.py`; give the answers yourself with `--ask`.
+Run it with `python examples/01_one_decision.py`; with `--ask` you type the answers.
 """
 
 import sys
@@ -11,7 +11,7 @@ from lcorpp import ConsoleWorld, Instance, Planner, Reasoner, Robot, dt_control,
 
 
 class Classifier:
-    """Stands for yours: anything that tells from an instance which class the person belongs to."""
+    """Placeholder for your classifier: any object that maps an instance to a class."""
 
     def classify(self, instance: Instance) -> str:
         return "not_interested"

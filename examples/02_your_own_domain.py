@@ -1,6 +1,6 @@
-"""A domain of your own is a folder: `drinks`, beside this file, has three files and no Python.
+"""Your own domain is a folder: `drinks`, next to this file, contains three files and no Python.
 
-The same as a command: `lcorpp run examples/drinks`, and `lcorpp check examples/drinks` while you write yours.
+The same from the command line: `lcorpp run examples/drinks`; `lcorpp check examples/drinks` finds mistakes.
 """
 
 from pathlib import Path
@@ -16,7 +16,7 @@ print(f"{domain.description} It is morning, and the guest looks at the kettle.")
 for value, probability in reasoner.posterior("wish", {"daytime": "morning", "gaze": "at_kettle"}):
     print(f"  {value:<7} {probability:.3f}")
 
-# The six strategies, scored exactly: every guest and every answer enumerated.
+# Exact scores of the six strategies: all guests and all answers are enumerated.
 channel = NoisyChannel.of(domain)
 planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
 robot = Robot(channel, reasoner, planner, domain)

@@ -1,7 +1,7 @@
-"""A problem in parts: a robot brings a parcel to a person who is in one of two rooms, it does not know which.
+"""A factored POMDP: a robot brings a parcel to a person in one of two rooms, but does not know which.
 
-It always sees where it is; where the person is it can only hear, best from near by. Each table gives a rule,
-then its exceptions: `*` is any value, `place` the value before an action and `place'` the one after it.
+It observes its own place, and hears the person, best from close by. Each table has a rule, then its
+exceptions: `*` is any value, `place` the value before an action and `place'` the value after it.
 """
 
 from lcorpp.planning import Factored, Pomdp, cpt, flatten, solve, update
@@ -47,21 +47,21 @@ problem = Factored.of(
 )
 
 
-def show(pomdp: Pomdp, policy: Policy, belief: Belief, depth: int = 0, seen: str = "") -> None:
-    """Print what the policy does, and what it does then after each thing it is likely to see."""
+def show(pomdp: Pomdp, policy: Policy, belief: Belief, depth: int = 0, observed: str = "") -> None:
+    """Print the policy's action, and recursively its actions after each likely observation."""
     action = policy.action(belief)
-    print(f"{'  ' * depth}{seen}{pomdp.actions[action]}")
+    print(f"{'  ' * depth}{observed}{pomdp.actions[action]}")
     if pomdp.actions[action] == "deliver" or depth == 4:
         return
     reached = pomdp.transition.forward(action, belief)
     for observation, chance in enumerate(pomdp.observation.forward(action, reached)):
         if chance > 0.1:
-            then = f"{pomdp.observations[observation]} ({chance:.2f}): "
-            show(pomdp, policy, update(pomdp, belief, action, observation), depth + 1, then)
+            name = f"{pomdp.observations[observation]} ({chance:.2f}): "
+            show(pomdp, policy, update(pomdp, belief, action, observation), depth + 1, name)
 
 
 pomdp = flatten(problem, reachable=True)
 print(f"{len(pomdp.states)} states, {len(pomdp.observations)} observations, such as {pomdp.observations[0]}")
 solution = solve(pomdp)
-print(f"the plan earns {solution.lower:.2f}; none earns over {solution.upper:.2f}")
+print(f"value of the policy: at least {solution.lower:.2f}; of any policy: at most {solution.upper:.2f}")
 show(pomdp, solution.policy, pomdp.start)

@@ -1,4 +1,4 @@
-"""A classifier of your own: any scikit-learn classifier on arrays (people, channels, time points).
+"""Your own classifier: any scikit-learn classifier of arrays (people, channels, time points).
 
 The same from the command line: `lcorpp run --learner examples/04_your_own_classifier.py:nearest`, and with
 `pip install 'lcorpp[aeon]'` also `lcorpp run --learner minirocket`.
@@ -12,13 +12,13 @@ from lcorpp import Planner, Reasoner, Robot, load_domain, solve
 from lcorpp.decision import strategies
 from lcorpp.experiments.training_data import simulate_training_data
 from lcorpp.experiments.trials import Experiment, run_trials
-from lcorpp.learning import Motion, Summaries, report_on, train_and_validate
+from lcorpp.learning import Motion, SummaryFeatures, build_report, train_and_validate
 
 
 def nearest(interval: float):
-    """What `--learner` asks for: a function that returns a classifier, not yet trained."""
+    """Return an untrained classifier, as `--learner` requires."""
     neighbours = KNeighborsClassifier(25)
-    return make_pipeline(Motion(interval=interval), Summaries(), StandardScaler(), neighbours)
+    return make_pipeline(Motion(interval=interval), SummaryFeatures(), StandardScaler(), neighbours)
 
 
 def main() -> None:
@@ -26,14 +26,14 @@ def main() -> None:
     training = simulate_training_data(domain, seed=0, tracks=600)
     classifier, validation = train_and_validate(nearest(training.dataset.interval), training.dataset)
 
-    found = report_on(validation, positive="interested", prevalence={"interested": 0.4})
-    told = found.classes[0]
-    print(f"people told right:  {found.accuracy}")
-    print(f"AUC:                {told.auc}")
-    print(f"calibration error:  {told.said.error.value:.3f}, put right {told.calibrated.error.value:.3f}")
-    print(f"call interested from {told.thresholds[0].probability:.2f} on where 40% are")
+    report = build_report(validation, positive="interested", prevalence={"interested": 0.4})
+    interested = report.classes[0]
+    print(f"accuracy:  {report.accuracy}")
+    print(f"AUC:       {interested.auc}")
+    print(f"expected calibration error:  {interested.raw.ece}, calibrated {interested.calibrated.ece}")
+    print(f"best threshold at a prevalence of 40%: {interested.thresholds[0].probability:.2f}")
 
-    # The label goes to the reasoner as it is, or as a likelihood that weighs what the reasoner knows.
+    # Hard evidence is the predicted label; soft evidence is the likelihood of each class.
     planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
     hard = Robot(classifier, Reasoner(domain.program_for(validation.confusion)), planner, domain)
     soft = Robot(classifier.soft(), Reasoner(domain.soft_program), planner, domain)

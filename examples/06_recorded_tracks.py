@@ -1,4 +1,4 @@
-"""Your own recording: refused with the place, repaired on request, checked for leaks, made a data set."""
+"""Your own recording: errors with line numbers, repairs on request, a leakage check, and a data set."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.errors import LcorppError
-from lcorpp.learning import leak_check, read_recording, to_dataset
-from lcorpp.learning.data.tracks import count_repairs
+from lcorpp.learning import check_leakage, count_repairs, read_recording, to_dataset
 
 rng = np.random.default_rng(0)
 lines = ["track,time,x,y,label"]
 for number in range(60):
-    wants = number % 2  # who wants the robot walks more slowly, and is always recorded for two seconds longer
+    wants = number % 2  # interested people walk more slowly and are always recorded two seconds longer
     for i in range(110 + 20 * wants):
         t, speed = i / 10, 1.2 - 0.3 * wants
         x, y = speed * t + rng.normal(0, 0.02), number / 30 + rng.normal(0, 0.02)
         lines.append(f"{number},{t:.1f},{x:.3f},{y:.3f},{('passes', 'wants')[wants]}")
 lines[40] = lines[40].replace(",3.9,", ",,")  # a time is missing
-lines.append(lines[-1])  # a row is there twice
+lines.append(lines[-1])  # a row is repeated
 
 with tempfile.TemporaryDirectory() as folder:
     file = Path(folder) / "people.csv"
@@ -33,8 +32,8 @@ with tempfile.TemporaryDirectory() as folder:
 
 for reason, (rows, places) in count_repairs(recording.repairs).items():
     print(f"repaired: {reason}, {rows} rows in {places} places")
-for leak in leak_check(recording):
-    print(f"{leak.name:<13} AUC {leak.auc:.2f} {'LEAK' if leak.flagged else ''}".rstrip())
-data = to_dataset(recording, interval=0.1, points=101)  # ten seconds of everybody: no durations are left
+for leak in check_leakage(recording):
+    print(f"{leak.name:<13} AUC {leak.auc.estimate:.2f} {'LEAK' if leak.flagged else ''}".rstrip())
+data = to_dataset(recording, interval=0.1, points=101)  # ten seconds of each track: equal durations
 print(f"a data set of {data.trajectories.shape}: {', '.join(data.channels)} every {data.interval:g} s")
-print(f"duration      AUC {leak_check(data)[1].auc:.2f}")
+print(f"duration      AUC {check_leakage(data)[1].auc.estimate:.2f}")

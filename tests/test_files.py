@@ -1,4 +1,4 @@
-"""Files are read and written with typed errors, and never half."""
+"""Files are read and written with typed errors, and written completely or not at all."""
 
 import os
 
@@ -50,10 +50,10 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "a.txt"
     write_atomically(path, "old")
 
-    def full(*_):
+    def disk_full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(os, "replace", full)
+    monkeypatch.setattr(os, "replace", disk_full)
     with pytest.raises(FileError, match="No space left"):
         write_atomically(path, "new")
     assert path.read_text() == "old"
@@ -87,13 +87,13 @@ def test_a_link_is_followed_and_a_pipe_is_not_replaced(tmp_path):
     assert (tmp_path / "pipe").is_fifo()
 
 
-def test_names_that_no_file_can_have(tmp_path):
+def test_impossible_file_names(tmp_path):
     for call in (lambda: read_text("a\0b"), lambda: write_atomically(tmp_path / "a\0b", "")):
         with pytest.raises(FileError, match="embedded null byte"):
             call()
 
 
-def test_what_is_written_piece_by_piece_is_there_whole_or_not_at_all(tmp_path):
+def test_a_file_appears_completely_or_not_at_all(tmp_path):
     (tmp_path / "a").write_text("old")
 
     def stop_half_way():
@@ -122,8 +122,8 @@ def test_text_is_opened_line_by_line(tmp_path):
         open_text(tmp_path / "b")
 
 
-def test_the_disk_is_waited_for(tmp_path, monkeypatch):
-    """The file itself, and the folder that holds its name, a link being followed."""
+def test_sync_flushes_to_the_disk(tmp_path, monkeypatch):
+    """Flushes the file itself, and its folder; a link is followed."""
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "a").write_text("")
     (tmp_path / "link").symlink_to(tmp_path / "there" / "a")
@@ -133,4 +133,4 @@ def test_the_disk_is_waited_for(tmp_path, monkeypatch):
         sync(file.fileno())
     sync_folder(tmp_path / "link")
     assert waited == [(tmp_path / "there" / "a").stat().st_ino, (tmp_path / "there").stat().st_ino]
-    sync_folder(tmp_path / "no" / "such")  # nothing to wait for
+    sync_folder(tmp_path / "no" / "such")  # nothing to flush

@@ -1,8 +1,8 @@
-"""The guides in docs/ from top to bottom: commands end well and print what is told, lines have their values.
+"""Run the guides in docs/ from top to bottom: commands succeed, outputs and values are as printed there.
 
-Blocks: ``sh`` is run, the ``text`` after it is what is printed (``...`` stands for anything); of ``python``
-each line with ``# =`` has that value; blocks of another kind with a name are files. A second word after
-``sh`` or ``text`` says why the block is not run; after ``python`` it names a package that is needed.
+Blocks: ``sh`` is run, the ``text`` after it is its output (``...`` matches anything); each line of ``python``
+with ``# =`` has that value; blocks of another kind with a name are files. A second word after ``sh`` or
+``text`` is the reason why the block is not run; after ``python`` it names a required package.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from lcorpp.cli.main import main
 DOCS = Path(__file__).parents[1] / "docs"
 
 
-@pytest.mark.parametrize(("guide", "least"), [("planning.md", 16), ("learning.md", 15), ("data.md", 10)])
+@pytest.mark.parametrize(("guide", "min_values"), [("planning.md", 16), ("learning.md", 15), ("data.md", 10)])
 def test_a_guide_is_true(
     guide: str,
-    least: int,
+    min_values: int,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -36,36 +36,36 @@ def test_a_guide_is_true(
     monkeypatch.setenv("COLUMNS", "200")
     names: dict[str, Any] = {}
     printed, values = "", 0
-    for kind, about, text in blocks:
+    for kind, note, text in blocks:
         if kind == "python":
-            if not about or find_spec(about):
+            if not note or find_spec(note):
                 values += run(text, names)
-        elif kind == "sh" and not about:
-            printed = "".join(said(line, monkeypatch, capsys) for line in text.splitlines())
-        elif kind == "text" and not about:
+        elif kind == "sh" and not note:
+            printed = "".join(run_command(line, monkeypatch, capsys) for line in text.splitlines())
+        elif kind == "text" and not note:
             pattern = re.escape(text).replace(re.escape("..."), ".*")
             assert re.fullmatch(pattern, printed, re.DOTALL), printed
         elif kind not in ("sh", "text"):
-            Path(about).write_text(text)
-    assert values >= least
+            Path(note).write_text(text)
+    assert values >= min_values
 
 
-def said(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
-    """What a command prints; where it refuses, the message."""
+def run_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
+    """Return the output of a command, or its error message."""
     monkeypatch.setattr("sys.argv", line.split())
     with pytest.raises(SystemExit) as code:
         main()
-    told = capsys.readouterr()
-    if code.value.code == 2 and told.err.strip().startswith("lcorpp: broken"):
-        return told.err.lstrip("\n")
-    assert code.value.code in (0, None), told.err
-    return told.out
+    output = capsys.readouterr()
+    if code.value.code == 2 and output.err.strip().startswith("lcorpp: broken"):
+        return output.err.lstrip("\n")
+    assert code.value.code in (0, None), output.err
+    return output.out
 
 
 def run(text: str, names: dict[str, Any]) -> int:
-    """Run a block; how many of its lines had a value, each being what the page says."""
+    """Run a block, check its values against the page and return how many it has."""
     lines = text.splitlines()
-    told = 0
+    values = 0
     for statement in ast.parse(text).body:
         source = ast.get_source_segment(text, statement)
         assert source is not None
@@ -73,8 +73,8 @@ def run(text: str, names: dict[str, Any]) -> int:
         if not mark:
             exec(source, names)
             continue
-        told += 1
-        found = eval(source, names)
-        shown = np.array2string(found, precision=4) if isinstance(found, np.ndarray) else str(found)
-        assert shown == value, source
-    return told
+        values += 1
+        result = eval(source, names)
+        text_of = np.array2string(result, precision=4) if isinstance(result, np.ndarray) else str(result)
+        assert text_of == value, source
+    return values

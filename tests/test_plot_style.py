@@ -1,4 +1,4 @@
-"""What all pictures share: colours that stay apart, and files that are whole or not there."""
+"""Style of all figures: distinguishable colours, deterministic files, atomic saving."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from lcorpp.errors import FileError
 from lcorpp.plot_style import COLOURS, Fill, despine, save_figure, with_style, wrap_text
 
-# What colour-blind eyes make of linear RGB; Machado, Oliveira and Fernandes, IEEE TVCG 2009, severity 1.
+# Linear RGB as seen with colour vision deficiencies (severity 1); Machado et al., IEEE TVCG 2009.
 EYES = {
     "usual": np.eye(3),
     "protanopia": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
@@ -22,7 +22,7 @@ EYES = {
 
 
 @with_style
-def picture() -> Figure:
+def draw_figure() -> Figure:
     """A line with a legend and hatched bands."""
     figure = Figure(figsize=(3, 2), layout="constrained")
     axes = figure.subplots()
@@ -36,7 +36,7 @@ def picture() -> Figure:
 
 
 @pytest.mark.parametrize("eyes", EYES)
-def test_colours_stay_apart_for_all_eyes(eyes):
+def test_colours_are_distinguishable_for_all_colour_vision(eyes):
     seen = [_lab(np.array(EYES[eyes]) @ _linear(colour)) for colour in COLOURS]
     # a difference of 2.3 is just noticeable
     assert min(np.linalg.norm(a - b) for a, b in combinations(seen, 2)) > 15
@@ -56,27 +56,27 @@ def _lab(linear: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("suffix", "magic"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
-def test_the_same_picture_is_the_same_file(tmp_path, suffix, magic):
+def test_equal_figures_give_equal_files(tmp_path, suffix, magic):
     contents = []
     for name in ("a", "b"):
         path = tmp_path / f"{name}.{suffix}"
-        save_figure(picture(), path)
+        save_figure(draw_figure(), path)
         contents.append(path.read_bytes())
     assert contents[0].startswith(magic)
     assert contents[0] == contents[1]
 
 
-def test_pictures_that_cannot_be_written(tmp_path):
+def test_figures_that_cannot_be_written(tmp_path):
     with pytest.raises(FileError, match=r"a.gif: not a figure file; expected one of .png, .svg, .pdf"):
-        save_figure(picture(), tmp_path / "a.gif")
+        save_figure(draw_figure(), tmp_path / "a.gif")
     with pytest.raises(FileError, match="cannot be written"):
-        save_figure(picture(), tmp_path / "no" / "a.png")
+        save_figure(draw_figure(), tmp_path / "no" / "a.png")
     assert not list(tmp_path.iterdir())
 
 
-def test_pictures_leave_matplotlib_as_it_is(tmp_path):
+def test_matplotlib_settings_are_unchanged(tmp_path):
     before = dict(mpl.rcParams)
-    save_figure(picture(), tmp_path / "a.png")
+    save_figure(draw_figure(), tmp_path / "a.png")
     assert dict(mpl.rcParams) == before
 
 
@@ -86,6 +86,6 @@ def test_56_fills_are_all_different():
     assert {fill.text_colour for fill in fills} == {"white", "#1f2933"}
 
 
-def test_long_names_are_broken_after_commas():
+def test_long_names_break_after_commas():
     assert wrap_text("robot=s00,rock0=bad,rock1=good", 22) == "robot=s00,rock0=bad,\nrock1=good"
     assert wrap_text("a name, in one line", 20) == "a name, in one line"

@@ -1,4 +1,4 @@
-"""Workers never see a Ctrl-C; the process that started them does."""
+"""Worker processes ignore Ctrl-C; their parent does not."""
 
 import signal
 import subprocess
@@ -10,14 +10,14 @@ from joblib import Parallel, delayed
 from lcorpp.workers import ignore_sigint
 
 
-def test_a_process_started_inside_does_not_see_it():
+def test_a_child_process_ignores_sigint():
     code = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
     with ignore_sigint():
         worker = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert worker.communicate(timeout=60)[0] == "alive\n"
 
 
-def test_workers_of_joblib_do_not_see_it():
+def test_workers_of_joblib_ignore_sigint():
     with ignore_sigint():
         started = Parallel(n_jobs=2, return_as="generator")(
             delayed(signal.getsignal)(signal.SIGINT) for _ in range(4)
@@ -25,14 +25,14 @@ def test_workers_of_joblib_do_not_see_it():
     assert list(started) == [signal.SIG_IGN] * 4
 
 
-def test_the_handler_is_what_it_was():
+def test_the_handler_is_restored():
     before = signal.getsignal(signal.SIGINT)
     with ignore_sigint():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_in_another_thread_nothing_is_touched():
+def test_other_threads_change_no_handler():
     seen = []
 
     def inside() -> None:

@@ -1,21 +1,21 @@
-// The kernels of the LSTM. This file is compiled once for each set of instructions, see CMakeLists.txt, and
-// uses nothing of the standard library: what the linker merges must not hold instructions a machine lacks.
+// The kernels of the LSTM. This file is compiled once for each instruction set, see CMakeLists.txt. It does not use
+// the standard library, because the linker could merge a function with instructions that a machine lacks.
 
 #include "lstm.hpp"
 
-#ifndef LCORPP_LEVEL
-#define LCORPP_LEVEL base
+#ifndef LCORPP_INSTRUCTION_SET
+#define LCORPP_INSTRUCTION_SET base
 #endif
 #define LCORPP_TEXT_(x) #x
 #define LCORPP_TEXT(x) LCORPP_TEXT_(x)
 
 #define INLINE __attribute__((always_inline)) inline
 
-namespace lcorpp::lstm::LCORPP_LEVEL {
+namespace lcorpp::lstm::LCORPP_INSTRUCTION_SET {
 
 namespace {
 
-// The width of a vector, and of the tiles of sums that are kept in registers: vectors of lanes by rows.
+// The width of a vector, and the size of the tiles of sums in registers: vectors of lanes by rows.
 #if defined(__AVX512F__)
 constexpr Index kWide = 16, kVectors = 2, kUnits = 3, kBack = 10, kPanel = 6;
 #elif defined(__AVX2__)
@@ -50,7 +50,7 @@ INLINE Vector tanh(Vector x) {
 
 INLINE Vector sigmoid(Vector x) { return tanh(x * 0.5f) * 0.5f + 0.5f; }
 
-// n, rounded up to a multiple.
+// n, rounded up to a multiple of `step`.
 INLINE Index whole(Index n, Index step) { return (n + step - 1) / step * step; }
 
 Index forward_size(Shape shape) { return shape.rows() * whole(shape.units, kUnits) * 4; }
@@ -73,7 +73,7 @@ void pack(Shape shape, const float* gates, float* forward, float* backward) {
     }
 }
 
-// `N` units at `V` vectors of lanes: their sums over the rows, then what these do to cell and output.
+// The time step of `N` units for `V` vectors of lanes: sums over the rows, then the new cell and output.
 template <Index N, Index V>
 void step_tile(Index K, const float* weights, const float* rows, const float* cells, float* gates, float* new_cells,
                float* outputs) {
@@ -112,7 +112,7 @@ void step_tile(Index K, const float* weights, const float* rows, const float* ce
     }
 }
 
-// Calls tile(lane) with one vector of lanes or kVectors at a time, as many as the cases need.
+// Calls tile(lane) for one or kVectors vectors of lanes at a time, until all cases are covered.
 template <typename Many, typename One>
 INLINE void each_lanes(Index cases, Many many, One one) {
     for (Index lane = 0; lane < cases;) {
@@ -146,8 +146,8 @@ void step(Shape shape, const float* forward, Index cases, const float* rows, con
     }
 }
 
-// The gradients of the gates of one time point, from those of its output and cell; that of the cell before it
-// takes the place of that of the cell.
+// Gradients of the gates of one time point from those of its output and cell. The gradient of the cell is replaced by
+// that of the previous cell.
 INLINE void back_gates(Index U, Index cases, const float* before, const float* after, float* gates, const float* hidden,
                        float* cell) {
     for (Index u = 0; u < U; ++u) {
@@ -166,7 +166,7 @@ INLINE void back_gates(Index U, Index cases, const float* before, const float* a
     }
 }
 
-// The gradients of `N` outputs at `V` vectors of lanes: sums over all gates.
+// Gradients of `N` outputs for `V` vectors of lanes: sums over all gates.
 template <Index N, Index V>
 void back_tile(Index J, const float* weights, const float* gates, float* hidden) {
     Vector sums[N][V];
@@ -213,8 +213,8 @@ void back_hidden(Index U, const float* backward, Index cases, const float* gates
 
 typedef float Four __attribute__((vector_size(4 * sizeof(float)), aligned(sizeof(float)), may_alias));
 
-// The sums of the lanes, four by four: lane i of the result has those of i, i + 4, and so on.
-INLINE Four folded(Vector v) {
+// Folds the lanes to four: lane i of the result is the sum of the lanes i, i + 4, and so on.
+INLINE Four fold(Vector v) {
 #if defined(__AVX512F__)
     typedef float Eight __attribute__((vector_size(8 * sizeof(float))));
     const Eight half = __builtin_shufflevector(v, v, 0, 1, 2, 3, 4, 5, 6, 7) +
@@ -227,15 +227,15 @@ INLINE Four folded(Vector v) {
 #endif
 }
 
-// The sums over all lanes of each of four vectors.
-INLINE Four sums_of(const Vector* four) {
-    const Four a = folded(four[0]), b = folded(four[1]), c = folded(four[2]), d = folded(four[3]);
+// Sums over the lanes of each of four vectors.
+INLINE Four sum_lanes(const Vector* four) {
+    const Four a = fold(four[0]), b = fold(four[1]), c = fold(four[2]), d = fold(four[3]);
     const Four ab = __builtin_shufflevector(a, b, 0, 4, 1, 5) + __builtin_shufflevector(a, b, 2, 6, 3, 7);
     const Four cd = __builtin_shufflevector(c, d, 0, 4, 1, 5) + __builtin_shufflevector(c, d, 2, 6, 3, 7);
     return __builtin_shufflevector(ab, cd, 0, 1, 4, 5) + __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
 }
 
-// The gradients of the gates of one unit for `N` rows, over all times and lanes.
+// Weight gradients of the gates of one unit for `N` rows, summed over times and lanes.
 template <Index N>
 void weight_tile(Index U, Index K, Index cases, Index times, const float* rows, const float* gates, float* gradient) {
     Vector sums[N][4];
@@ -258,7 +258,7 @@ void weight_tile(Index U, Index K, Index cases, Index times, const float* rows, 
         }
     }
 #pragma GCC unroll 16
-    for (Index r = 0; r < N; ++r) *reinterpret_cast<Four*>(gradient + r * U * 4) += sums_of(sums[r]);
+    for (Index r = 0; r < N; ++r) *reinterpret_cast<Four*>(gradient + r * U * 4) += sum_lanes(sums[r]);
 }
 
 template <Index N>
@@ -281,7 +281,7 @@ void back_weights(Index U, Index K, Index cases, Index times, const float* rows,
 
 void back(Shape shape, const float* backward, Index cases, Index times, Pass pass, float* gradient) {
     const Index U = shape.units, K = shape.rows();
-    // Lanes that nobody uses must not count in sums over lanes: their gradients are 0 from the start on.
+    // Unused lanes must not count in sums over lanes: their gradients are 0 from the start.
     const Index used = whole(cases, kWide);
     for (Index t = times - 1; t >= 0; --t) {
         float* gates = pass.gates + t * 4 * U * kLanes;
@@ -306,6 +306,6 @@ void adam(Index n, float size, float correction, float* __restrict weights, floa
 }  // namespace
 
 extern const Kernels kernels;
-const Kernels kernels{LCORPP_TEXT(LCORPP_LEVEL), forward_size, backward_size, pack, step, back, adam};
+const Kernels kernels{LCORPP_TEXT(LCORPP_INSTRUCTION_SET), forward_size, backward_size, pack, step, back, adam};
 
-}  // namespace lcorpp::lstm::LCORPP_LEVEL
+}  // namespace lcorpp::lstm::LCORPP_INSTRUCTION_SET

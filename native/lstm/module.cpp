@@ -1,5 +1,5 @@
-// The LSTM as Python sees it: lcorpp.learning.lstm._kernels. Shapes and indices are checked here; whatever is
-// wrong with them becomes a ValueError, never a read beyond an array.
+// The Python binding of the LSTM: lcorpp.learning.lstm._kernels. It checks shapes and indices and raises ValueError, so
+// no kernel reads beyond an array.
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
@@ -24,16 +24,21 @@ using namespace lcorpp;
 using namespace lcorpp::lstm;
 using namespace nb::literals;
 
+// Types of the Python stub, which `make stubs` generates from the signatures below.
+#define FLOATS "numpy.typing.NDArray[numpy.float32]"
+#define WEIGHTS \
+    "inputs: " FLOATS ", recurrent: " FLOATS ", bias: " FLOATS ", dense: " FLOATS ", dense_bias: " FLOATS ", "
+
 namespace {
 
 template <typename T, int N>
 using In = nb::ndarray<const T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
 template <int N>
 using InOut = nb::ndarray<float, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
-using Made = nb::ndarray<nb::numpy, float>;
+using Out = nb::ndarray<nb::numpy, float>;
 
-void expect(bool holds, const char* message) {
-    if (!holds) throw std::invalid_argument(message);
+void expect(bool condition, const char* message) {
+    if (!condition) throw std::invalid_argument(message);
 }
 
 template <typename A>
@@ -42,20 +47,20 @@ Index length(const A& array, std::size_t axis) {
 }
 
 template <typename A>
-auto copied(const A& given) {
+auto to_vector(const A& array) {
     using T = std::remove_const_t<typename A::Scalar>;
-    return std::vector<T>(given.data(), given.data() + given.size());
+    return std::vector<T>(array.data(), array.data() + array.size());
 }
 
-Made made(std::vector<float> values, const std::vector<std::size_t>& shape) {
-    auto* kept = new std::vector<float>(std::move(values));
-    nb::capsule owner(kept, [](void* pointer) noexcept { delete static_cast<std::vector<float>*>(pointer); });
-    return Made(kept->data(), shape.size(), shape.data(), owner);
+Out to_numpy(std::vector<float> values, const std::vector<std::size_t>& shape) {
+    auto* owned = new std::vector<float>(std::move(values));
+    nb::capsule owner(owned, [](void* pointer) noexcept { delete static_cast<std::vector<float>*>(pointer); });
+    return Out(owned->data(), shape.size(), shape.data(), owner);
 }
 
-const Kernels& chosen(const std::optional<std::string>& level) {
-    const Kernels* kernels = level ? kernels_named(level->c_str()) : best_kernels();
-    expect(kernels != nullptr, "this machine has no such level");
+const Kernels& select_kernels(const std::optional<std::string>& instruction_set) {
+    const Kernels* kernels = instruction_set ? kernels_named(instruction_set->c_str()) : best_kernels();
+    expect(kernels != nullptr, "this machine does not support that instruction set");
     return *kernels;
 }
 
@@ -68,105 +73,120 @@ Shape shape_of(const Matrix& inputs, const Matrix& recurrent, const Row& bias, c
     expect(shape.channels > 0 && shape.units > 0 && shape.outputs > 0 && length(inputs, 0) == gates &&
                length(recurrent, 0) == gates && length(bias, 0) == gates && length(dense, 1) == shape.units &&
                length(dense_bias, 0) == shape.outputs,
-           "the weights do not fit each other");
+           "the weights do not match each other");
     return shape;
 }
 
 }  // namespace
 
 NB_MODULE(_kernels, m) {
-    m.doc() = "The LSTM in C++: training, prediction, one more time point; beside it lie its twins of torch and numpy.";
-    nb::set_leak_warnings(false);  // a classifier may well live until Python ends
+    m.doc() = "LSTM kernels in C++: training and prediction; see lcorpp.learning.lstm.network and trainer.";
+    nb::set_leak_warnings(false);  // a classifier may live until Python exits
 
-    m.def("levels", [] {
-        std::vector<std::string> names;
-        for (const char* name : {"v4", "v3", "base"}) {
-            if (kernels_named(name)) names.emplace_back(name);
-        }
-        return names;
-    });
+    m.def(
+        "instruction_sets",
+        [] {
+            std::vector<std::string> names;
+            for (const char* name : {"v4", "v3", "base"}) {
+                if (kernels_named(name)) names.emplace_back(name);
+            }
+            return names;
+        },
+        "Return the instruction sets that this machine supports, the fastest first.");
 
-    nb::class_<Network>(m, "Network")
+    nb::class_<Network>(m, "Network", "The forward pass with fixed weights; see `network.Network`.")
         .def(
             "__init__",
             [](Network* self, Matrix inputs, Matrix recurrent, Row bias, Matrix dense, Row dense_bias,
-               const std::optional<std::string>& level) {
+               const std::optional<std::string>& instruction_set) {
                 const Shape shape = shape_of(inputs, recurrent, bias, dense, dense_bias);
-                new (self) Network(chosen(level), shape,
+                new (self) Network(select_kernels(instruction_set), shape,
                                    {inputs.data(), recurrent.data(), bias.data(), dense.data(), dense_bias.data()});
             },
-            "inputs"_a, "recurrent"_a, "bias"_a, "dense"_a, "dense_bias"_a, "level"_a = nb::none())
+            "inputs"_a, "recurrent"_a, "bias"_a, "dense"_a, "dense_bias"_a, "instruction_set"_a = nb::none(),
+            nb::sig("def __init__(self, " WEIGHTS "instruction_set: str | None = None) -> None"))
         .def("scores",
              [](const Network& network, In<float, 3> tracks) {
                  const Index n = length(tracks, 0), outputs = network.shape().outputs;
-                 expect(length(tracks, 2) == network.shape().channels, "tracks of other channels");
+                 expect(length(tracks, 2) == network.shape().channels, "the tracks have other channels");
                  std::vector<float> scores(static_cast<std::size_t>(n * outputs));
                  {
-                     nb::gil_scoped_release free;
+                     nb::gil_scoped_release unlock;
                      network.scores(n, length(tracks, 1), tracks.data(), scores.data());
                  }
-                 return made(std::move(scores), {tracks.shape(0), static_cast<std::size_t>(outputs)});
-             })
-        // The GIL stays: a step takes microseconds.
+                 return to_numpy(std::move(scores), {tracks.shape(0), static_cast<std::size_t>(outputs)});
+             },
+             "tracks"_a, nb::sig("def scores(self, tracks: " FLOATS ") -> " FLOATS),
+             "Return the scores (n, O) after the last time point of tracks (n, time points, C).")
+        // A step keeps the GIL, because it takes microseconds.
         .def("step",
              [](const Network& network, InOut<2> hidden, InOut<2> cell, In<float, 2> points) {
                  const Index n = length(points, 0), units = network.shape().units, outputs = network.shape().outputs;
                  expect(length(points, 1) == network.shape().channels && length(hidden, 0) == n && length(cell, 0) == n &&
                             length(hidden, 1) == units && length(cell, 1) == units,
-                        "state and points do not fit");
+                        "state and points do not match");
                  std::vector<float> scores(static_cast<std::size_t>(n * outputs));
                  network.step(n, points.data(), hidden.data(), cell.data(), scores.data());
-                 return made(std::move(scores), {points.shape(0), static_cast<std::size_t>(outputs)});
+                 return to_numpy(std::move(scores), {points.shape(0), static_cast<std::size_t>(outputs)});
              },
-             "hidden"_a.noconvert(), "cell"_a.noconvert(), "points"_a);
+             "hidden"_a.noconvert(), "cell"_a.noconvert(), "points"_a,
+             nb::sig("def step(self, hidden: " FLOATS ", cell: " FLOATS ", points: " FLOATS ") -> " FLOATS),
+             "Return the scores (n, O) after one more time point (n, C); updates hidden and cell (n, U) in place.");
 
-    nb::class_<Trainer>(m, "Trainer")
+    nb::class_<Trainer>(m, "Trainer", "A training: the current weights and the moments of Adam.")
         .def(
             "__init__",
             [](Trainer* self, Matrix inputs, Matrix recurrent, Row bias, Matrix dense, Row dense_bias, In<float, 3> tracks,
                In<std::int32_t, 1> targets, In<float, 1> weights, Index batch, double keep,
-               const std::optional<std::string>& level) {
+               const std::optional<std::string>& instruction_set) {
                 const Shape shape = shape_of(inputs, recurrent, bias, dense, dense_bias);
                 const Index n = length(tracks, 0), times = length(tracks, 1);
                 expect(n > 0 && times > 0 && length(tracks, 2) == shape.channels && length(targets, 0) == n &&
                            length(weights, 0) == n,
-                       "tracks, targets and weights do not fit");
-                expect(batch > 0 && keep > 0 && keep <= 1, "batch and keep are positive, keep at most 1");
+                       "tracks, targets and weights do not match");
+                expect(batch > 0 && keep > 0 && keep <= 1, "batch and keep must be positive, keep at most 1");
                 const std::int32_t classes = shape.outputs == 1 ? 2 : static_cast<std::int32_t>(shape.outputs);
                 for (Index i = 0; i < n; ++i) {
                     expect(targets.data()[i] >= 0 && targets.data()[i] < classes, "there is no such class");
                 }
-                new (self) Trainer(chosen(level), shape,
+                new (self) Trainer(select_kernels(instruction_set), shape,
                                    {inputs.data(), recurrent.data(), bias.data(), dense.data(), dense_bias.data()},
-                                   Cases{n, times, copied(tracks), copied(targets), copied(weights)}, batch,
+                                   TrainingSet{n, times, to_vector(tracks), to_vector(targets), to_vector(weights)}, batch,
                                    static_cast<float>(keep));
             },
             "inputs"_a, "recurrent"_a, "bias"_a, "dense"_a, "dense_bias"_a, "tracks"_a, "targets"_a, "weights"_a, "batch"_a,
-            "keep"_a, "level"_a = nb::none())
+            "keep"_a, "instruction_set"_a = nb::none(),
+            nb::sig("def __init__(self, " WEIGHTS "tracks: " FLOATS ", targets: numpy.typing.NDArray[numpy.int32], weights: " FLOATS
+                    ", batch: int, keep: float, instruction_set: str | None = None) -> None"))
         .def("epoch",
-             [](Trainer& trainer, In<std::int64_t, 1> order, In<bool, 2> kept, In<double, 1> rates) {
+             [](Trainer& trainer, In<std::int64_t, 1> order, In<bool, 2> mask, In<double, 1> rates) {
                  const Index n = trainer.cases().n;
-                 expect(length(order, 0) == n && length(kept, 0) == n && length(kept, 1) == trainer.shape().units &&
+                 expect(length(order, 0) == n && length(mask, 0) == n && length(mask, 1) == trainer.shape().units &&
                             length(rates, 0) == trainer.batches(),
-                        "order, kept and rates do not fit");
+                        "order, dropout mask and rates do not match");
                  for (Index i = 0; i < n; ++i) {
                      expect(order.data()[i] >= 0 && order.data()[i] < n, "there is no such case");
                  }
                  Clock clock(std::numeric_limits<double>::infinity(), [] {
-                     nb::gil_scoped_acquire held;
+                     nb::gil_scoped_acquire lock;
                      if (PyErr_CheckSignals() != 0) throw nb::python_error();
                  });
-                 nb::gil_scoped_release free;
-                 trainer.epoch(order.data(), kept.data(), rates.data(), [&] { clock.expired(); });
-             })
-        .def("weights", [](const Trainer& trainer) {
+                 nb::gil_scoped_release unlock;
+                 trainer.epoch(order.data(), mask.data(), rates.data(), [&] { clock.expired(); });
+             },
+             "order"_a, "dropout_mask"_a, "rates"_a,
+             nb::sig("def epoch(self, order: numpy.typing.NDArray[numpy.int64], dropout_mask: numpy.typing.NDArray[numpy.bool_],"
+                     " rates: numpy.typing.NDArray[numpy.float64]) -> None"),
+             "Train on all cases once: order (n,), dropout mask (n, U) of the outputs kept, rates (batches,).")
+        .def("weights",
+             [](const Trainer& trainer) {
             const Shape& shape = trainer.shape();
             const auto U = static_cast<std::size_t>(shape.units), C = static_cast<std::size_t>(shape.channels),
                        O = static_cast<std::size_t>(shape.outputs);
             std::vector<float> inputs(4 * U * C), recurrent(4 * U * U), bias(4 * U), dense(O * U), dense_bias(O);
             trainer.weights({inputs.data(), recurrent.data(), bias.data(), dense.data(), dense_bias.data()});
-            return std::make_tuple(made(std::move(inputs), {4 * U, C}), made(std::move(recurrent), {4 * U, U}),
-                                   made(std::move(bias), {4 * U}), made(std::move(dense), {O, U}),
-                                   made(std::move(dense_bias), {O}));
-        });
+            return std::make_tuple(to_numpy(std::move(inputs), {4 * U, C}), to_numpy(std::move(recurrent), {4 * U, U}),
+                                   to_numpy(std::move(bias), {4 * U}), to_numpy(std::move(dense), {O, U}),
+                                   to_numpy(std::move(dense_bias), {O}));
+        }, "Return the current weights: inputs, recurrent, bias, dense, dense_bias.");
 }

@@ -6,7 +6,7 @@ namespace lcorpp::lstm {
 
 namespace {
 
-// Calls visit(ours, theirs, which) for every weight: its place in our row of numbers and in one of numpy's arrays.
+// Calls visit(ours, theirs, which) for every weight: its index in Layout, and its index in array `which` of numpy.
 template <typename Visit>
 void each_weight(Shape shape, Visit visit) {
     const Index U = shape.units, C = shape.channels, K = shape.rows();
@@ -26,22 +26,22 @@ void each_weight(Shape shape, Visit visit) {
 
 }  // namespace
 
-Floats gathered(Shape shape, const Given& given) {
+Floats gather(Shape shape, const ConstArrays& arrays) {
     Floats weights(Layout{shape}.all());
-    const float* const parts[] = {given.inputs, given.recurrent, given.bias, given.dense, given.dense_bias};
+    const float* const parts[] = {arrays.inputs, arrays.recurrent, arrays.bias, arrays.dense, arrays.dense_bias};
     each_weight(shape, [&](Index ours, Index theirs, int part) { weights.data()[ours] = parts[part][theirs]; });
     return weights;
 }
 
-void scattered(Shape shape, const float* weights, const Taken& taken) {
-    float* const parts[] = {taken.inputs, taken.recurrent, taken.bias, taken.dense, taken.dense_bias};
+void scatter(Shape shape, const float* weights, const Arrays& arrays) {
+    float* const parts[] = {arrays.inputs, arrays.recurrent, arrays.bias, arrays.dense, arrays.dense_bias};
     each_weight(shape, [&](Index ours, Index theirs, int part) { parts[part][theirs] = weights[ours]; });
 }
 
-Network::Network(const Kernels& kernels, Shape shape, const Given& given)
+Network::Network(const Kernels& kernels, Shape shape, const ConstArrays& arrays)
     : kernels_(kernels),
       layout_{shape},
-      weights_(gathered(shape, given)),
+      weights_(gather(shape, arrays)),
       forward_(kernels.forward_size(shape)),
       backward_(kernels.backward_size(shape)) {
     kernels_.pack(shape, weights_.data(), forward_.data(), backward_.data());
@@ -49,7 +49,7 @@ Network::Network(const Kernels& kernels, Shape shape, const Given& given)
 
 void Network::scores(Index n, Index times, const float* tracks, float* scores) const {
     const Index U = shape().units, C = shape().channels, K = shape().rows();
-    // Two of each, which take turns: the state before a time point and after it.
+    // Two of each, used alternately: the state before and after a time point.
     Floats rows(2 * K * kLanes), cells(2 * U * kLanes), gates(4 * U * kLanes);
     for (Index begin = 0; begin < n; begin += kLanes) {
         const Index cases = std::min(n - begin, kLanes);

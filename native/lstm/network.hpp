@@ -1,4 +1,4 @@
-// The LSTM as its users see it: predictions, one more time point, and training.
+// The LSTM: prediction, time steps and training.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@
 
 namespace lcorpp::lstm {
 
-// Numbers that begin where the widest vectors want them to; zeros at first.
+// An array of floats, zero at first and aligned for the widest vectors.
 class Floats {
   public:
     explicit Floats(Index n) : size_(n), data_(new (std::align_val_t(kAlign)) float[static_cast<std::size_t>(n)]()) {}
@@ -27,7 +27,7 @@ class Floats {
     std::unique_ptr<float[], Free> data_;
 };
 
-// All weights in one row of numbers: (K, U, 4) gates, (O, U) dense, (O,) its bias; so are their gradients.
+// The layout of all weights, and of their gradients, in one array: (K, U, 4) gates, (O, U) dense, (O,) dense bias.
 struct Layout {
     Shape shape;
     Index gates() const { return shape.rows() * shape.units * 4; }
@@ -35,28 +35,29 @@ struct Layout {
     Index all() const { return dense() + shape.outputs; }
 };
 
-// Weights as numpy has them: inputs (4 U, C), recurrent (4 U, U), bias (4 U), dense (O, U), dense bias (O).
-struct Given {
+// The weights as numpy arrays: inputs (4 U, C), recurrent (4 U, U), bias (4 U), dense (O, U), dense bias (O).
+struct ConstArrays {
     const float *inputs, *recurrent, *bias, *dense, *dense_bias;
 };
-struct Taken {
+struct Arrays {
     float *inputs, *recurrent, *bias, *dense, *dense_bias;
 };
 
-Floats gathered(Shape shape, const Given& given);
-void scattered(Shape shape, const float* weights, const Taken& taken);
+// Copies the weights from numpy arrays, and to them.
+Floats gather(Shape shape, const ConstArrays& arrays);
+void scatter(Shape shape, const float* weights, const Arrays& arrays);
 
-// Weights that do not change, and what they make of tracks.
+// The forward pass with fixed weights.
 class Network {
   public:
-    Network(const Kernels& kernels, Shape shape, const Given& given);
+    Network(const Kernels& kernels, Shape shape, const ConstArrays& arrays);
 
     const Shape& shape() const { return layout_.shape; }
 
-    // scores (n, O) after the last time point of tracks (n, times, C).
+    // The scores (n, O) after the last time point of tracks (n, times, C).
     void scores(Index n, Index times, const float* tracks, float* scores) const;
 
-    // scores (n, O) after one more time point (n, C); hidden and cell (n, U) are changed.
+    // The scores (n, O) after one more time point (n, C); updates hidden and cell (n, U).
     void step(Index n, const float* points, float* hidden, float* cell, float* scores) const;
 
   private:
@@ -67,36 +68,36 @@ class Network {
     Floats weights_, forward_, backward_;
 };
 
-// What is learnt from: tracks (n, times, C), the class of each, and how much each counts.
-struct Cases {
+// The training set: tracks (n, times, C), the class of each, and its weight in the loss.
+struct TrainingSet {
     Index n, times;
     std::vector<float> tracks;
     std::vector<std::int32_t> targets;
     std::vector<float> weights;
 };
 
-// Weights on their way, with Adam's memory.
+// A training: the current weights and the moments of Adam.
 class Trainer {
   public:
-    Trainer(const Kernels& kernels, Shape shape, const Given& given, Cases cases, Index batch, float keep);
+    Trainer(const Kernels& kernels, Shape shape, const ConstArrays& arrays, TrainingSet cases, Index batch, float keep);
 
     const Shape& shape() const { return layout_.shape; }
-    const Cases& cases() const { return cases_; }
+    const TrainingSet& cases() const { return cases_; }
     Index batches() const { return (cases_.n + batch_ - 1) / batch_; }
 
-    // One pass over all cases in an order (n); kept (n, U) are the outputs that are not silenced, and rates
-    // (batches) the learning rates. `check` is called now and then, between two updates.
-    void epoch(const std::int64_t* order, const bool* kept, const double* rates, const std::function<void()>& check);
+    // One epoch: order (n) of the cases, dropout mask (n, U) of the outputs kept, learning rates (batches).
+    // `check` is called before every update.
+    void epoch(const std::int64_t* order, const bool* mask, const double* rates, const std::function<void()>& check);
 
-    void weights(const Taken& taken) const { scattered(layout_.shape, weights_.data(), taken); }
+    void weights(const Arrays& arrays) const { scatter(layout_.shape, weights_.data(), arrays); }
 
   private:
-    void learn(Index cases, const std::int64_t* order, const bool* kept, Index batch);
-    void move(double rate);
+    void add_gradients(Index cases, const std::int64_t* order, const bool* mask, Index batch);
+    void update(double rate);
 
     const Kernels& kernels_;
     Layout layout_;
-    Cases cases_;
+    TrainingSet cases_;
     Index batch_;
     float keep_;
     Floats weights_, gradients_, first_, second_, forward_, backward_;

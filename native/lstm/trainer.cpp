@@ -8,8 +8,8 @@ namespace lcorpp::lstm {
 
 namespace {
 
-// The gradients (O, kLanes) of the losses of some cases, each times its factor, by their scores, which they replace.
-// One score is that of class 1 under a sigmoid, more are those of a softmax (cross-entropy in both cases).
+// Replaces the scores (O, kLanes) of some cases by the gradients of their losses, times their factors. The loss is the
+// cross-entropy: of a sigmoid for one score, which is that of class 1; of a softmax for several.
 void loss_gradients(Index outputs, Index cases, const std::int32_t* targets, const float* factors, float* scores) {
     for (Index i = 0; i < cases; ++i) {
         float* score = scores + i;
@@ -18,9 +18,9 @@ void loss_gradients(Index outputs, Index cases, const std::int32_t* targets, con
             score[0] = (p - static_cast<float>(targets[i])) * factors[i];
             continue;
         }
-        float most = score[0], sum = 0.0f;
-        for (Index o = 1; o < outputs; ++o) most = std::max(most, score[o * kLanes]);
-        for (Index o = 0; o < outputs; ++o) sum += score[o * kLanes] = std::exp(score[o * kLanes] - most);
+        float max = score[0], sum = 0.0f;
+        for (Index o = 1; o < outputs; ++o) max = std::max(max, score[o * kLanes]);
+        for (Index o = 0; o < outputs; ++o) sum += score[o * kLanes] = std::exp(score[o * kLanes] - max);
         for (Index o = 0; o < outputs; ++o) {
             score[o * kLanes] = (score[o * kLanes] / sum - (o == targets[i] ? 1.0f : 0.0f)) * factors[i];
         }
@@ -29,13 +29,13 @@ void loss_gradients(Index outputs, Index cases, const std::int32_t* targets, con
 
 }  // namespace
 
-Trainer::Trainer(const Kernels& kernels, Shape shape, const Given& given, Cases cases, Index batch, float keep)
+Trainer::Trainer(const Kernels& kernels, Shape shape, const ConstArrays& arrays, TrainingSet cases, Index batch, float keep)
     : kernels_(kernels),
       layout_{shape},
       cases_(std::move(cases)),
       batch_(batch),
       keep_(keep),
-      weights_(gathered(shape, given)),
+      weights_(gather(shape, arrays)),
       gradients_(layout_.all()),
       first_(layout_.all()),
       second_(layout_.all()),
@@ -52,7 +52,7 @@ Trainer::Trainer(const Kernels& kernels, Shape shape, const Given& given, Cases 
     }
 }
 
-void Trainer::epoch(const std::int64_t* order, const bool* kept, const double* rates,
+void Trainer::epoch(const std::int64_t* order, const bool* mask, const double* rates,
                     const std::function<void()>& check) {
     const NoDenormals guard;
     for (Index begin = 0, update = 0; begin < cases_.n; begin += batch_, ++update) {
@@ -60,14 +60,14 @@ void Trainer::epoch(const std::int64_t* order, const bool* kept, const double* r
         const Index batch = std::min(batch_, cases_.n - begin);
         kernels_.pack(shape(), weights_.data(), forward_.data(), backward_.data());
         for (Index at = begin; at < begin + batch; at += kLanes) {
-            learn(std::min(kLanes, begin + batch - at), order + at, kept + at * shape().units, batch);
+            add_gradients(std::min(kLanes, begin + batch - at), order + at, mask + at * shape().units, batch);
         }
-        move(rates[update]);
+        this->update(rates[update]);
     }
 }
 
-// Adds the gradients of some cases of a batch.
-void Trainer::learn(Index cases, const std::int64_t* order, const bool* kept, Index batch) {
+// Adds the gradients of up to kLanes cases of a batch.
+void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* mask, Index batch) {
     const Index U = shape().units, C = shape().channels, K = shape().rows(), O = shape().outputs, T = cases_.times;
     std::int32_t targets[kLanes];
     float factors[kLanes];
@@ -76,7 +76,7 @@ void Trainer::learn(Index cases, const std::int64_t* order, const bool* kept, In
         for (Index t = 0; t < T; ++t) {
             for (Index c = 0; c < C; ++c) rows_.data()[(t * K + U + c) * kLanes + i] = track[t * C + c];
         }
-        for (Index u = 0; u < U; ++u) masks_.data()[u * kLanes + i] = kept[i * U + u] ? 1.0f / keep_ : 0.0f;
+        for (Index u = 0; u < U; ++u) masks_.data()[u * kLanes + i] = mask[i * U + u] ? 1.0f / keep_ : 0.0f;
         targets[i] = cases_.targets[static_cast<std::size_t>(order[i])];
         factors[i] = cases_.weights[static_cast<std::size_t>(order[i])] / static_cast<float>(batch);
     }
@@ -100,7 +100,7 @@ void Trainer::learn(Index cases, const std::int64_t* order, const bool* kept, In
     }
     loss_gradients(O, cases, targets, factors, scores.data());
 
-    // Lanes of nobody get gradients of 0, and so add nothing to any sum.
+    // Unused lanes have gradients of 0, and so add nothing to any sum.
     float* const dense_gradient = gradients_.data() + layout_.gates();
     float* const bias_gradient = gradients_.data() + layout_.dense();
     std::fill_n(hidden_.data(), U * kLanes, 0.0f);
@@ -122,8 +122,8 @@ void Trainer::learn(Index cases, const std::int64_t* order, const bool* kept, In
                   Pass{rows_.data(), cells_.data(), gates_.data(), hidden_.data(), cell_.data()}, gradients_.data());
 }
 
-// Kingma and Ba 2015, algorithm 1, with its decay rates.
-void Trainer::move(double rate) {
+// Adam: Kingma and Ba 2015, algorithm 1, with its decay rates.
+void Trainer::update(double rate) {
     first_decay_ *= 0.9;
     second_decay_ *= 0.999;
     kernels_.adam(layout_.all(), static_cast<float>(rate / (1 - first_decay_)),

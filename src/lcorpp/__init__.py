@@ -1,7 +1,7 @@
-"""lcorpp: learn what can be learnt, reason with what people know, plan what to ask, then decide.
+"""lcorpp: a robot learns from data, reasons with P-log, plans with POMDPs, and decides.
 
-An implementation of LCORPP (Amiri, Shirazi and Zhang, AAAI 2020). The names below load their part of the
-package when they are first used, so that `import lcorpp` stays cheap.
+An implementation of LCORPP (Amiri, Shirazi and Zhang, AAAI 2020). `__init__.pyi` lists the exported names;
+each one imports its package at first use, so `import lcorpp` is cheap.
 """
 
 import lazy_loader as _lazy

@@ -15,7 +15,16 @@ from .reasoning import (
     parse_plog as parse_plog,
     read_plog as read_plog,
 )
-from .values import Instance as Instance
+from .values import (
+    ConfusionMatrix as ConfusionMatrix,
+    Dataset as Dataset,
+    Distribution as Distribution,
+    Episode as Episode,
+    Instance as Instance,
+    Interval as Interval,
+    Likelihood as Likelihood,
+    Step as Step,
+)
 from .worlds import ConsoleWorld as ConsoleWorld
 
 __version__: str

@@ -10,7 +10,7 @@ from tests.cli.test_bad_input import refused
 
 ROOMS = Path(__file__).parents[1] / "domains/rooms"
 FEW = ("--trials", 60, "--tracks", 60, "--jobs", 1, "--strategy", "L+R")
-NAMES = ["summaries", "forest", "lstm", "fast"]
+NAMES = ["summaries", "forest", "lstm", "lstm-fast"]
 AEON = [
     pytest.mark.skipif(find_spec("aeon") is None, reason="aeon is not installed: pip install 'lcorpp[aeon]'"),
     pytest.mark.slow,
@@ -20,7 +20,7 @@ AEON = [
 @pytest.mark.parametrize("name", [*NAMES, pytest.param("minirocket", marks=AEON)])
 def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
     """Shows 6."""
-    passes = ("--epochs", 2) if name in ("lstm", "fast") else ()
+    passes = ("--epochs", 2) if name in ("lstm", "lstm-fast") else ()
     ended = lcorpp("run", *FEW, "--learner", name, *passes, "--out", tmp_path)
     assert ended.code == 0, ended.err
     for words in (
@@ -32,7 +32,7 @@ def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
         assert words in ended.out
     content = json.loads((tmp_path / "report.json").read_text())
     assert list(content["classes"]["interested"]) == [
-        *("cases", "auc", "roc", "said", "calibrated", "thresholds"),
+        *("cases", "auc", "roc", "raw", "calibrated", "thresholds"),
     ]
     assert content["classes"]["interested"]["thresholds"][0]["prevalence"] == pytest.approx(0.4)  # as known
     assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
@@ -87,7 +87,7 @@ def test_a_threshold_is_chosen_or_given(lcorpp):
     assert costly.code == 0, costly.err
     assert "least cost" in costly.out
     given = lcorpp("run", *FEW, "--learner", "summaries", "--threshold", 0)
-    assert "decision threshold: interested from a probability of 0.000" in given.out
+    assert "decision threshold: interested from probability 0.000 on" in given.out
     assert "true class not_interested (30 cases); predicted: interested 1.000" in given.out
 
 
@@ -108,13 +108,13 @@ def test_explain_with_a_likelihood(lcorpp):
 
 
 def test_options_that_make_no_sense(lcorpp, tmp_path):
-    refused(lcorpp("run", "--learner", "lstn"), "unknown learner 'lstn'; expected one of lstm, fast")
+    refused(lcorpp("run", "--learner", "lstn"), "unknown learner 'lstn'; expected one of lstm, lstm-fast")
     refused(
         lcorpp("run", "--learner", "forest", "--epochs", 3, "--tracks", 40, "--jobs", 1), "makes no passes"
     )
     refused(
         lcorpp("run", "--learner", "forest", "--device", "cuda", "--tracks", 40, "--jobs", 1),
-        "on the cpu alone",
+        "on the cpu only",
     )
     refused(lcorpp("run", "--learner", "lstm", "--device", "tpu", "--tracks", 40, "--jobs", 1), "'tpu'")
     refused(lcorpp("run", "--learner", "lstm", "--classifier", "channel"), "both choose the classifier")
@@ -135,8 +135,10 @@ def test_options_that_make_no_sense(lcorpp, tmp_path):
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "speed"), "unknown goal 'speed'")
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "1:2:3"), "unknown goal '1:2:3'")
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "0:0"), "not both 0")
-    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "nan"), "from nan on")
-    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", 7), "called interested from 7")
+    refused(
+        lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "nan"), "threshold of interested is nan"
+    )
+    refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", 7), "threshold of interested is 7")
     refused(lcorpp("run", ROOMS, *FEW, "--learner", "summaries", "--threshold", "f1"), "for two classes")
     refused(lcorpp("run", "--prevalence", 0), "--prevalence")
     refused(lcorpp("explain", "--likelihood", "one"), "expected VALUE=NUMBER")

@@ -1,4 +1,4 @@
-"""Ten-line parts: both algorithms run on them without torch, clingo or a robot."""
+"""Fake parts of ten lines each: both algorithms run on them without torch, clingo or a robot."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from lcorpp.values import Belief, Distribution, Instance
 VALUES = ("yes", "no")
 
 
-class Words:
-    """Two states, one for each value; facts and labels pass through under their own names."""
+class FakeDomain:
+    """Two states, one for each value; facts and labels keep their names."""
 
     target = "wish"
     values = VALUES
@@ -39,29 +39,29 @@ class Words:
         return False
 
 
-class Eyes:
-    """Says what the first number of the trajectory stands for."""
+class FakeClassifier:
+    """Returns the value whose index is the first number of the trajectory."""
 
     def classify(self, instance: Instance) -> str | None:
         return VALUES[int(instance.trajectory[0, 0])]
 
 
-class Mind:
-    """Believes a label by .8 and a sunny sky by .6; remembers what it was asked."""
+class FakeReasoner:
+    """P(yes) is .8 given the label yes, .2 given no, else .6 under a sunny sky; records its queries."""
 
     def __init__(self) -> None:
-        self.asked: list[tuple[str, dict[str, str]]] = []
+        self.queries: list[tuple[str, dict[str, str]]] = []
 
     def posterior(self, attribute: str, evidence: Mapping[str, str]) -> Distribution | None:
-        self.asked.append((attribute, dict(evidence)))
+        self.queries.append((attribute, dict(evidence)))
         p = 0.6 if evidence.get("sky") == "sunny" else 0.5
         if "label" in evidence:
             p = 0.8 if evidence["label"] == "yes" else 0.2
         return Distribution(VALUES, np.array([p, 1 - p]))
 
 
-class Plan:
-    """Asks until one value has .9; an answer is right by .75."""
+class FakePlanner:
+    """Asks until one value has probability .9; an answer is correct with probability .75."""
 
     start = np.array([0.5, 0.5])
 
@@ -74,8 +74,8 @@ class Plan:
         return after / after.sum()
 
 
-class Answers:
-    """A world that gives the answers it is given, in their order, and remembers what was done."""
+class FakeWorld:
+    """A world that returns given answers in their order and records the actions."""
 
     def __init__(self, *answers: str) -> None:
         self.answers, self.done = list(answers), list[str]()
@@ -88,6 +88,6 @@ class Answers:
         self.done.append(action)
 
 
-def seen(index: int, sky: str = "grey") -> Instance:
-    """An instance whose trajectory stands for the value of that index."""
+def make_instance(index: int, sky: str = "grey") -> Instance:
+    """An instance of the value with this index."""
     return Instance(np.full((1, 2), float(index)), {"sky": sky})

@@ -1,4 +1,4 @@
-"""Algorithm 2 against parts whose every number is known by hand."""
+"""Algorithm 2 with parts whose numbers are computed by hand."""
 
 import numpy as np
 import pytest
@@ -6,14 +6,23 @@ import pytest
 from lcorpp.decision import Robot, dt_control
 from lcorpp.errors import DecisionError
 from lcorpp.values import Belief
-from tests.decision.fakes import Answers, Eyes, Mind, Plan, Words, seen
+from tests.decision.fakes import (
+    FakeClassifier,
+    FakeDomain,
+    FakePlanner,
+    FakeReasoner,
+    FakeWorld,
+    make_instance,
+)
 
 
-def test_the_decision_reads_straight_down():
-    mind, world = Mind(), Answers("nod", "nod")
-    episode = dt_control(Robot(Eyes(), mind, Plan(), Words()), seen(0, "sunny"), world)
+def test_a_decision_step_by_step():
+    reasoner, world = FakeReasoner(), FakeWorld("nod", "nod")
+    episode = dt_control(
+        Robot(FakeClassifier(), reasoner, FakePlanner(), FakeDomain()), make_instance(0, "sunny"), world
+    )
     assert episode.label == "yes"
-    assert mind.asked == [("wish", {"sky": "sunny", "label": "yes"})]
+    assert reasoner.queries == [("wish", {"sky": "sunny", "label": "yes"})]
     assert episode.marginal is not None
     assert episode.marginal["yes"] == pytest.approx(0.8)
     assert episode.prior == pytest.approx([0.8, 0.2])
@@ -26,31 +35,41 @@ def test_the_decision_reads_straight_down():
 
 
 def test_answers_overrule_a_wrong_label():
-    episode = dt_control(Robot(Eyes(), Mind(), Plan(), Words()), seen(1), Answers("nod", "nod", "nod", "nod"))
+    episode = dt_control(
+        Robot(FakeClassifier(), FakeReasoner(), FakePlanner(), FakeDomain()),
+        make_instance(1),
+        FakeWorld("nod", "nod", "nod", "nod"),
+    )
     # 1 : 4 needs four nods to reach 81 : 4
     assert [step.observation for step in episode.steps] == ["nod", "nod", "nod", "nod", None]
     assert (episode.label, episode.report) == ("no", "yes")
 
 
 def test_a_policy_that_never_reports_is_an_error():
-    world = Answers(*["nod", "shake"] * 10)
-    robot = Robot(Eyes(), Mind(), Plan(), Words())
+    world = FakeWorld(*["nod", "shake"] * 10)
+    robot = Robot(FakeClassifier(), FakeReasoner(), FakePlanner(), FakeDomain())
     with pytest.raises(DecisionError, match="no report after 7 actions; the last one was 'ask'"):
-        dt_control(robot, seen(1), world, max_steps=7)
+        dt_control(robot, make_instance(1), world, max_steps=7)
 
 
 def test_a_terminal_state_ends_the_decision_without_a_report():
-    class Leaving(Words):
+    class Leaving(FakeDomain):
         def is_terminal(self, belief: Belief) -> bool:
             return bool(belief[0] > 0.85)
 
-    episode = dt_control(Robot(Eyes(), Mind(), Plan(), Leaving()), seen(0), Answers("nod"))
+    episode = dt_control(
+        Robot(FakeClassifier(), FakeReasoner(), FakePlanner(), Leaving()), make_instance(0), FakeWorld("nod")
+    )
     assert episode.report is None
     assert [step.action for step in episode.steps] == ["ask"]
 
 
 def test_an_episode_cannot_be_changed():
-    episode = dt_control(Robot(Eyes(), Mind(), Plan(), Words()), seen(0), Answers("nod"))
+    episode = dt_control(
+        Robot(FakeClassifier(), FakeReasoner(), FakePlanner(), FakeDomain()),
+        make_instance(0),
+        FakeWorld("nod"),
+    )
     with pytest.raises(TypeError):
         episode.evidence["sky"] = "blue"  # type: ignore[index]
     with pytest.raises(ValueError, match="read-only"):
@@ -58,6 +77,10 @@ def test_an_episode_cannot_be_changed():
 
 
 def test_beliefs_of_an_episode_are_distributions():
-    episode = dt_control(Robot(Eyes(), Mind(), Plan(), Words()), seen(1), Answers("shake"))
+    episode = dt_control(
+        Robot(FakeClassifier(), FakeReasoner(), FakePlanner(), FakeDomain()),
+        make_instance(1),
+        FakeWorld("shake"),
+    )
     for step in episode.steps:
         assert np.sum(step.belief) == pytest.approx(1)

@@ -1,4 +1,4 @@
-"""Algorithm 1 against a learner whose confusion matrices are given."""
+"""Algorithm 1 with a learner that returns given confusion matrices."""
 
 import itertools
 
@@ -9,7 +9,15 @@ from lcorpp.decision import Batch, ResumePoint, lcorpp
 from lcorpp.decision.lcorpp import ssub
 from lcorpp.errors import DecisionError
 from lcorpp.values import ConfusionMatrix, Dataset
-from tests.decision.fakes import VALUES, Answers, Eyes, Mind, Plan, Words, seen
+from tests.decision.fakes import (
+    VALUES,
+    FakeClassifier,
+    FakeDomain,
+    FakePlanner,
+    FakeReasoner,
+    FakeWorld,
+    make_instance,
+)
 
 START = Dataset(np.zeros((2, 1, 2)), ("yes", "no"), ("a", "b"), channels=("x",))
 
@@ -17,16 +25,16 @@ START = Dataset(np.zeros((2, 1, 2)), ("yes", "no"), ("a", "b"), channels=("x",))
 def run(
     counts: list[list[list[float]]], *, batch_size: int = 3, epsilon: float = 0.05
 ) -> tuple[list[Batch], list]:
-    """Run with the given confusion counts, one matrix a training; also what the learner was given."""
+    """Run with the given confusion counts, one matrix per training; also return the learner's data sets."""
     matrices, trained, reasoned = iter(counts), [], []
 
     def learn(dataset: Dataset):
         trained.append(dataset)
-        return Eyes(), ConfusionMatrix(VALUES, np.array(next(matrices)))
+        return FakeClassifier(), ConfusionMatrix(VALUES, np.array(next(matrices)))
 
     def reason(confusion: ConfusionMatrix):
         reasoned.append(confusion)
-        return Mind()
+        return FakeReasoner()
 
     indices = itertools.cycle([0, 1])
     batches = list(
@@ -34,9 +42,12 @@ def run(
             START,
             learn=learn,
             reason=reason,
-            planner=Plan(),
-            domain=Words(),
-            collect=lambda: (seen(index := next(indices)), Answers(*["nod" if index == 0 else "shake"])),
+            planner=FakePlanner(),
+            domain=FakeDomain(),
+            collect=lambda: (
+                make_instance(index := next(indices)),
+                FakeWorld(*["nod" if index == 0 else "shake"]),
+            ),
             batch_size=batch_size,
             epsilon=epsilon,
         )
@@ -52,7 +63,7 @@ def test_it_grows_the_data_with_reported_labels_until_the_matrix_settles():
     assert [len(data) for data in trained] == [2, 5, 8]
     assert trained[1].labels == ("yes", "no", "yes", "no", "yes")
     first, second, third = trained[1].groups[2:]
-    assert first == third != second  # equal tracks are a group: a fold must not part them
+    assert first == third != second  # equal tracks share a group: a fold must not separate them
     assert [len(batch.episodes) for batch in batches] == [0, 3, 3]
 
 
@@ -75,29 +86,29 @@ def test_the_caller_may_stop_at_any_batch():
     rng = np.random.default_rng(1)
     loop = lcorpp(
         START,
-        learn=lambda _: (Eyes(), ConfusionMatrix(VALUES, rng.random((2, 2)) * 9)),
-        reason=lambda _: Mind(),
-        planner=Plan(),
-        domain=Words(),
-        collect=lambda: (seen(0), Answers("nod")),
+        learn=lambda _: (FakeClassifier(), ConfusionMatrix(VALUES, rng.random((2, 2)) * 9)),
+        reason=lambda _: FakeReasoner(),
+        planner=FakePlanner(),
+        domain=FakeDomain(),
+        collect=lambda: (make_instance(0), FakeWorld("nod")),
         batch_size=1,
         epsilon=0,
     )
     assert [batch.number for batch in itertools.islice(loop, 4)] == [0, 1, 2, 3]
 
 
-def going_on(
+def resume(
     resumed: ResumePoint | None, dataset: Dataset, matrices: list[list[list[float]]], line, epsilon=0.05
 ):
-    """Algorithm 1 from somewhere on: batches of four; the decisions are those of the people in `line`."""
+    """Algorithm 1 from a resume point: batches of four; decisions about the people in `line`."""
     given = iter(matrices)
     return lcorpp(
         dataset,
-        learn=lambda _: (Eyes(), ConfusionMatrix(VALUES, np.array(next(given)))),
-        reason=lambda _: Mind(),
-        planner=Plan(),
-        domain=Words(),
-        collect=lambda: (seen(index := next(line)), Answers("nod" if index == 0 else "shake")),
+        learn=lambda _: (FakeClassifier(), ConfusionMatrix(VALUES, np.array(next(given)))),
+        reason=lambda _: FakeReasoner(),
+        planner=FakePlanner(),
+        domain=FakeDomain(),
+        collect=lambda: (make_instance(index := next(line)), FakeWorld("nod" if index == 0 else "shake")),
         batch_size=4,
         epsilon=epsilon,
         resume_point=resumed,
@@ -109,13 +120,13 @@ LINE = [0, 1, 1, 0, 1, 0, 0, 0]
 
 
 @pytest.mark.parametrize("decided", [0, 1, 4])
-def test_a_run_that_goes_on_ends_as_if_it_had_never_stopped(decided):
-    """Stopped after batch 1 and some decisions of batch 2, all four and no training being the last moment."""
-    whole = list(itertools.islice(going_on(None, START, MATRICES, iter(LINE)), 3))
+def test_a_resumed_run_ends_like_an_uninterrupted_one(decided):
+    """Interrupted after batch 1 and some decisions of batch 2, at most all four."""
+    whole = list(itertools.islice(resume(None, START, MATRICES, iter(LINE)), 3))
     stopped = whole[1]
     made = whole[2].dataset.take(range(len(stopped.dataset) + decided))
     resumed = ResumePoint(1, stopped.classifier, stopped.confusion, stopped.change, decided)
-    again, last = itertools.islice(going_on(resumed, made, MATRICES[2:], iter(LINE[4 + decided :])), 2)
+    again, last = itertools.islice(resume(resumed, made, MATRICES[2:], iter(LINE[4 + decided :])), 2)
     assert (again.number, again.change, again.settled) == (1, stopped.change, False)
     assert again.confusion is stopped.confusion
     assert (last.number, last.change, len(last.episodes)) == (2, whole[2].change, 4 - decided)
@@ -123,9 +134,9 @@ def test_a_run_that_goes_on_ends_as_if_it_had_never_stopped(decided):
     assert (last.dataset.labels, last.dataset.groups) == (whole[2].dataset.labels, whole[2].dataset.groups)
 
 
-def test_a_run_that_had_settled_does_nothing_more():
+def test_a_settled_run_does_nothing_more():
     matrix = ConfusionMatrix(VALUES, np.array(MATRICES[0]))
-    batches = list(going_on(ResumePoint(5, Eyes(), matrix, 0.01, 0), START, [], iter(())))
+    batches = list(resume(ResumePoint(5, FakeClassifier(), matrix, 0.01, 0), START, [], iter(())))
     assert [(batch.number, batch.settled, batch.episodes) for batch in batches] == [(5, True, ())]
 
 
@@ -133,7 +144,7 @@ def test_a_run_that_had_settled_does_nothing_more():
     ("batch_size", "epsilon", "words"),
     [(0, 0.1, "K must be at least 1, not 0"), (1, -1.0, "at least 0"), (1, float("nan"), "at least 0")],
 )
-def test_settings_that_make_no_sense(batch_size, epsilon, words):
+def test_invalid_settings(batch_size, epsilon, words):
     with pytest.raises(DecisionError, match=words):
         run([[[1, 1], [1, 1]]], batch_size=batch_size, epsilon=epsilon)
 

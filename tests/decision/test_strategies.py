@@ -1,4 +1,4 @@
-"""The table of strategies: which parts are asked, and what stands in for those that are not."""
+"""The table of strategies: which parts are used, and the substitutes of the others."""
 
 from dataclasses import dataclass
 
@@ -8,15 +8,22 @@ import pytest
 from lcorpp.decision import STRATEGIES, Robot, dt_control, strategies
 from lcorpp.errors import DecisionError
 from lcorpp.values import Likelihood
-from tests.decision.fakes import Answers, Eyes, Mind, Plan, Words, seen
+from tests.decision.fakes import (
+    FakeClassifier,
+    FakeDomain,
+    FakePlanner,
+    FakeReasoner,
+    FakeWorld,
+    make_instance,
+)
 
 FULL = {row.name: row for row in STRATEGIES}
 
 
 def decide(name: str, index: int, sky: str = "grey", *answers: str):
-    mind = Mind()
-    robot = FULL[name].robot(Robot(Eyes(), mind, Plan(), Words()))
-    return dt_control(robot, seen(index, sky), Answers(*answers)), mind
+    reasoner = FakeReasoner()
+    robot = FULL[name].robot(Robot(FakeClassifier(), reasoner, FakePlanner(), FakeDomain()))
+    return dt_control(robot, make_instance(index, sky), FakeWorld(*answers)), reasoner
 
 
 def test_the_six_strategies_of_the_paper():
@@ -24,45 +31,45 @@ def test_the_six_strategies_of_the_paper():
     assert len({(row.learns, row.reasons, row.plans) for row in STRATEGIES}) == 6
 
 
-@pytest.mark.parametrize(("index", "said"), [(0, "yes"), (1, "no")])
-def test_l_takes_the_label_at_its_word(index, said):
-    episode, mind = decide("L", index)
-    assert (episode.label, episode.report, len(episode.steps), mind.asked) == (said, said, 1, [])
+@pytest.mark.parametrize(("index", "label"), [(0, "yes"), (1, "no")])
+def test_l_reports_the_label(index, label):
+    episode, reasoner = decide("L", index)
+    assert (episode.label, episode.report, len(episode.steps), reasoner.queries) == (label, label, 1, [])
 
 
 @dataclass(frozen=True)
-class Weighing:
-    """A classifier that says how likely what it saw is under each value."""
+class LikelihoodClassifier:
+    """A classifier that returns a likelihood."""
 
     weights: tuple[float, float]
 
     def classify(self, instance):
-        return Likelihood(Words.values, self.weights)
+        return Likelihood(FakeDomain.values, self.weights)
 
 
-def test_l_takes_a_likelihood_for_a_distribution():
-    robot = FULL["L"].robot(Robot(Weighing((1, 4)), Mind(), Plan(), Words()))
-    episode = dt_control(robot, seen(0), Answers())
+def test_l_normalises_a_likelihood():
+    robot = FULL["L"].robot(Robot(LikelihoodClassifier((1, 4)), FakeReasoner(), FakePlanner(), FakeDomain()))
+    episode = dt_control(robot, make_instance(0), FakeWorld())
     assert (episode.label.most_likely(), episode.report) == ("no", "no")
     np.testing.assert_allclose(episode.marginal.probabilities, [0.2, 0.8])
 
 
-def test_r_reports_what_the_facts_make_likely():
-    episode, mind = decide("R", 1, "sunny")
+def test_r_reports_the_most_likely_value_given_the_facts():
+    episode, reasoner = decide("R", 1, "sunny")
     assert (episode.label, episode.report) == (None, "yes")
-    assert mind.asked == [("wish", {"sky": "sunny"})]
+    assert reasoner.queries == [("wish", {"sky": "sunny"})]
 
 
 def test_p_starts_where_its_model_starts():
-    episode, mind = decide("P", 0, "sunny", "shake", "shake")
-    assert (episode.label, episode.marginal, mind.asked) == (None, None, [])
-    np.testing.assert_array_equal(episode.prior, Plan.start)
+    episode, reasoner = decide("P", 0, "sunny", "shake", "shake")
+    assert (episode.label, episode.marginal, reasoner.queries) == (None, None, [])
+    np.testing.assert_array_equal(episode.prior, FakePlanner.start)
     assert episode.report == "no"
 
 
 def test_l_and_r_weigh_label_and_facts():
-    episode, mind = decide("L+R", 1, "sunny")
-    assert mind.asked == [("wish", {"sky": "sunny", "label": "no"})]
+    episode, reasoner = decide("L+R", 1, "sunny")
+    assert reasoner.queries == [("wish", {"sky": "sunny", "label": "no"})]
     assert (episode.report, len(episode.steps)) == ("no", 1)
 
 

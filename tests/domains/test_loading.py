@@ -1,4 +1,4 @@
-"""A domain folder is checked as a whole: what does not fit is told with both places."""
+"""Loading of domain folders: the files are checked against each other, and errors name both places."""
 
 import shutil
 from pathlib import Path
@@ -65,7 +65,7 @@ def test_presets_of_the_paper_s_domain():
     np.testing.assert_allclose(authors.simulation.feedback_model[:3, :4, 0], [[0.75, 0.25, 0.75, 0.25]] * 3)
 
 
-def test_a_made_up_domain():
+def test_a_domain_with_three_values():
     rooms = load_domain(ROOMS)
     assert (rooms.values, rooms.planning.terminal, rooms.preset) == (("lab", "office", "store"), 3, "calm")
     assert rooms.evidence({"badge": "staff"}, "store") == {"badge": "staff", "heading": "right"}
@@ -78,7 +78,7 @@ def test_a_made_up_domain():
     with pytest.raises(DomainError, match="a likelihood of a, b; expected one of lab, office, store"):
         rooms.evidence({}, Likelihood(("a", "b"), [1, 1]))
     sure = Reasoner(rooms.soft_program).posterior("goal", {"badge": "staff", "heading": "right"})
-    assert sure["store"] == 1  # there the attribute stands for the truth
+    assert sure["store"] == 1  # there the label equals the target
     assert (rooms.reported_value("to_office"), rooms.reported_value("point")) == ("office", None)
     assert rooms.report_action("store") == "to_store"
     np.testing.assert_array_equal(rooms.planning.initial_states, np.eye(3, 4))
@@ -93,7 +93,7 @@ def test_a_made_up_domain():
     )
 
 
-def test_a_new_confusion_matrix_gives_new_rules_and_leaves_the_old():
+def test_a_new_confusion_matrix_gives_a_new_program():
     rooms = load_domain(ROOMS)
     before = str(rooms.program)
     confusion = ConfusionMatrix(("lab", "office", "store"), np.array([[9, 0, 0], [4, 4, 1], [0, 0, 9]]))
@@ -101,10 +101,10 @@ def test_a_new_confusion_matrix_gives_new_rules_and_leaves_the_old():
     assert str(rooms.program) == before
 
 
-def test_starts_cover_the_simplex_of_priors():
+def test_start_beliefs_cover_the_simplex_of_priors():
     starts = load_domain(ROOMS).start_beliefs()
     np.testing.assert_allclose(starts.sum(axis=1), 1)
-    assert len(starts) == 1 + 36  # the model's own start, and a lattice in sevenths
+    assert len(starts) == 1 + 36  # the model's initial belief, and a grid in sevenths
     for corner in np.eye(3, 4):
         assert (starts == corner).all(axis=1).any()
 
@@ -216,7 +216,7 @@ WRONG = [
 @pytest.mark.parametrize(
     ("file", "old", "new", "words"), WRONG, ids=[f"{w[0]}-{i}" for i, w in enumerate(WRONG)]
 )
-def test_what_does_not_fit_is_told_with_its_place(folder, file, old, new, words):
+def test_inconsistent_files_are_located(folder, file, old, new, words):
     edit(folder / file, old, new)
     with pytest.raises(LcorppError, match=words):
         load_all(folder)
@@ -230,7 +230,7 @@ def test_unknown_presets_and_missing_files(folder):
         load_domain(folder)
 
 
-def test_a_channel_has_to_sum(folder):
+def test_rows_of_a_channel_sum_to_1(folder):
     edit(
         folder / TOML,
         "noise = 0.2\n",
@@ -276,7 +276,7 @@ def test_a_people_file_that_cannot_be_loaded(folder, text, words):
         ),
     ],
 )
-def test_a_people_file_that_fails_when_asked(folder, text, words):
+def test_a_people_file_that_fails_when_called(folder, text, words):
     (folder / "people.py").write_text(text)
     trajectories = load_domain(folder).simulation.trajectories
     assert trajectories is not None
@@ -284,7 +284,7 @@ def test_a_people_file_that_fails_when_asked(folder, text, words):
         trajectories([{"goal": "lab"}, {"goal": "store"}], np.random.default_rng(0))
 
 
-def test_evidence_a_domain_does_not_know():
+def test_unknown_evidence():
     rooms = load_domain(ROOMS)
     with pytest.raises(DomainError, match="'mood' is not observed in rooms; expected one of badge, weekday"):
         rooms.evidence({"mood": "good"}, None)
@@ -294,7 +294,7 @@ def test_evidence_a_domain_does_not_know():
         rooms.evidence({}, "left")
 
 
-def test_a_preset_over_a_table_that_is_missing(folder):
+def test_a_preset_of_a_missing_table(folder):
     (folder / TOML).write_text("presets = 3\n")
     with pytest.raises(DomainError, match="expected a table of tables"):
         load_domain(folder)
@@ -303,7 +303,7 @@ def test_a_preset_over_a_table_that_is_missing(folder):
         load_domain(folder)
 
 
-def test_the_spacing_of_simulated_tracks_is_the_domain_s(tmp_path):
+def test_the_domain_sets_the_interval_of_simulated_tracks(tmp_path):
     shutil.copytree(ROOMS, tmp_path / "rooms")
     file = tmp_path / "rooms" / "domain.toml"
     file.write_text(file.read_text().replace("tracks = 60", "tracks = 60\ninterval = 0.4"))

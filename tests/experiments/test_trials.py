@@ -15,7 +15,7 @@ from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError
 from lcorpp.experiments import trials
 from lcorpp.experiments.trials import Experiment, run_trials
-from lcorpp.learning import TrainedClassifier, calibrate
+from lcorpp.learning import TrainedClassifier, fit_calibration
 from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.simulation.channel import NoisyChannel
 from lcorpp.simulation.population import Population
@@ -228,7 +228,7 @@ def test_soft_evidence_decides_better_than_the_label():
     tracks = Scores().trajectories([{"intention": name} for name in labels], rng)
     probabilities = Sigmoid().predict_proba(tracks)
     counts = confusion_matrix(labels, Sigmoid.classes_[probabilities.argmax(axis=1)])
-    calibration = calibrate(tuple(Sigmoid.classes_), probabilities, labels.tolist())
+    calibration = fit_calibration(tuple(Sigmoid.classes_), probabilities, labels.tolist())
     trained = TrainedClassifier(Sigmoid(), ConfusionMatrix(tuple(Sigmoid.classes_), counts), calibration)
     planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
     found = []

@@ -1,13 +1,15 @@
-"""The examples of docs/plog.md: each program answers as it says, or is refused in the words it gives."""
+"""The examples of docs/plog.md: answers, error messages and the Python block."""
 
 from __future__ import annotations
 
 import re
+import shutil
 from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
+from lcorpp.domains import load_domain
 from lcorpp.errors import LcorppError
 from lcorpp.reasoning import Enumeration, parse_plog, parse_query, program_text
 
@@ -47,3 +49,13 @@ def test_example_says_what_happens(text: str) -> None:
             assert abs(answer - Fraction(value)) <= Fraction(1, 2_000_000), query
         else:
             assert answer == Fraction(value), query
+
+
+def test_the_python_block_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (block,) = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    shutil.copy(load_domain("intention").folder / "knowledge.plog", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    exec(compile(block, "docs/plog.md", "exec"), names)
+    assert (tmp_path / "intention.npz").exists()
+    assert str(names["reasoner"]).startswith("Reasoner(<Program knowledge.plog: ")

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from lcorpp.domains import Domain
     from lcorpp.experiments.setup import ClassifierSetup
-    from lcorpp.learning import Report
+    from lcorpp.learning import EvaluationReport
     from lcorpp.planning import Solution
 
 CONVERGED = "precision reached"
@@ -46,16 +46,13 @@ def print_classifier(setup: ClassifierSetup, source: str) -> None:
         )
         console.out.print(f"  accuracy {report.accuracy}", markup=False)
     for cells in setup.intervals:
-        rates = ", ".join(
-            f"{rate.called} {rate.value:.3f} [{rate.low:.3f}, {rate.high:.3f}]" for rate in cells
-        )
-        text = f"  true class {cells[0].given} ({cells[0].cases} cases); predicted: {rates}"
+        rates = ", ".join(f"{rate.predicted} {rate.interval}" for rate in cells)
+        text = f"  true class {cells[0].true} ({cells[0].cases} cases); predicted: {rates}"
         console.out.print(text, markup=False)
     if report is not None:
         console.out.print(_report_table(report))
-    if setup.trained.cut is not None:
-        cut = setup.trained.cut
-        console.out.print(f"decision threshold: {cut.name} from a probability of {cut.probability:.3f}")
+    if setup.trained.threshold is not None:
+        console.out.print(f"decision threshold: {setup.trained.threshold}")
 
 
 def print_solution(solution: Solution) -> None:
@@ -73,7 +70,7 @@ def print_solution(solution: Solution) -> None:
         )
 
 
-def _report_table(report: Report) -> Table:
+def _report_table(report: EvaluationReport) -> Table:
     """Return a table with one column per class: AUC, Brier score, calibration and the best thresholds."""
     from rich import box
     from rich.table import Table
@@ -84,16 +81,16 @@ def _report_table(report: Report) -> Table:
         table.add_column(one.name, justify="right")
     rows = {
         "AUC": [str(one.auc) for one in report.classes],
-        "Brier score": [str(one.said.brier) for one in report.classes],
-        "expected calibration error": [str(one.said.error) for one in report.classes],
-        "  after calibration": [str(one.calibrated.error) for one in report.classes],
-        "  if calibrated, by chance": [f"{one.calibrated.by_chance:.3f}" for one in report.classes],
+        "Brier score": [str(one.raw.brier) for one in report.classes],
+        "expected calibration error": [str(one.raw.ece) for one in report.classes],
+        "  after calibration": [str(one.calibrated.ece) for one in report.classes],
+        "  if perfectly calibrated": [f"{one.calibrated.ece_if_calibrated:.3f}" for one in report.classes],
     }
     for name, cells in rows.items():
         table.add_row(name, *(cell.replace("[", "\\[") for cell in cells))
     for number, threshold in enumerate(report.classes[0].thresholds):
         best = [one.thresholds[number] for one in report.classes]
-        table.add_row(threshold.told[0], *(f"{t.told[1]:.3f} at threshold {t.probability:.3f}" for t in best))
+        table.add_row(threshold.label, *(f"{t.score:.3f} at threshold {t.probability:.3f}" for t in best))
     prevalence = ", ".join(f"{one.name} {one.thresholds[0].prevalence:.3g}" for one in report.classes)
     table.caption = f"best thresholds for the prevalence: {prevalence}"
     table.caption_justify = "left"

@@ -18,7 +18,7 @@ from lcorpp.experiments.setup import (
     TrainingOptions,
     nest_rates,
 )
-from lcorpp.experiments.thresholds import choose_cut, class_prevalence, parse_goal, positive_class
+from lcorpp.experiments.thresholds import class_prevalence, parse_goal, positive_class, select_threshold
 from lcorpp.experiments.training_data import (
     FOLDS,
     make_estimator,
@@ -28,14 +28,14 @@ from lcorpp.experiments.training_data import (
 from lcorpp.learning import (
     Motion,
     TrainedClassifier,
+    apply_threshold,
+    build_report,
+    estimate_rates,
     learner,
     load_classifier,
-    rates_intervals,
-    report_on,
     train_and_validate,
 )
 from lcorpp.learning.classifiers.storage import check_storable
-from lcorpp.learning.evaluation.thresholds import called
 from lcorpp.simulation.trajectories import SimulatedTrajectories, TrajectorySource
 from lcorpp.values import ConfusionMatrix, Dataset
 
@@ -76,10 +76,12 @@ def train_classifier(
         )
     positive, prevalence = positive_class(domain), class_prevalence(domain, options.prevalence)
     if goal is not None:
-        cut = choose_cut(validation, positive, prevalence[positive], goal)
-        validation = validation.recalled(called(validation.classes, validation.probabilities, cut))
-        trained = replace(trained, confusion=validation.confusion, cut=cut)
-    report = report_on(
+        threshold = select_threshold(validation, positive, prevalence[positive], goal)
+        validation = validation.with_predictions(
+            apply_threshold(validation.classes, validation.probabilities, threshold)
+        )
+        trained = replace(trained, confusion=validation.confusion, threshold=threshold)
+    report = build_report(
         validation,
         positive=positive,
         prevalence=prevalence,
@@ -139,7 +141,7 @@ def _with_rates(
         trajectories,
         domain.soft_program if evidence.soft else domain.program_for(confusion, evidence.smoothing),
         nest_rates(confusion.classes, np.array(smoothed)),
-        rates_intervals(confusion, smoothing=evidence.smoothing),
+        estimate_rates(confusion, smoothing=evidence.smoothing),
         trained,
     )
 

@@ -22,7 +22,7 @@ from lcorpp.simulation.trajectories import TrajectorySource
 from lcorpp.values import JEFFREYS, Array
 
 if TYPE_CHECKING:  # scikit-learn takes seconds to load, and a noisy channel does without
-    from lcorpp.learning import Rate, Report, TrainedClassifier
+    from lcorpp.learning import EvaluationReport, Rate, TrainedClassifier
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class ClassifierSetup:
     intervals: Sequence[Sequence[Rate]] = ()
     trained: TrainedClassifier | None = None
     n_tracks: int | None = None
-    report: Report | None = None
+    report: EvaluationReport | None = None
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:

@@ -6,8 +6,8 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
-from lcorpp.learning import Cut, Validation, choose_threshold
-from lcorpp.learning.evaluation.thresholds import named_goal
+from lcorpp.learning import DecisionThreshold, Validation, choose_threshold
+from lcorpp.learning.evaluation.thresholds import resolve_goal
 from lcorpp.reasoning import Reasoner
 
 MIN_PREVALENCE = 1e-3
@@ -30,9 +30,9 @@ def parse_goal(domain: Domain, text: str) -> Goal:
     except ValueError:
         numbers = []
     if len(numbers) == 1:
-        return Cut(positive_class(domain), numbers[0]).probability
+        return DecisionThreshold(positive_class(domain), numbers[0]).probability
     goal = (numbers[0], numbers[1]) if len(numbers) == 2 else text
-    named_goal(goal)
+    resolve_goal(goal)
     return goal
 
 
@@ -58,11 +58,13 @@ def class_prevalence(domain: Domain, positive_prevalence: float | None = None) -
     return {v: given if v == positive else p * (1 - given) / others for v, p in prevalence.items()}
 
 
-def choose_cut(validation: Validation, positive: str, prevalence: float, goal: Goal) -> Cut:
+def select_threshold(
+    validation: Validation, positive: str, prevalence: float, goal: Goal
+) -> DecisionThreshold:
     """Return the given threshold, or the best one for a goal on the out-of-fold probabilities."""
     if isinstance(goal, float):
-        return Cut(positive, goal)
+        return DecisionThreshold(positive, goal)
     probabilities = validation.probabilities[:, validation.classes.index(positive)]
     truth = np.array(validation.labels) == positive
     best = choose_threshold(probabilities, truth, validation.folds, prevalence=prevalence, goal=goal)
-    return Cut(positive, best.probability)
+    return DecisionThreshold(positive, best.probability)

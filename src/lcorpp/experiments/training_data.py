@@ -11,7 +11,7 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
-from lcorpp.learning import leak_note, learner, read_data, split
+from lcorpp.learning import leakage_note, learner, read_data, split
 from lcorpp.simulation.trajectories import (
     RecordedTrajectories,
     SimulatedTrajectories,
@@ -75,7 +75,7 @@ def read_training_data(
     dataset = _select_columns(read_data(path, labels=labels), features)
     try:
         train, test = split(dataset, seed=seed)
-        leak = leak_note(train) if len(domain.values) == 2 else None
+        leak = leakage_note(train) if len(domain.values) == 2 else None
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     shares = (
@@ -118,7 +118,7 @@ def make_estimator(
         name,
         interval=data.dataset.interval,
         inputs=data.dataset.channels,
-        channels=features,
+        features=features,
         epochs=epochs or suitable,
         seed=seed,
         device=device,

@@ -1,6 +1,6 @@
-"""Trajectory -> label: data, the LSTM, its validation and storage.
+"""Learning: classify trajectories. Data, features, classifiers, evaluation, streaming and the track store.
 
-The names below load their part when they are first used: torch and scikit-learn take seconds to import.
+The names are loaded on first use, because torch and scikit-learn take seconds to import.
 """
 
 import lazy_loader as _lazy

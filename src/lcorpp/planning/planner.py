@@ -6,7 +6,7 @@ from typing import overload
 
 from lcorpp.errors import PolicyError
 from lcorpp.planning.belief import update
-from lcorpp.planning.policy import Policy
+from lcorpp.planning.policy import Policy, check_same_model
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Solution
 from lcorpp.values import Belief
@@ -60,18 +60,3 @@ class Planner:
         """
         pomdp = self.pomdp
         return update(pomdp, belief, pomdp.action_index(action), pomdp.observation_index(observation))
-
-
-def check_same_model(pomdp: Pomdp, policy: Policy) -> None:
-    """Reject a policy that belongs to another model.
-
-    Raises:
-        PolicyError: the names or the fingerprints differ.
-    """
-    if policy.state_names != pomdp.states or policy.action_names != pomdp.actions:
-        raise PolicyError("the policy is for another model: its states or actions have other names")
-    if policy.fingerprint and policy.fingerprint != pomdp.fingerprint:
-        raise PolicyError(
-            "the policy is for another model: the names are the same, but transitions, observations,"
-            " rewards or discount have changed since; solve again"
-        )

@@ -218,3 +218,18 @@ class Policy:
             for state in part.states.tolist():
                 sets.setdefault(state, []).append(part)
         return sets
+
+
+def check_same_model(pomdp: Pomdp, policy: Policy) -> None:
+    """Reject a policy that belongs to another model.
+
+    Raises:
+        PolicyError: the names or the fingerprints differ.
+    """
+    if policy.state_names != pomdp.states or policy.action_names != pomdp.actions:
+        raise PolicyError("the policy is for another model: its states or actions have other names")
+    if policy.fingerprint and policy.fingerprint != pomdp.fingerprint:
+        raise PolicyError(
+            "the policy is for another model: the names are the same, but transitions, observations,"
+            " rewards or discount have changed since; solve again"
+        )

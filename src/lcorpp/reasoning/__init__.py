@@ -1,10 +1,9 @@
-"""Evidence to marginal: P-log programs, read, checked, compiled and answered.
+"""Reasoning with P-log programs: parse, compile, answer queries.
 
 program = read_plog("knowledge.plog")
 marginal = Reasoner(program).posterior("intention", {"time": "afternoon", "classifier": "zero"})
 
-The names below load their part of the room when they are first used: a command that asks one question need
-not wait for numpy or clingo.
+Exported names are imported at first use, so a command with one query need not wait for numpy.
 """
 
 import lazy_loader as _lazy

@@ -7,9 +7,7 @@ from fractions import Fraction
 from typing import TypeVar
 
 from lcorpp.reasoning.errors import no_value_error, no_world_error
-from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Term
 
 Numeric = Fraction | float
 
@@ -34,7 +32,7 @@ class Estimate(float):
 
 
 def normalise_marginal(
-    program: Program, term: Term, weights: Mapping[str, _Number], conditions: str
+    program: Program, term: str, weights: Mapping[str, _Number], conditions: str
 ) -> dict[str, _Number]:
     """Return the distribution of a term: value -> probability in the order of the declaration.
 
@@ -50,6 +48,6 @@ def normalise_marginal(
     if not total:
         raise no_world_error(program, conditions)
     if weights.get(""):
-        raise no_value_error(program, canonical_text(term), weights[""] / total)
+        raise no_value_error(program, term, weights[""] / total)
     zero = 0 * total
-    return {v: weights.get(v, zero) / total for v in program.attributes[term.name].values}
+    return {v: weights.get(v, zero) / total for v in program.attributes[term.partition("(")[0]].values}

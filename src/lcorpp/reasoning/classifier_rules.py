@@ -1,4 +1,4 @@
-"""A classifier's confusion matrix as P-log rules: a new matrix gives a new program, nothing is edited."""
+"""Confusion matrix of a classifier as pr-atoms of a P-log program."""
 
 from __future__ import annotations
 
@@ -22,36 +22,36 @@ def with_classifier(
     *,
     smoothing: Fraction = JEFFREYS,
 ) -> Program:
-    """The program in which the classifier errs as the confusion matrix says.
+    """Return a program in which the classifier has the error rates of a confusion matrix.
 
-    All pr-atoms of `attribute` give way to ``pr(attribute=label | target=class) = rate.``, one for each pair.
+    ``pr(attribute=label | target=class) = rate.`` for each pair replaces all pr-atoms of `attribute`.
 
     Args:
         attribute: the classifier's attribute, which has a random selection.
-        target: the attribute that it classifies; the classes are values of it.
-        confusion: how often the classifier said what about whom; its smoothed rates are used, exactly.
-        label_of: class -> the value of `attribute` that says so.
-        smoothing: of the confusion matrix, see `ConfusionMatrix.rates`.
+        target: the classified attribute, whose values are the classes.
+        confusion: the counts; its smoothed rates are used as exact fractions.
+        label_of: class -> value of `attribute`.
+        smoothing: the pseudo-count, see `ConfusionMatrix.rates`.
 
     Raises:
-        ProgramError: a name on one side is unknown on the other, or `attribute` is not selected at random.
+        ProgramError: a name is unknown to the program or the matrix, or `attribute` has no random selection.
 
-    Source: Algorithm 1 of the LCORPP paper, line 17, where C goes into theta.
+    Source: Algorithm 1 of the LCORPP paper, line 17 (update theta with C).
     """
-    said, about = _plain(program, attribute), _plain(program, target)
+    labelled, classified = _find_attribute(program, attribute), _find_attribute(program, target)
     places = [s.at for s in program.statements if isinstance(s, Selection) and s.term.name == attribute]
     if not places:
         raise ProgramError(
             f"{program.file}: {attribute} has no random selection; expected 'random({attribute}).'"
         )
-    _members(confusion.classes, about, "class")
+    _check_values(confusion.classes, classified, "class")
     if set(label_of) != set(confusion.classes):
         raise ProgramError(
             f"labels are given for {', '.join(label_of) or 'no class'},"
             f" the confusion matrix has {', '.join(confusion.classes)}"
         )
     labels = [label_of[name] for name in confusion.classes]
-    _members(labels, said, "label")
+    _check_values(labels, labelled, "label")
     if len(set(labels)) < len(labels):
         raise ProgramError(f"classes share a label of {attribute}: {', '.join(labels)}")
     rules: list[Statement] = []
@@ -66,7 +66,7 @@ def with_classifier(
     return Program(program.file, (*kept, *rules), program.semantics)
 
 
-def _plain(program: Program, name: str) -> Attribute:
+def _find_attribute(program: Program, name: str) -> Attribute:
     found = program.attributes.get(name)
     if found is None:
         raise ProgramError(
@@ -79,7 +79,7 @@ def _plain(program: Program, name: str) -> Attribute:
     return found
 
 
-def _members(names: Sequence[str], attribute: Attribute, what: str) -> None:
+def _check_values(names: Sequence[str], attribute: Attribute, what: str) -> None:
     for name in names:
         if name not in attribute.values:
             raise ProgramError(

@@ -1,4 +1,4 @@
-"""A distribution that was estimated from worlds drawn at random."""
+"""Distributions estimated from sampled worlds."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from lcorpp.values import Array, Distribution, freeze
 
 @dataclass(frozen=True, eq=False)
 class EstimatedDistribution(Distribution):
-    """A distribution with error bars.
+    """A distribution with standard errors.
 
-    errors: (n,) the standard error of each probability.
-    samples: how many worlds were drawn.
+    errors: (n,) standard error of each probability.
+    samples: number of sampled worlds.
     """
 
     errors: Array

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from lcorpp.errors import LcorppError, UndefinedError
 from lcorpp.reasoning.answers import QueryAnswer
@@ -12,7 +13,7 @@ from lcorpp.reasoning.grounding.grounder import QUERY_TERM
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Place, Query
 from lcorpp.reasoning.query_model import QueryModel
-from lcorpp.reasoning.reasoner import Reasoner
+from lcorpp.reasoning.reasoner import enumerate_worlds
 from lcorpp.reasoning.resolve import resolve_query
 from lcorpp.reasoning.world import World
 
@@ -64,15 +65,29 @@ def explain(program: Program, query: Query, *, count: int = 3) -> Explanation:
         TooLargeError: the program has too many states.
     """
     query = resolve_query(program, query)
-    reasoner = Reasoner(program)
-    model = None if program.has_cr_rules else QueryModel(program, query, keep_clauses=True)
+    compute: Callable[[Query], QueryAnswer]
+    if program.has_cr_rules:
+        model, compute = None, enumerate_worlds(program).ask  # type: ignore[assignment]
+    else:
+        model, compute = QueryModel(program, query, keep_clauses=True), partial(_compute_answer, program)
     answer: QueryAnswer | None
     try:
-        answer = model.answer(exact=True) if model else reasoner.ask(query, exact=True)
+        answer = model.answer(exact=True) if model else compute(query)
     except UndefinedError:
         answer = None
-    without = tuple([(condition, _try_ask(reasoner, rest)) for condition, rest in _drop_conditions(query)])
+    without = tuple([(condition, _try_compute(compute, rest)) for condition, rest in _drop_conditions(query)])
     return Explanation(query, answer, without, _explain_worlds(model, count) if model else ())
+
+
+def _compute_answer(program: Program, query: Query) -> QueryAnswer:
+    return QueryModel(program, query).answer(exact=True)
+
+
+def _try_compute(compute: Callable[[Query], QueryAnswer], query: Query) -> QueryAnswer | str:
+    try:
+        return compute(query)
+    except LcorppError as error:
+        return str(error)
 
 
 def _drop_conditions(query: Query) -> Iterator[tuple[str, Query]]:
@@ -83,13 +98,6 @@ def _drop_conditions(query: Query) -> Iterator[tuple[str, Query]]:
     for i, intervention in enumerate(query.interventions):
         others = query.interventions[:i] + query.interventions[i + 1 :]
         yield str(intervention)[:-1], replace(query, interventions=others)
-
-
-def _try_ask(reasoner: Reasoner, query: Query) -> QueryAnswer | str:
-    try:
-        return reasoner.ask(query, exact=True)
-    except LcorppError as error:
-        return str(error)
 
 
 def _explain_worlds(model: QueryModel, count: int) -> tuple[tuple[World, tuple[FiredRule, ...]], ...]:

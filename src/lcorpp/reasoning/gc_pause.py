@@ -1,4 +1,4 @@
-"""Python's garbage collector, and when it only stands in the way."""
+"""A context in which Python's garbage collector is disabled."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def gc_paused() -> Iterator[None]:
-    """Millions of small objects and no garbage: the collector would only walk through them."""
+    """Disable the garbage collector while millions of small objects are created and none becomes garbage."""
     was = gc.isenabled()
     gc.disable()
     try:

@@ -32,14 +32,15 @@ class QueryModel:
         keep_clauses: whether to keep the ground clauses, which explanations need.
 
     Raises:
-        ProgramError: arithmetic is undefined.
+        ProgramError: arithmetic is undefined, or a term is set to two values.
     """
 
     def __init__(self, program: Program, query: Query, *, keep_clauses: bool = False) -> None:
         self.program, self.query = program, query
-        self.term = canonical_text(query.subject) if query.subject else QUERY_TERM
+        do = collect_interventions(query)
         observed = [observation.literal for observation in query.observations]
-        ground = ground_program(program, collect_interventions(query), observed, query.literals)
+        self.term = canonical_text(query.subject) if query.subject else QUERY_TERM
+        ground = ground_program(program, do, observed, query.literals)
         self.clauses: list[Clause] = ground.clauses if keep_clauses else []
         self.system = build_transition_system(ground, (self.term,))
 
@@ -60,13 +61,13 @@ class QueryModel:
             TooLargeError, ProgramError: as `worlds`; or the subject may have no value.
             UndefinedError: no possible world satisfies the conditions.
         """
+        conditions = self._format_conditions()
         weights: Mapping[str, Fraction | float]
         weights = (
             self.worlds.exact_weights(self.term, {}) if exact else self.worlds.float_weights(self.term, {})
         )
-        conditions = self._format_conditions()
         if self.query.subject:
-            return normalise_marginal(self.program, self.query.subject, weights, conditions)  # type: ignore[type-var, return-value]
+            return normalise_marginal(self.program, self.term, weights, conditions)  # type: ignore[type-var, return-value]
         total = sum(weights.values())
         if not total:
             raise no_world_error(self.program, conditions)

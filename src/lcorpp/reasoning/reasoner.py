@@ -114,12 +114,11 @@ class Reasoner:
             ProgramError, UndefinedError: as `posterior`.
             TooLargeError: the program has too many states.
         """
-        term = resolve_term(self.program, attribute)
-        name = canonical_text(term)
+        term = canonical_text(resolve_term(self.program, attribute))
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
-            return self._enumeration.exact(name, facts, set_to)
-        weights = self._find_worlds(set_to, (name, *facts)).exact_weights(name, facts)
+            return self._enumeration.exact(term, facts, set_to)
+        weights = self._find_worlds(set_to, (term, *facts)).exact_weights(term, facts)
         return normalise_marginal(self.program, term, weights, format_conditions(facts, set_to))
 
     def compile(
@@ -240,10 +239,7 @@ class Reasoner:
 
     @cached_property
     def _enumeration(self) -> Enumeration:
-        from lcorpp.reasoning.enumeration.reasoner import Enumeration  # imports numpy and clingo
-
-        LOG.info("%s: a program with cr-rules is answered by enumeration", self.program.file)
-        return Enumeration(self.program)
+        return enumerate_worlds(self.program)
 
     def _estimate(
         self, reason: TooLargeError, term: str, facts: Mapping[str, str], do: Mapping[str, str]
@@ -270,6 +266,14 @@ class Reasoner:
 def ask(program: Program, query: Query) -> QueryAnswer:
     """Answer one query in fractions: value -> probability, or a probability; see `Reasoner.ask`."""
     return Reasoner(program).ask(query, exact=True)
+
+
+def enumerate_worlds(program: Program) -> Enumeration:
+    """Return the reasoner for a program with cr-rules; the log reports it."""
+    from lcorpp.reasoning.enumeration.reasoner import Enumeration  # imports numpy and clingo
+
+    LOG.info("%s: a program with cr-rules is answered by enumeration", program.file)
+    return Enumeration(program)
 
 
 def _contains_likelihood(evidence: Mapping[str, Label]) -> bool:

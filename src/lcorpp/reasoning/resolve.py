@@ -90,14 +90,12 @@ def resolve_query(program: Program, query: Query) -> Query:
     """Return a query with resolved names after checking it against the program.
 
     Raises:
-        ProgramError: a name or value is unknown, or a term is set to two values.
+        ProgramError: a name or value is unknown.
     """
     try:
-        query = program.resolve_query(query)
+        return program.resolve_query(query)
     except SourceIssue as issue:
         raise ProgramError(str(issue)) from None
-    collect_interventions(query)
-    return query
 
 
 def collect_interventions(query: Query) -> dict[str, str]:

@@ -45,12 +45,12 @@ def tracks() -> np.ndarray:
 
 def auc(features: np.ndarray, model) -> float:
     interested = np.arange(len(features)) % 2 == 0
-    told = cross_val_predict(model, features, interested, method="predict_proba", cv=5)
-    return float(roc_auc_score(interested, told[:, 1]))
+    probabilities = cross_val_predict(model, features, interested, method="predict_proba", cv=5)
+    return float(roc_auc_score(interested, probabilities[:, 1]))
 
 
 def velocities(tracks: np.ndarray) -> np.ndarray:
-    """Speed in six parts of the track, and the way ahead and aside of the line from start to end."""
+    """Speed in six parts of the track, and steps along and across the line from start to end."""
     step = np.diff(tracks[:, :, ::6], axis=2)
     way = tracks[:, :, -1] - tracks[:, :, 0]
     x, y = (way / np.hypot(*way.T)[:, None]).T[:, :, None]
@@ -80,7 +80,7 @@ def test_a_person_without_intention_is_rejected(person, simulate):
         getattr(people, simulate)([person], np.random.default_rng(0))
 
 
-def test_people_walk_as_people_do(tracks):
+def test_walks_are_plausible(tracks):
     noise = 5 * people.TRACKER_ERROR + people.MAX_SWAY
     assert tracks[:, 1].min() > people.walking.WALL_Y - noise  # not through the wall
     assert np.hypot(tracks[:, 0], tracks[:, 1]).min() > people.walking.ROBOT_RADIUS  # nor into the robot
@@ -89,7 +89,7 @@ def test_people_walk_as_people_do(tracks):
     assert speed.max() < 3.0
 
 
-def test_the_end_is_alike_for_both_classes(tracks):
+def test_both_classes_end_at_the_same_distances(tracks):
     end = tracks[:, :, -1]
     distance = np.hypot(*end.T)
     low, high = people.END_DISTANCE
@@ -119,11 +119,11 @@ def test_classes_overlap():
 
 
 def test_recordings_contain_the_columns_of_a_tracker():
-    found = people.recordings(crowd(60), np.random.default_rng(3))
+    tables = people.recordings(crowd(60), np.random.default_rng(3))
     again = people.recordings(crowd(60), np.random.default_rng(3))
-    assert all(np.array_equal(one, other) for one, other in zip(found, again, strict=True))
+    assert all(np.array_equal(one, other) for one, other in zip(tables, again, strict=True))
     low, high = people.DURATION
-    for table in found:
+    for table in tables:
         time, x, y, z, velocity, heading, facing = table.T
         assert time[0] == 0
         assert np.all(np.abs(np.diff(time) - people.INTERVAL) <= 2 * people.TIME_JITTER + 1e-9)
@@ -142,8 +142,8 @@ def test_interested_people_face_the_robot():
     passing = [{"intention": "not_interested"}] * 200
 
     def away(crowd):
-        found = people.recordings(crowd, np.random.default_rng(2))
-        x, y, facing = (np.array([table[-30:, i].mean() for table in found]) for i in (1, 2, 6))
+        tables = people.recordings(crowd, np.random.default_rng(2))
+        x, y, facing = (np.array([table[-30:, i].mean() for table in tables]) for i in (1, 2, 6))
         return np.abs(np.angle(np.exp(1j * (facing - np.arctan2(-y, -x))))).mean()
 
     assert away(interested) < away(passing)
@@ -165,6 +165,6 @@ def test_impossible_durations_are_rejected(seconds):
 
 
 def test_durations_are_alike_for_both_classes():
-    found = people.recordings(crowd(1500), np.random.default_rng(4))
-    lasting = np.array([table[-1, 0] for table in found])
+    tables = people.recordings(crowd(1500), np.random.default_rng(4))
+    lasting = np.array([table[-1, 0] for table in tables])
     assert ks_2samp(lasting[::2], lasting[1::2]).pvalue > 0.001

@@ -31,7 +31,7 @@ from lcorpp.learning import train_and_validate
 from lcorpp.learning.classifiers.registry import learner
 from lcorpp.learning.store import read_store, writing
 from lcorpp.values import Dataset, Distribution, Episode, Instance
-from tests.decision.fakes import VALUES, Answers, Mind, Plan, Words
+from tests.decision.fakes import VALUES, FakeDomain, FakePlanner, FakeReasoner, FakeWorld
 
 INTERVAL, POINTS, BATCH = 0.2, 20, 24
 INSTRUCTIONS, PAUSE = 5, 2e-4
@@ -50,17 +50,17 @@ def initial_dataset() -> Dataset:
     return Dataset(np.array([walk(x == "yes", rng) for x in labels]), labels, interval=INTERVAL)
 
 
-def meet(number: int) -> tuple[Instance, Answers]:
+def meet(number: int) -> tuple[Instance, FakeWorld]:
     """Return the person with this number, whose answers are right three times of four."""
     rng = np.random.default_rng([1, number])
     slow = bool(rng.random() < 0.5)
     answers = ["nod" if (rng.random() < 0.75) == slow else "shake" for _ in range(200)]
-    return Instance(walk(slow, rng), {"sky": "grey"}), Answers(*answers)
+    return Instance(walk(slow, rng), {"sky": "grey"}), FakeWorld(*answers)
 
 
 def run(path: Path, report, batches: int | None = None) -> None:
     """Run or resume Algorithm 1, for ever or until this many batches are completed."""
-    data, words = initial_dataset(), Words()
+    data, words = initial_dataset(), FakeDomain()
 
     def learn(dataset: Dataset):
         report("training")
@@ -79,8 +79,8 @@ def run(path: Path, report, batches: int | None = None) -> None:
         loop = lcorpp(
             run_store.dataset(),
             learn=learn,
-            reason=lambda _: Mind(),
-            planner=Plan(),
+            reason=lambda _: FakeReasoner(),
+            planner=FakePlanner(),
             domain=words,
             collect=lambda: meet(next(line)),
             batch_size=BATCH,
@@ -95,8 +95,11 @@ def run(path: Path, report, batches: int | None = None) -> None:
                 return
 
 
-def killed_run(path: Path, delay: float) -> list[str]:
-    """Return what a child reported before it was killed after `delay` seconds."""
+def run_and_kill(path: Path, lines: int, delay: float) -> list[str]:
+    """Run a child, kill it `delay` seconds after its report has so many lines, and return the report.
+
+    The report, not the time, decides, so that a busy machine kills in the same phases as an idle one.
+    """
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
@@ -115,13 +118,14 @@ def killed_run(path: Path, delay: float) -> list[str]:
             traceback.print_exc()
         os._exit(1)
     os.close(writer)
-    time.sleep(delay)
-    os.kill(child, signal.SIGKILL)
     with os.fdopen(reader, encoding="utf-8") as pipe:
-        reported = pipe.read().splitlines()
+        report = [pipe.readline() for _ in range(lines)]
+        time.sleep(delay)
+        os.kill(child, signal.SIGKILL)
+        report += pipe.readlines()
     _, status = os.waitpid(child, 0)
-    assert os.WIFSIGNALED(status), f"the child ended by itself after reporting {reported[-3:]}"
-    return reported
+    assert os.WIFSIGNALED(status), f"the child ended by itself after reporting {report[-3:]}"
+    return [line.rstrip("\n") for line in report]
 
 
 def check(path: Path, accepted: dict[str, str], number: int) -> None:
@@ -156,7 +160,8 @@ def main(kills: int, seed: int, longest: float, folder: Path) -> str:
     accepted: dict[str, str] = {}
     number, where = -1, collections.Counter[str]()
     for _ in range(kills):
-        reported = killed_run(path, rng.uniform(0, longest))
+        lines = 0 if rng.random() < 0.25 else int(rng.integers(1, BATCH // 2))
+        reported = run_and_kill(path, lines, rng.uniform(0, longest))
         for line in reported:
             word, _, rest = line.partition(" ")
             if word == "kept":
@@ -189,7 +194,9 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0, help="of the moments")
-    parser.add_argument("--longest", type=float, default=0.4, help="seconds before a kill, at most")
+    parser.add_argument(
+        "--longest", type=float, default=0.05, help="seconds from the last report to the kill, at most"
+    )
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as made:
         print(main(options.kills, options.seed, options.longest, Path(made)))

@@ -6,8 +6,8 @@ import numpy as np
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.pipeline import Pipeline
 
-from lcorpp.learning import LstmClassifier, Motion, Scaling
-from lcorpp.learning.lstm.weights import Weights
+from lcorpp.learning import ChannelStandardizer, LstmClassifier, Motion
+from lcorpp.learning.lstm.network import Weights
 
 
 class ByWay(ClassifierMixin, BaseEstimator):
@@ -37,13 +37,13 @@ def walk(seed: int, samples: int = 60, inputs: int = 2) -> np.ndarray:
 
 
 def lstm(*, classes: int = 2, inputs=("x", "y"), **motion) -> Pipeline:
-    """An LSTM of 7 units with random weights behind Motion and Scaling."""
+    """An LSTM of 7 units with random weights behind Motion and ChannelStandardizer."""
     tracks = np.stack([walk(seed, inputs=len(inputs)) for seed in range(5)])
     first = Motion(inputs=inputs, **motion)
-    scaling = Scaling()
+    scaling = ChannelStandardizer()
     rows = scaling.fit(first.fit_transform(tracks)).mean_
     rng = np.random.default_rng(1)
-    weights = Weights.start(len(rows), 7, 1 if classes == 2 else classes, rng)
+    weights = Weights.initialize(len(rows), 7, 1 if classes == 2 else classes, rng)
     names = np.array(["interested", "not_interested", "undecided"][:classes])
     classifier = LstmClassifier(units=7).from_arrays({**weights.arrays(), "classes": names})
     return Pipeline([("motion", first), ("scaling", scaling), ("lstm", classifier)])

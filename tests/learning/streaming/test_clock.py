@@ -2,14 +2,14 @@ from __future__ import annotations
 
 import pytest
 
-from lcorpp.learning.streaming.clock import Clock
+from lcorpp.learning.streaming.track import Clock
 
 
 def passed(*stamps: float) -> float:
     clock = Clock(1.0)
     for stamp in stamps:
-        clock.tell(stamp)
-    return clock.passed
+        clock.observe(stamp)
+    return clock.elapsed
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from sklearn.pipeline import make_pipeline
 
 from lcorpp.errors import DataError
 from lcorpp.learning import Motion
-from lcorpp.learning.streaming import OverTime, follow, out_of_fold_over_time, prefix
-from lcorpp.learning.streaming.plots import over_time_figure, save_over_time
+from lcorpp.learning.streaming import PredictionTimeline, cross_predict_over_time, predict_over_time, truncate
+from lcorpp.learning.streaming.plots import draw_timeline, plot_timeline
 from lcorpp.values import Dataset
 from tests.learning.walkers import walkers
 
@@ -19,7 +19,7 @@ DATA = walkers(60)
 
 @pytest.mark.parametrize(("share", "points"), [(0.25, 10), (0.5, 20), (0.51, 20), (1.0, 40), (0.05, 2)])
 def test_a_prefix_is_the_beginning_of_everything(share, points):
-    part = prefix(DATA, share)
+    part = truncate(DATA, share)
     assert np.array_equal(part.trajectories, DATA.trajectories[:, :, :points])
     assert (part.labels, part.groups, part.interval) == (DATA.labels, DATA.groups, DATA.interval)
 
@@ -35,17 +35,17 @@ def test_a_prefix_is_the_beginning_of_everything(share, points):
 )
 def test_a_share_out_of_range_is_told(share, words):
     with pytest.raises(DataError, match=words):
-        prefix(DATA, share)
+        truncate(DATA, share)
 
 
 @pytest.mark.parametrize("pipeline", [lstm(), by_way()], ids=["lstm", "by way"])
 def test_following_is_asking_about_every_beginning(pipeline):
     data = Dataset(DATA.trajectories, tuple(["interested", "not_interested"] * 30), DATA.groups)
-    said = follow(pipeline, data)
+    said = predict_over_time(pipeline, data)
     assert said.probabilities.shape == (60, 40, 2)
     assert np.isnan(said.probabilities[:, :11]).all()
     for share in (0.3, 0.5, 1.0):
-        expected = pipeline.predict_proba(prefix(data, share).trajectories)
+        expected = pipeline.predict_proba(truncate(data, share).trajectories)
         at = round(share * 40) - 1
         np.testing.assert_allclose(said.probabilities[:, at], expected, atol=1e-6)
         positive = [label == "not_interested" for label in data.labels]
@@ -57,17 +57,17 @@ def test_the_longest_tracks_and_slow_samples_are_followed_to_their_end():
     tracks = np.cumsum(np.full((2, 2, 200), 1.0), axis=2) * np.array([1.0, 2.0])[:, None, None]
     data = Dataset(tracks, ("interested", "not_interested"), interval=1.5)
     pipeline = lstm(interval=1.5)
-    said = follow(pipeline, data)
+    said = predict_over_time(pipeline, data)
     np.testing.assert_allclose(said.probabilities[:, -1], pipeline.predict_proba(tracks), atol=1e-6)
 
 
 def test_tracks_of_another_kind_are_told():
     with pytest.raises(DataError, match="the pipeline takes x, y, facing, the tracks are x, y"):
-        follow(lstm(inputs=("x", "y", "facing")), DATA)
+        predict_over_time(lstm(inputs=("x", "y", "facing")), DATA)
     broken = np.array(DATA.trajectories)
     broken[1, 0, 2] = np.nan
     with pytest.raises(DataError, match="case 1, channel 0, time point 2"):
-        follow(lstm(), Dataset(broken, DATA.labels))
+        predict_over_time(lstm(), Dataset(broken, DATA.labels))
 
 
 def test_out_of_fold_nobody_is_judged_by_what_was_learnt_from_them():
@@ -76,10 +76,10 @@ def test_out_of_fold_nobody_is_judged_by_what_was_learnt_from_them():
             assert not self.learnt_ & set(X[:, 0, 1])
             return super().predict_proba(X)
 
-    said = out_of_fold_over_time(make_pipeline(Motion(), Strict()), two_labels(), folds=3)
+    said = cross_predict_over_time(make_pipeline(Motion(), Strict()), two_labels(), folds=3)
     assert np.isnan(said.auc[:11]).all()
     assert said.auc_at(1.0) > 0.95
-    again = out_of_fold_over_time(by_way(), two_labels(), folds=3)
+    again = cross_predict_over_time(by_way(), two_labels(), folds=3)
     assert np.array_equal(said.probabilities, again.probabilities, equal_nan=True)
 
 
@@ -89,24 +89,24 @@ def two_labels() -> Dataset:
 
 
 def test_auc_needs_two_classes_and_a_class_a_name():
-    said = OverTime(np.full((2, 3, 3), 1 / 3), (1, 2, 3), ("a", "b"), ("a", "b", "c"), 0.1)
+    said = PredictionTimeline(np.full((2, 3, 3), 1 / 3), (1, 2, 3), ("a", "b"), ("a", "b", "c"), 0.1)
     with pytest.raises(DataError, match="an AUC needs two classes, not 3"):
         said.auc  # noqa: B018
     with pytest.raises(DataError, match="unknown class 'd'; expected one of a, b, c"):
-        said.of("d")
+        said.probability_of("d")
 
 
 def test_the_figure_shows_everybody_s_class_and_the_auc(tmp_path):
-    said = follow(by_way(), two_labels())
-    figure = over_time_figure(said, shown=3)
+    said = predict_over_time(by_way(), two_labels())
+    figure = draw_timeline(said, examples=3)
     top, bottom = figure.axes
     assert [text.get_text() for text in top.get_legend().get_texts()] == [
         "interested (30)",
         "not interested (30)",
     ]
     assert len(top.lines) == 2 * (1 + 3)
-    assert bottom.get_ylabel() == "AUC by then"
-    three = OverTime(np.full((2, 5, 3), 1 / 3), (1, 2, 2, 3, 3), ("a", "b"), ("a", "b", "c"), 0.1)
-    assert len(over_time_figure(three, of="c").axes) == 1
-    save_over_time(said, tmp_path / "said.png")
+    assert bottom.get_ylabel() == "AUC so far"
+    three = PredictionTimeline(np.full((2, 5, 3), 1 / 3), (1, 2, 2, 3, 3), ("a", "b"), ("a", "b", "c"), 0.1)
+    assert len(draw_timeline(three, class_name="c").axes) == 1
+    plot_timeline(said, tmp_path / "said.png")
     assert (tmp_path / "said.png").read_bytes().startswith(b"\x89PNG")

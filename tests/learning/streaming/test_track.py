@@ -7,37 +7,37 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError
-from lcorpp.learning.features.resampling import regular
-from lcorpp.learning.streaming.track import Repairs, Rules, Track
+from lcorpp.learning.features.resampling import resample
+from lcorpp.learning.streaming.track import RepairCounts, StreamRules, TrackResampler
 
 INPUTS = ("x", "y", "facing")
 
 
-def rules(**changed: float) -> Rules:
+def rules(**changed: float) -> StreamRules:
     usual = {
         "rate": 2.0,
-        "patience": 0.0,
-        "longest_gap": 1.0,
-        "longest": 60.0,
-        "fastest": 12.0,
-        "forget": 5.0,
+        "allowed_lateness": 0.0,
+        "max_gap": 1.0,
+        "max_duration": 60.0,
+        "max_speed": 12.0,
+        "forget_after": 5.0,
     }
-    return Rules(**{**usual, "forget": 5.0, **changed})
+    return StreamRules(**{**usual, **changed})
 
 
-def track(**changed: float) -> Track:
-    return Track(rules(**changed), INPUTS, (2,))
+def track(**changed: float) -> TrackResampler:
+    return TrackResampler(rules(**changed), INPUTS, (2,))
 
 
 def still(x: float = 0.0) -> tuple[float, ...]:
     return (x, 0.0, 0.0)
 
 
-def points(of: Track, samples) -> list[tuple[float, ...]]:
+def points(of: TrackResampler, samples) -> list[tuple[float, ...]]:
     """What becomes known of samples (time, x), in turn, from the beginning of the present track."""
     found: list[tuple[float, ...]] = []
     for time, x in samples:
-        of.arrive(time, still(x))
+        of.add(time, still(x))
         more, anew = of.drain()
         found = [*more] if anew else [*found, *more]
     return found
@@ -70,37 +70,37 @@ def test_what_becomes_known_is_what_regular_says(seed, rate, origin, end):
     times = (origin + np.cumsum(rng.choice([0.033, 0.2, 0.9], 50) * rng.uniform(0.3, 1.1, 50)))[:end]
     samples = np.cumsum(rng.uniform(-0.05, 0.05, (3, 50)), axis=1)[:, :end]
     samples[2] = rng.uniform(-10, 10, end)
-    one = Track(rules(rate=rate), INPUTS, (2,))
+    one = TrackResampler(rules(rate=rate), INPUTS, (2,))
     found = []
     for time, sample in zip(times.tolist(), samples.T.tolist(), strict=True):
-        one.arrive(time, tuple(sample))
+        one.add(time, tuple(sample))
         found += one.drain()[0]
         assert len(found) == one.count
-    expected = regular(times, samples, rate, angles=(2,))
+    expected = resample(times, samples, rate, angles=(2,))
     assert np.array(found).T.shape == expected.shape
     np.testing.assert_allclose(np.array(found).T, expected, rtol=0, atol=1e-12)  # rounding of one product
 
 
 @settings(max_examples=100, deadline=None)
-@given(seed=st.integers(0, 10**6), patience=st.floats(0.02, 0.9))
-def test_the_order_of_arrival_within_the_patience_does_not_matter(seed, patience):
+@given(seed=st.integers(0, 10**6), lateness=st.floats(0.02, 0.9))
+def test_the_order_of_arrival_within_the_allowed_lateness_does_not_matter(seed, lateness):
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.uniform(0.01, 0.1, 60) + (rng.uniform(size=60) < 0.05) * 1.5)
     xs = np.cumsum(rng.uniform(-0.05, 0.05, 60))
-    arrival = np.argsort(times + rng.uniform(0, 0.99 * patience, 60))
+    arrival = np.argsort(times + rng.uniform(0, 0.99 * lateness, 60))
     results = []
     for order in (np.arange(60), arrival):
-        one = track(patience=patience)
+        one = track(allowed_lateness=lateness)
         found = points(one, zip(times[order].tolist(), xs[order].tolist(), strict=True))
-        one.finish()
+        one.flush()
         more, anew = one.drain()
         results.append((more if anew else [*found, *more], one.number, one.repairs))
     assert results[0] == results[1]
     assert results[0][2].late == 0
 
 
-def test_patience_waits_no_longer_than_it_has_to():
-    one = track(patience=0.3)
+def test_a_late_sample_is_awaited_no_longer_than_it_has_to():
+    one = track(allowed_lateness=0.3)
     assert points(one, [(0.1, 1), (0.0, 0), (0.29, 2)]) == []
     assert points(one, [(0.4, 4)]) == [still(0)]
     assert points(one, [(0.85, 8.5), (0.79, 7.9), (0.5, 5)]) == [still(5)]
@@ -109,8 +109,8 @@ def test_patience_waits_no_longer_than_it_has_to():
 def test_what_comes_too_late_is_dropped_and_counted():
     one = track()
     assert points(one, [(0, 0), (0.55, 5.5), (0.45, 9), (0.54, 9)]) == [still(0), pytest.approx(still(5))]
-    assert str(one.repairs) == "4 samples; late ones dropped: 2; gaps bridged: 1"
-    patient = track(patience=0.2)
+    assert str(one.repairs) == "4 samples; late samples dropped: 2; gaps interpolated: 1"
+    patient = track(allowed_lateness=0.2)
     points(patient, [(0, 0), (0.5, 0), (0.25, 0), (0.29, 0)])
     assert patient.repairs.late == 0
     points(patient, [(0.24, 0), (0.29, 0), (0.299, 1)])
@@ -118,8 +118,8 @@ def test_what_comes_too_late_is_dropped_and_counted():
 
 
 def test_the_first_of_two_samples_of_one_time_is_kept():
-    for patience in (0.0, 0.2):
-        one = track(patience=patience)
+    for lateness in (0.0, 0.2):
+        one = track(allowed_lateness=lateness)
         found = points(one, [(0, 0), (0.5, 1), (0.5, 2), (1.0, 3), (1.0, 7), (1.5, 4)])
         assert found[:3] == [still(0), still(1), still(3)]
         assert one.repairs.duplicates == 2
@@ -137,12 +137,12 @@ def test_the_first_of_two_samples_of_one_time_is_kept():
 )
 def test_what_is_not_a_number_is_refused_by_name_and_the_rest_goes_on(time, sample, words):
     one = track()
-    one.arrive(0.0, still(0))
-    one.arrive(time, sample)
-    one.arrive(0.4, (math.nan,) * 3)
-    one.arrive(1.0, still(1))
+    one.add(0.0, still(0))
+    one.add(time, sample)
+    one.add(0.4, (math.nan,) * 3)
+    one.add(1.0, still(1))
     assert one.drain() == ([still(0), still(0.5), still(1)], True)
-    assert str(one.repairs) == f"4 samples; refused: 2 (the first: {words}); gaps bridged: 1"
+    assert str(one.repairs) == f"4 samples; refused: 2 (the first: {words}); gaps interpolated: 1"
 
 
 def test_gaps_up_to_the_longest_are_bridged_longer_ones_begin_anew():
@@ -163,37 +163,40 @@ def test_a_jump_is_another_person_or_other_units():
 
 
 def test_a_clock_that_goes_back_begins_anew():
-    for patience in (0.0, 0.2):
-        one = track(patience=patience)
+    for lateness in (0.0, 0.2):
+        one = track(allowed_lateness=lateness)
         found = points(one, [(100, 0), (100.5, 1), (101, 2), (3, 7), (3.5, 8), (4, 9)])
         assert found[:2] == [still(7), still(8)]
-        assert (one.number, one.repairs.turned_back, one.repairs.late) == (2, 1, 0)
+        assert (one.number, one.repairs.clock_resets, one.repairs.late) == (2, 1, 0)
 
 
 def test_a_track_has_a_longest_time():
-    one = track(longest=2.0)
+    one = track(max_duration=2.0)
     assert points(one, [(step * 0.25, step) for step in range(10)]) == [still(9)]
     assert (one.number, one.repairs.too_long, one.time) == (2, 1, 2.25)
 
 
 def test_repairs_are_added():
-    total = Repairs(samples=3, refused=1, first_refused="a")
-    total.add(Repairs(samples=2, refused=2, first_refused="b", jumps=1))
-    assert total == Repairs(samples=5, refused=3, first_refused="a", jumps=1)
-    assert str(total) == "5 samples; refused: 3 (the first: a); begun anew after a jump: 1"
+    total = RepairCounts(samples=3, refused=1, first_refused="a")
+    total.add(RepairCounts(samples=2, refused=2, first_refused="b", jumps=1))
+    assert total == RepairCounts(samples=5, refused=3, first_refused="a", jumps=1)
+    assert str(total) == "5 samples; refused: 3 (the first: a); new tracks after jumps: 1"
 
 
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"patience": -0.1}, "patience must be at least 0 and at most longest_gap, 1 s, not -0.1"),
-        ({"patience": 1.1}, "not 1.1"),
-        ({"patience": math.nan}, "not nan"),
-        ({"longest_gap": 0.0}, "longest_gap must be above 0, not 0.0"),
-        ({"longest_gap": math.inf}, "longest_gap must be finite, not inf"),
-        ({"forget": 0.5}, "forget must be at least longest_gap, 1 s, not 0.5"),
-        ({"fastest": math.nan}, "fastest must be above 0, not nan"),
-        ({"longest": 0.9}, "longest must be at least two points, 1 s, not 0.9"),
+        (
+            {"allowed_lateness": -0.1},
+            "allowed_lateness must be at least 0 and at most max_gap, 1 s, not -0.1",
+        ),
+        ({"allowed_lateness": 1.1}, "not 1.1"),
+        ({"allowed_lateness": math.nan}, "not nan"),
+        ({"max_gap": 0.0}, "max_gap must be above 0, not 0.0"),
+        ({"max_gap": math.inf}, "max_gap must be finite, not inf"),
+        ({"forget_after": 0.5}, "forget_after must be at least max_gap, 1 s, not 0.5"),
+        ({"max_speed": math.nan}, "max_speed must be above 0, not nan"),
+        ({"max_duration": 0.9}, "max_duration must be at least two points, 1 s, not 0.9"),
     ],
 )
 def test_rules_out_of_range_are_told(changed, words):

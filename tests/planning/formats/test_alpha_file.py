@@ -75,7 +75,7 @@ def test_write_then_read_is_the_same(tmp_path, vectors):
     assert (back.actions == policy.actions).all()
 
 
-def test_a_policy_in_pieces_is_filled_with_its_floor(tmp_path, monkeypatch):
+def test_vector_sets_are_filled_with_the_floor(tmp_path, monkeypatch):
     pieces = [
         AlphaVectors(np.array([1]), np.array([[7.0]]), np.array([2])),
         AlphaVectors(np.array([0]), np.array([[3.0]]), np.array([1])),

@@ -1,4 +1,4 @@
-"""Three ways to tell numbers apart that must agree."""
+"""Three ways to recognise numbers that must agree."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def test_numbers(word):
 @pytest.mark.parametrize(
     "word", ["", ".", "e5", "1e", "1_0", "nan", "inf", "0x1", "--1", "1,5", "\u0663", "1 "]
 )
-def test_what_is_no_number(word):
+def test_invalid_numbers(word):
     assert not is_number(word)
 
 
 @given(WORDS)
-def test_a_word_is_a_number_when_the_grammar_says_so(word):
+def test_is_number_agrees_with_the_grammar(word):
     assert is_number(word) == (SLOW.fullmatch(word) is not None)
 
 
@@ -45,7 +45,7 @@ def test_many_at_once_or_one_by_one(words):
 
 
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False)))
-def test_numbers_come_back_as_they_were_written(values):
+def test_numbers_are_read_exactly(values):
     found = parse_numbers(" ".join(map(repr, values)))
     assert found is not None
     assert found.tobytes() == np.array(values, dtype=float).tobytes()

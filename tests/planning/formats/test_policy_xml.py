@@ -126,7 +126,7 @@ def test_the_model_is_named_as_xml_wants_it(tmp_path):
 
 
 lcorpp = parse_pomdp(LCORPP)
-in_pieces = Policy.of_sets(
+in_sets = Policy.of_sets(
     lcorpp,
     [
         AlphaVectors(np.array([0, 2]), np.array([[1 / 3, 2.0], [0.5, -1.0]]), np.array([1, 0])),
@@ -135,8 +135,8 @@ in_pieces = Policy.of_sets(
 )
 
 
-def test_a_policy_in_pieces_is_filled_with_its_floor(tmp_path):
-    write_policy(in_pieces, tmp_path / "x.policy")
+def test_vector_sets_are_filled_with_the_floor(tmp_path):
+    write_policy(in_sets, tmp_path / "x.policy")
     back = read_policy(tmp_path / "x.policy", lcorpp)
     floor = -80 / (1 - 0.99)
     assert back.vectors == pytest.approx(
@@ -144,23 +144,23 @@ def test_a_policy_in_pieces_is_filled_with_its_floor(tmp_path):
             [[1 / 3, floor, 2, floor, floor], [0.5, floor, -1, floor, floor], [floor, 7, floor, 8, 9e-300]]
         )
     )
-    assert (back.vectors == in_pieces.vectors).all()
+    assert (back.vectors == in_sets.vectors).all()
     assert back.actions.tolist() == [1, 0, 4]
     for belief in ([0.25, 0, 0.75, 0, 0], [0, 0.5, 0, 0.25, 0.25]):
-        assert back.value_and_action(np.array(belief)) == in_pieces.value_and_action(np.array(belief))
+        assert back.value_and_action(np.array(belief)) == in_sets.value_and_action(np.array(belief))
 
 
-def test_a_policy_in_pieces_that_would_grow_too_large_is_written_piece_by_piece(tmp_path, monkeypatch):
+def test_a_large_policy_is_written_set_by_set(tmp_path, monkeypatch):
     monkeypatch.setattr(policy_file, "MAX_BYTES", 100)
-    write_policy(in_pieces, tmp_path / "x.policy")
+    write_policy(in_sets, tmp_path / "x.policy")
     text = (tmp_path / "x.policy").read_text()
     assert "<!-- lcorpp pieces 0,2 1,3-4 -->" in text
     assert '<AlphaVector vectorLength="3" numObsValue="2" numVectors="3">' in text
     back = read_policy(tmp_path / "x.policy", lcorpp)
-    for found, piece in zip(back.vector_sets, in_pieces.vector_sets, strict=True):
-        assert found.states.tolist() == piece.states.tolist()
-        assert (found.vectors == piece.vectors).all()
-        assert found.actions.tolist() == piece.actions.tolist()
+    for read_part, part in zip(back.vector_sets, in_sets.vector_sets, strict=True):
+        assert read_part.states.tolist() == part.states.tolist()
+        assert (read_part.vectors == part.vectors).all()
+        assert read_part.actions.tolist() == part.actions.tolist()
     for wrong, words in (
         ("0,2 1,3-9", "increasing ranges of the model's state indices, found '1,3-9'"),
         ("0,2 3-1", "increasing ranges of the model's state indices, found '3-1'"),
@@ -189,7 +189,7 @@ MOMDP = """\
 """
 
 
-def test_a_policy_of_a_factored_model_becomes_one_in_pieces(tmp_path):
+def test_a_policy_of_a_factored_model_has_several_vector_sets(tmp_path):
     found = read(tmp_path, MOMDP, FACTORED, blocks=[[0, 1], [3, 2]])
     assert [piece.states.tolist() for piece in found.vector_sets] == [[0, 1], [2, 3]]
     assert [piece.vectors.tolist() for piece in found.vector_sets] == [[[1, 2]], [[4, 3], [5, 0]]]

@@ -96,7 +96,7 @@ def test_bounds_are_valid_before_convergence():
     """The authors' model needs many more steps and vectors."""
 
     def stop(progress):
-        if progress.trials == 6:
+        if progress.trials == 2:
             raise KeyboardInterrupt
 
     solution = solve_exact(parse_pomdp(LCORPP), time_limit=600, callback=stop)

@@ -1,4 +1,4 @@
-"""The compiled engine against the enumeration of worlds: two groundings, two ways to count, one answer."""
+"""Circuits against the enumeration of worlds: two independent groundings and two ways to sum."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SUITE = settings(max_examples=120, deadline=None, suppress_health_check=list(Hea
 
 
 def outcome(answer: Callable[[], object]) -> object:
-    """The answer, or the kind of error."""
+    """Return the answer, or the type of the error."""
     try:
         return answer()
     except (ProgramError, UndefinedError) as error:
@@ -38,17 +38,17 @@ def close(found: object, expected: object) -> None:
 
 
 def given_all(circuit: Circuit) -> Iterator[dict[str, str]]:
-    """Evidence that names all inputs of a circuit; all such, up to 30."""
+    """Yield up to 30 evidences for all inputs of a circuit."""
     every = product(*(circuit.values[name] for name in circuit.inputs))
     return (dict(zip(circuit.inputs, values, strict=True)) for values in islice(every, 30))
 
 
 def check(case: Case) -> None:
-    """Hold the circuit against the enumeration, in fractions and in numbers."""
+    """Compare the circuit with the enumeration, in fractions and in floating point."""
     program = parse_plog(case.text)
-    worlds, engine = Enumeration(program), Reasoner(program)
+    worlds, reasoner = Enumeration(program), Reasoner(program)
     evidence, do = dict(case.evidence), dict(case.do)
-    check_question(case, engine, worlds)
+    check_question(case, reasoner, worlds)
     expected = outcome(lambda: worlds.exact(case.query, evidence, do))
     circuit = outcome(lambda: Reasoner(program).compile(case.inputs, case.query, do))
     if not isinstance(circuit, Circuit):
@@ -56,24 +56,26 @@ def check(case: Case) -> None:
         return
     assert outcome(lambda: circuit.exact(evidence)) == expected
     close(outcome(lambda: circuit(evidence)), expected)
-    assert outcome(lambda: engine.exact(case.query, evidence, do)) == expected
+    assert outcome(lambda: reasoner.exact(case.query, evidence, do)) == expected
     check_batch(circuit, worlds, do)
     if not do:
         check_worlds(circuit, worlds, evidence)
 
 
-def check_question(case: Case, engine: Reasoner, worlds: Enumeration) -> None:
-    """A conjunction given literals; the compiled engine looks only at worlds with what is observed, so that
-    conditions are judged there as if the observations stood in the program.
+def check_question(case: Case, reasoner: Reasoner, worlds: Enumeration) -> None:
+    """Compare the probability of a conjunction given literals.
+
+    The reasoner checks the conditions of P-log only in worlds that agree with the observations, as if these
+    were part of the program.
     """
-    question = parse_query(case.question, engine.program)
-    found = outcome(lambda: engine.ask(question))
+    question = parse_query(case.question, reasoner.program)
+    found = outcome(lambda: reasoner.ask(question))
     expected = outcome(lambda: worlds.ask(question))
     if expected is ProgramError is not found:
         observed = "\n".join(map(str, question.observations))
         program = parse_plog(f"{case.text}\n{observed}")
         expected = outcome(lambda: Enumeration(program).ask(replace(question, observations=())))
-    assert outcome(lambda: engine.ask(question, exact=True)) == expected
+    assert outcome(lambda: reasoner.ask(question, exact=True)) == expected
     if isinstance(expected, Fraction):
         assert abs(found - float(expected)) < 1e-12
     else:
@@ -81,7 +83,7 @@ def check_question(case: Case, engine: Reasoner, worlds: Enumeration) -> None:
 
 
 def check_batch(circuit: Circuit, worlds: Enumeration, do: dict[str, str]) -> None:
-    """Each row of a batch is what the worlds say; no row hides another's fault."""
+    """Compare each row of a batch with the enumeration; no row hides the error of another."""
     rows = list(given_all(circuit))
     expected = [outcome(lambda row=row: worlds.exact(*circuit.queries, row, do)) for row in rows]
     codes = np.array([[circuit.values[n].index(v) for n, v in row.items()] for row in rows], dtype=np.intp)
@@ -95,7 +97,7 @@ def check_batch(circuit: Circuit, worlds: Enumeration, do: dict[str, str]) -> No
 
 
 def check_worlds(circuit: Circuit, worlds: Enumeration, evidence: dict[str, str]) -> None:
-    """The most probable worlds are those of the enumeration, with their measures, the best first."""
+    """Compare the most probable worlds with those of the enumeration: worlds, measures, order."""
     found = outcome(lambda: circuit.most_probable(evidence, 4))
     every = outcome(lambda: worlds.worlds)
     if isinstance(every, type):

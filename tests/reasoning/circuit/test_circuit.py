@@ -1,4 +1,4 @@
-"""Laws of a circuit that is called, and the words of its errors."""
+"""Calls of circuits: batches, several queries, impossible evidence, pickling, threads."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LCORPP = read_plog(Path(__file__).parents[2] / "plog" / "lcorpp.plog")
 REASONER = Reasoner(LCORPP)
 INPUTS = ["time", "location", "classifier"]
 
-# x has no value if p is false; q cannot be true with x=w
+# x has no value if p is false; q=true excludes x=w
 PARTIAL = parse_plog(
     "s = {u, v, w}. p, q : boolean. x : s. random(p). random(q). random(x) :- p. :- q, x=w.",
     file="partial.plog",
@@ -26,7 +26,7 @@ PARTIAL = parse_plog(
 
 
 def evidences(circuit):
-    """Every evidence, with inputs left open, too."""
+    """Yield every evidence for some of the inputs."""
     every = product(*([None, *circuit.values[name]] for name in circuit.inputs))
     for values in every:
         yield {n: v for n, v in zip(circuit.inputs, values, strict=True) if v is not None}
@@ -34,13 +34,13 @@ def evidences(circuit):
 
 @pytest.fixture(params=["tables", "passes"])
 def circuit(request, monkeypatch):
-    """The paper's circuit, with all its answers computed at once and without."""
+    """The paper's circuit, with and without a table of all answers."""
     if request.param == "passes":
         monkeypatch.setattr("lcorpp.reasoning.circuit.answer_table.MAX_TABLE_ROWS", 0)
     return REASONER.compile(INPUTS, "intention")
 
 
-def test_a_batch_is_its_singles(circuit):
+def test_a_batch_equals_single_answers(circuit):
     rows = list(evidences(circuit))
     columns = {name: [row.get(name) for row in rows] for name in INPUTS}
     batch = circuit(columns)
@@ -54,7 +54,7 @@ def test_a_batch_is_its_singles(circuit):
         np.testing.assert_array_equal(circuit(codes.astype(dtype)), batch)
 
 
-def test_batches_are_taken_in_chunks(circuit, monkeypatch):
+def test_batches_are_split_into_chunks(circuit, monkeypatch):
     codes = np.random.default_rng(0).integers(-1, 2, (500, 3))
     whole = circuit(codes)
     monkeypatch.setattr("lcorpp.reasoning.circuit.matrices.MAX_CHUNK_NUMBERS", 50)
@@ -69,7 +69,7 @@ def test_total_probability(circuit):
         assert sum(parts) == pytest.approx(circuit({}).probabilities, abs=1e-12)
 
 
-def test_several_queries_are_one_by_one():
+def test_several_queries_equal_single_queries():
     queries = ["intention", "identity", "time"]
     together = REASONER.compile(INPUTS, queries)
     for row in evidences(together):
@@ -136,7 +136,7 @@ def test_more_inputs_than_dimensions_of_an_array():
     assert circuit({f"f({i})": "u" for i in range(1, 101)})["true"] == 0.5
 
 
-# what a row may lack
+# impossible rows and rows without value
 
 
 def test_impossible_rows_are_named_or_not_a_number():
@@ -163,10 +163,10 @@ def test_a_query_without_value_is_an_error_that_names_the_row():
         circuit.exact({})
 
 
-# elsewhere
+# pickling, threads, caches
 
 
-def test_a_circuit_travels():
+def test_a_circuit_can_be_pickled():
     circuit = REASONER.compile(INPUTS, "intention", {"location": "library"})
     again = pickle.loads(pickle.dumps(circuit))
     for row in ({}, {"time": "morning"}):
@@ -175,7 +175,7 @@ def test_a_circuit_travels():
         assert again.most_probable(row, 3)[2].values == circuit.most_probable(row, 3)[2].values
 
 
-def test_a_long_circuit_travels():
+def test_a_long_circuit_can_be_pickled():
     chain = parse_plog(
         "t = {0..1000}. #domain t(T). x : t -> boolean. random(x(T)). pr(x(T+1) | x(T)) = 9/10."
     )
@@ -183,7 +183,7 @@ def test_a_long_circuit_travels():
     assert pickle.loads(pickle.dumps(circuit))({"x(0)": "true"})["true"] == circuit({"x(0)": "true"})["true"]
 
 
-def test_threads_may_share_a_circuit(circuit):
+def test_threads_can_share_a_circuit(circuit):
     rows = list(evidences(circuit)) * 20
     expected = [REASONER.compile(INPUTS, "intention")(row)["interested"] for row in rows[:36]] * 20
     with ThreadPoolExecutor(8) as pool:
@@ -192,7 +192,7 @@ def test_threads_may_share_a_circuit(circuit):
         assert [rows[0, 0] for rows in batches] == pytest.approx(expected[1:36])
 
 
-def test_answers_cannot_be_changed_by_who_got_them(circuit):
+def test_answers_are_read_only(circuit):
     with pytest.raises(ValueError, match="read-only"):
         circuit({"time": "morning"}).probabilities[0] = 7
     batch = circuit({"time": ["morning"]})
@@ -201,7 +201,7 @@ def test_answers_cannot_be_changed_by_who_got_them(circuit):
     np.testing.assert_array_equal(circuit({"time": ["morning"]}), expected)
 
 
-def test_many_answers_are_forgotten(monkeypatch):
+def test_a_full_cache_is_cleared(monkeypatch):
     monkeypatch.setattr("lcorpp.reasoning.circuit.circuit.CACHE_SIZE", 4)
     circuit = REASONER.compile(INPUTS, "intention")
     rows = list(evidences(circuit))

@@ -24,12 +24,12 @@ def test_attributes_named_without_arguments():
     assert circuit({"f(2,g)": "false"})["true"] == 0.0
 
 
-def test_terms_are_known_by_any_spelling():
+def test_terms_may_have_spaces():
     program = parse_plog("d = {1, 2}. f : d, d -> boolean. random(f(D,E)). #domain d(D;E).")
     assert Reasoner(program).compile(["f( 1 , 2 )"], "f(1, 1)").inputs == ("f(1,2)",)
 
 
-def test_terms_that_no_rule_speaks_of():
+def test_terms_without_rules():
     program = parse_plog("p, q : boolean. d = {1, 2}. f : d -> boolean. random(p).")
     circuit = Reasoner(program).compile(["q", "f"], "p")
     assert circuit({})["true"] == 0.5
@@ -66,7 +66,7 @@ def test_do_needs_a_random_selection():
         Reasoner(program).compile([], "p", {"q": "true"})
 
 
-def test_cr_rules_refuse_to_be_compiled():
+def test_programs_with_cr_rules_cannot_be_compiled():
     program = parse_plog("p, q : boolean. [r] p +- . random(q) :- p. :- not p.")
     with pytest.raises(ProgramError, match="a program with cr-rules cannot be compiled: an observation may"):
         Reasoner(program).compile([], "p")

@@ -17,7 +17,7 @@ INPUTS = ["time", "location", "classifier"]
 
 @pytest.fixture(params=["tables", "passes"])
 def circuit(request, monkeypatch):
-    """The paper's circuit, with all its answers computed at once and without."""
+    """The paper's circuit, with and without a table of all answers."""
     if request.param == "passes":
         monkeypatch.setattr("lcorpp.reasoning.circuit.answer_table.MAX_TABLE_ROWS", 0)
     return REASONER.compile(INPUTS, "intention")
@@ -55,7 +55,7 @@ def circuit(request, monkeypatch):
 def test_wrong_evidence(circuit, evidence, words):
     with pytest.raises(ProgramError, match=words):
         circuit(evidence)
-    circuit({"time": "morning"})  # also when answers are kept
+    circuit({"time": "morning"})  # also with cached answers
     with pytest.raises(ProgramError, match=words):
         circuit(evidence)
 

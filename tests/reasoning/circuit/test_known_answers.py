@@ -1,4 +1,4 @@
-"""Answers known by hand, or counted in plain Python, through compiled circuits."""
+"""Compiled circuits against answers known by hand or counted in plain Python."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_answers_of_the_papers(program, query, value, obs, do, answer):
     assert Reasoner(read).posterior(query, obs, do)[value] == circuit(obs)[value]
 
 
-def test_one_pass_for_all_dice_at_once():
+def test_thirty_dice():
     dice = ",".join(f"d{i}" for i in range(30))
     program = parse_plog(
         f"dice = {{{dice}}}. score = {{1..6}}. roll : dice -> score. random(roll(D)). pr(roll(d0)=6) = 1/4."
@@ -85,7 +85,7 @@ def test_sum_of_dice_against_counting():
     assert found.exact({"roll(1)": "2"}) == {str(v): Fraction(counts[v], 6**3) for v in range(25)}
 
 
-def test_dynamic_range_shares_among_what_is_possible():
+def test_the_dynamic_range_shares_the_rest_evenly():
     program = parse_plog(
         "s = {u, v, w}. d = {1, 2}. x, y : s. ok : s -> boolean. random(x). ok(S) :- not x=S."
         " random(y : {X : ok(X)}). pr(y=w | not x=w) = 1/4. #domain s(S)."
@@ -95,7 +95,7 @@ def test_dynamic_range_shares_among_what_is_possible():
     assert circuit.exact({"x": "w"}) == {"u": Fraction(1, 2), "v": Fraction(1, 2), "w": 0}
 
 
-def test_terms_that_look_alike_are_told_apart_by_what_always_holds():
+def test_terms_with_equal_rules_but_different_facts():
     """One term may always take a value that its twin may take only sometimes."""
     program = parse_plog(
         "d = {1, 2}. #domain d(D). c : d -> boolean. may : d, boolean -> boolean. x : d -> boolean."
@@ -111,7 +111,7 @@ p : boolean. x : s. random(p). random(x : {{X : ok(X)}}) :- p.
 """
 
 
-def test_doing_in_2009_and_in_2018():
+def test_interventions_in_2009_and_in_2018():
     old, new = (Reasoner(parse_plog(DO.format(year))) for year in (2009, 2018))
     assert old.compile([], "p", {"x": "c"}).exact({}) == {"true": Fraction(1, 2), "false": Fraction(1, 2)}
     assert new.compile([], "p", {"x": "c"}).exact({}) == {"true": 0, "false": 1}  # c is out of range
@@ -121,7 +121,7 @@ def test_doing_in_2009_and_in_2018():
         new.compile(["p"], "x", {"x": "a"})({"p": "false"})
 
 
-def test_two_values_set_at_once():
+def test_contradictory_interventions():
     text = "p, q : boolean. random(p). random(q) :- p. do(q=true). q=false :- p=false."
     old, new = (Reasoner(parse_plog(f"#semantics {year}. {text}")) for year in (2009, 2018))
     with pytest.raises(UndefinedError):
@@ -147,7 +147,7 @@ def test_no_world_at_all():
 
 
 def test_two_thousand_observed_steps():
-    """A chain: the weight of what was seen is far below the smallest number there is."""
+    """A chain: the weight of the evidence is far below the smallest float."""
     program = parse_plog(
         "t = {0..2000}. #domain t(T). x, see : t -> boolean. random(x(T)). random(see(T))."
         " pr(x(T+1) | x(T)) = 9/10. pr(x(T+1) | x(T)=false) = 1/5."
@@ -195,7 +195,7 @@ def test_improbable_is_not_impossible():
     assert circuit.most_probable(seen)[0].measure == Fraction(3, 4)
 
 
-def test_improbable_in_what_is_not_observed():
+def test_improbable_hidden_values():
     program = parse_plog(
         "i = {1..2000}. #domain i(I). heads, all : i -> boolean. random(heads(I)). all(1) :- heads(1)."
         " all(I+1) :- all(I), heads(I+1). last : boolean. random(last) :- all(2000)."

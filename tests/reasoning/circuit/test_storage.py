@@ -1,4 +1,4 @@
-"""Circuits in files."""
+"""Stored circuits: round trips, damaged files, files of earlier versions."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def circuit():
     )
 
 
-def rewritten(path, change, arrays=None):
-    """The same file with its head changed."""
+def rewrite_header(path, change, arrays=None):
+    """Rewrite the file with another header."""
     with np.load(path) as archive:
         content = {name: archive[name] for name in archive.files}
     head = json.loads(str(content["circuit"]))
@@ -36,7 +36,7 @@ def rewritten(path, change, arrays=None):
     np.savez(path, **(content | {"circuit": np.array(json.dumps(head))}))
 
 
-def test_saved_and_loaded_it_answers_the_same(circuit, tmp_path):
+def test_a_loaded_circuit_answers_the_same(circuit, tmp_path):
     save_circuit(circuit, tmp_path / "a.circuit")
     again = load_circuit(tmp_path / "a.circuit")
     assert (again.inputs, again.queries, again.single) == (circuit.inputs, circuit.queries, False)
@@ -78,7 +78,7 @@ def test_all_kinds_of_circuits_can_be_saved(text, inputs, query, do, tmp_path):
     np.testing.assert_array_equal(again(codes, undefined="nan"), circuit(codes, undefined="nan"))
 
 
-def test_it_is_small_and_nothing_that_runs(circuit, tmp_path):
+def test_the_file_is_small_and_contains_no_pickle(circuit, tmp_path):
     path = tmp_path / "a"
     save_circuit(circuit, path)
     assert path.stat().st_size < 20_000
@@ -86,7 +86,7 @@ def test_it_is_small_and_nothing_that_runs(circuit, tmp_path):
         assert all(b"pickle" not in archive.read(name)[:200] for name in archive.namelist())
 
 
-def test_where_it_cannot_be_written_or_read(circuit, tmp_path):
+def test_missing_folder_and_missing_file(circuit, tmp_path):
     with pytest.raises(FileError):
         save_circuit(circuit, tmp_path / "none" / "a")
     with pytest.raises(FileError):
@@ -111,8 +111,8 @@ def test_other_archives(circuit, tmp_path):
         load_circuit(tmp_path / "b")
 
 
-def test_an_array_whose_head_is_cut(tmp_path):
-    """numpy reads heads as Python, and raises what Python's tokenizer raises."""
+def test_an_array_with_a_truncated_header(tmp_path):
+    """numpy parses headers as Python, and raises the errors of Python's tokenizer."""
     head = b"{'descr': '<f8', 'fortran_order': False, 'shape': (3L,\n"
     with zipfile.ZipFile(tmp_path / "a", "w") as archive:
         archive.writestr("ending.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head)
@@ -134,7 +134,7 @@ def test_truncated_and_damaged_files(circuit, tmp_path):
         for place in rng.integers(len(content), size=3):
             damaged[place] = rng.integers(256)
         path.write_bytes(damaged)
-        with suppress(LcorppError):  # a change may meet a byte that says nothing
+        with suppress(LcorppError):  # a change may hit a byte without meaning
             load_circuit(path)({"time": "morning"})
 
 
@@ -158,9 +158,9 @@ def test_truncated_and_damaged_files(circuit, tmp_path):
         ({"file": 3}, "its program is 3 of"),
     ],
 )
-def test_a_head_that_does_not_fit(circuit, change, words, tmp_path):
+def test_inconsistent_headers(circuit, change, words, tmp_path):
     save_circuit(circuit, tmp_path / "a.npz")
-    rewritten(tmp_path / "a.npz", lambda head: head.update(change))
+    rewrite_header(tmp_path / "a.npz", lambda head: head.update(change))
     with pytest.raises(DataError, match=words):
         load_circuit(tmp_path / "a.npz")
 
@@ -172,22 +172,22 @@ def test_a_head_that_does_not_fit(circuit, change, words, tmp_path):
         {"shape": [10**12, 1]}, {"outcomes": [0, 99]}, {"outcomes": [-1]}, {"outcomes": []},
     ],
 )  # fmt: skip
-def test_layers_that_do_not_fit(circuit, change, tmp_path):
+def test_inconsistent_layers(circuit, change, tmp_path):
     save_circuit(circuit, tmp_path / "a.npz")
-    rewritten(tmp_path / "a.npz", lambda head: head["layers"][0].update(change))
+    rewrite_header(tmp_path / "a.npz", lambda head: head["layers"][0].update(change))
     with pytest.raises(DataError):
         load_circuit(tmp_path / "a.npz")
 
 
 @pytest.mark.parametrize("number", [np.nan, -1.0, np.inf])
-def test_numbers_that_are_no_weights(circuit, number, tmp_path):
+def test_numbers_that_are_not_weights(circuit, number, tmp_path):
     path = tmp_path / "a.npz"
     save_circuit(circuit, path)
-    rewritten(path, lambda head: None, {"ending": np.full(circuit.ending.shape, number)})
+    rewrite_header(path, lambda head: None, {"ending": np.full(circuit.ending.shape, number)})
     with pytest.raises(DataError):
         load_circuit(path)
     save_circuit(circuit, path)
-    rewritten(path, lambda head: None, {"0/0": np.array([[0, 0, number]])})
+    rewrite_header(path, lambda head: None, {"0/0": np.array([[0, 0, number]])})
     with pytest.raises(DataError, match="a matrix has entries outside of"):
         load_circuit(path)
 

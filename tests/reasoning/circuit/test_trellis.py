@@ -9,6 +9,7 @@ import numpy as np
 from lcorpp.reasoning import Reasoner, parse_plog
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 COINS = parse_plog(
@@ -19,7 +20,7 @@ HALF = Fraction(1, 2)
 
 def test_two_coins_that_do_not_both_show_tails():
     """The example of the module's docstring."""
-    trellis = build_trellis(build_transition_system(COINS, {}))
+    trellis = build_trellis(build_transition_system(ground_program(COINS, {})))
     assert trellis.level_sizes == [1, 2, 1]
     assert trellis.arcs == [([0, 0], [0, 1], [0, 1]), ([0, 0, 1], [0, 0, 0], [2, 3, 2])]
     assert trellis.outcomes == [((0,), HALF), ((1,), HALF), ((0,), HALF), ((1,), HALF)]
@@ -27,7 +28,7 @@ def test_two_coins_that_do_not_both_show_tails():
 
 
 def test_sums_over_paths_are_sums_over_worlds():
-    worlds = WorldQueries(build_trellis(build_transition_system(COINS, {})))
+    worlds = WorldQueries(build_trellis(build_transition_system(ground_program(COINS, {}))))
     assert worlds.count() == 3
     assert worlds.exact_weights("c1", {}) == {"heads": HALF, "tails": Fraction(1, 4)}
     assert worlds.float_weights("c1", {"c2": "tails"}) == {"heads": 0.25}

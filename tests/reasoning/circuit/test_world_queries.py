@@ -1,4 +1,4 @@
-"""Whole worlds from circuits: the most probable ones, and worlds drawn at random."""
+"""Queries about whole worlds: the most probable ones, and samples."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NAMES = ["lcorpp", "dice", "monty_hall", "simpson", "rat", "robot", "tree", "fir
 
 
 def conditioned(program, evidence):
-    """The worlds of the enumeration that have the evidence, with their measures given it, the best first."""
+    """Return the worlds of the enumeration given evidence, with their measures, best first."""
     kept = [
         world
         for world in Enumeration(program).worlds
@@ -40,7 +40,7 @@ def test_the_most_probable_worlds_are_those_of_the_enumeration(name):
 
 
 def program_query(program):
-    """A term that a circuit can be asked for."""
+    """Return a term that a circuit can query."""
     return next(name for name, attribute in program.attributes.items() if not attribute.arguments) if any(
         not attribute.arguments for attribute in program.attributes.values()
     ) else next(iter(Enumeration(program).worlds[0].values))  # fmt: skip
@@ -62,7 +62,7 @@ def test_the_most_probable_worlds_given_evidence():
     )
 
 
-def test_ties_are_all_there_and_different():
+def test_ties_are_complete_and_distinct():
     program = parse_plog("i = {1..5}. p : i -> boolean. random(p(I)). :- p(1), p(2). #domain i(I).")
     circuit = Reasoner(program).compile(["p(3)"], "p(1)")
     found = circuit.most_probable({}, 100)
@@ -80,7 +80,7 @@ def test_the_best_of_a_long_chain():
     assert second.measure == Fraction(2, 3) ** 1498 / 3
 
 
-def test_worlds_of_probability_zero_are_none():
+def test_worlds_of_probability_zero_are_left_out():
     program = parse_plog("p, q : boolean. random(p). pr(p) = 0. random(q).")
     circuit = Reasoner(program).compile(["p"], "q")
     assert [world.measure for world in circuit.most_probable({}, 9)] == [Fraction(1, 2)] * 2
@@ -91,7 +91,7 @@ def test_worlds_of_probability_zero_are_none():
 
 
 @pytest.mark.parametrize("count", [0, -1, 10**9])
-def test_how_many_worlds(count):
+def test_wrong_number_of_worlds(count):
     circuit = Reasoner(parse_plog("p : boolean. random(p).")).compile([], "p")
     with pytest.raises(ProgramError, match=f"expected 1 to 100000 worlds, not {count}"):
         circuit.most_probable({}, count)
@@ -101,7 +101,7 @@ def test_how_many_worlds(count):
     ("name", "evidence"),
     [("lcorpp", {"classifier": "one"}), ("monty_hall", {"open": "2"}), ("robot", {"broken": "true"})],
 )
-def test_worlds_are_drawn_as_often_as_they_should(name, evidence):
+def test_samples_follow_the_measure(name, evidence):
     program = read_plog(PLOG / f"{name}.plog")
     circuit = Reasoner(program).compile(list(evidence), next(iter(evidence)))
     expected, draws, rng = dict(conditioned(program, evidence)), 4000, np.random.default_rng(0)
@@ -113,7 +113,7 @@ def test_worlds_are_drawn_as_often_as_they_should(name, evidence):
         assert abs(counts[world] - draws * p) <= 5 * sqrt(draws * p * (1 - p)) + 1
 
 
-def test_draws_of_what_is_improbable():
+def test_samples_given_improbable_evidence():
     """Only a fair coin can be drawn, though such a series is 2^2000 times likelier of the loaded one."""
     program = parse_plog(
         "i = {1..2000}. kind = {fair, loaded}. #domain i(I). coin : kind. random(coin)."

@@ -42,7 +42,7 @@ def test_golden_marginals_are_exact(lcorpp: Enumeration) -> None:
     assert lcorpp.posterior("intention", SEEN)["interested"] == pytest.approx(0.220250, abs=5e-7)
 
 
-def test_answers_are_kept(lcorpp: Enumeration) -> None:
+def test_answers_are_cached(lcorpp: Enumeration) -> None:
     backwards = dict(reversed(SEEN.items()))
     assert lcorpp.posterior("identity", SEEN) is lcorpp.posterior("identity", backwards)
 
@@ -112,7 +112,7 @@ def test_inconsistent_program_is_undefined() -> None:
         probability(parse_plog("p : boolean. random(p). pr(p)=1. obs(-p)."), "p=true")
 
 
-def test_partial_attribute_says_how_likely_it_has_no_value() -> None:
+def test_partial_attributes_are_an_error_with_the_probability() -> None:
     program = parse_plog("p : boolean. q : boolean. random(p). random(q) :- p.")
     with pytest.raises(ProgramError, match="q has no value with probability 1/2; ask for q=value"):
         Enumeration(program).posterior("q", {})
@@ -183,7 +183,7 @@ def test_numbers_may_be_computed_from_variables() -> None:
         probability(parse_plog(text), "p=true")
 
 
-def test_loops_have_answers_by_enumeration() -> None:
+def test_loops_have_answers() -> None:
     # an even loop gives two stable models for one selection; both count with the whole measure
     program = parse_plog("p : boolean. a : boolean. b : boolean. random(p). a :- p, not b. b :- p, not a.")
     assert probability(program, "a=true") == Fraction(1, 3)
@@ -224,7 +224,7 @@ def test_conditions_of_the_language(text: str, words: str) -> None:
     assert words in str(caught.value)
 
 
-def test_labels_tell_selections_apart() -> None:
+def test_labels_distinguish_selections() -> None:
     text = """p : boolean. q : boolean. random(p).
         [r1] random(q) :- p. [r2] random(q) :- -p. [r1] pr(q) = 1/4. [r2] pr(q) = 3/4."""
     program = parse_plog(text)
@@ -232,7 +232,7 @@ def test_labels_tell_selections_apart() -> None:
     assert probability(program, "q=true | obs(-p)") == Fraction(3, 4)
 
 
-def test_label_arguments_tell_instances_apart() -> None:
+def test_label_arguments_distinguish_instances() -> None:
     program = parse_plog("d={x,y}. f : d -> boolean. [r(D)] random(f(D)). [r(x)] pr(f(x)) = 1/4.")
     assert probability(program, "f(x)=true") == Fraction(1, 4)
     assert probability(program, "f(y)=true") == Fraction(1, 2)

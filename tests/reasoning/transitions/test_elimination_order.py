@@ -5,6 +5,7 @@ from __future__ import annotations
 from hypothesis import given, strategies as st
 
 from lcorpp.reasoning import parse_plog
+from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.transitions.elimination_order import strongly_connected_components
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
@@ -27,7 +28,7 @@ def test_a_chain_has_a_frontier_of_one_term():
     program = parse_plog(
         "t = {0..50}. #domain t(T). x : t -> boolean. random(x(T)). pr(x(T+1) | x(T)) = 9/10."
     )
-    system = build_transition_system(program, {})
+    system = build_transition_system(ground_program(program, {}))
     assert [system.program.names[term] for (term,) in system.order] == [f"x({i})" for i in range(51)]
     assert max(transition.live_mask.bit_count() for transition in system.transitions) == 1
     assert len(set(system.transitions)) < 6  # equal steps share their transition

@@ -33,14 +33,14 @@ def test_estimates_are_within_five_standard_errors(name, query, evidence, do):
         estimated, error = found.values[value]
         assert (
             abs(estimated - float(p)) <= 5 * error + 1e-12
-        )  # one in two million fails, and the seed is fixed
+        )  # one in two million fails by chance, and the seed is fixed
         assert 0 <= error <= 0.05
     assert sum(p for p, _ in found.values.values()) == pytest.approx(1)
     assert found.values[""] == (0, 0)
     assert 0 < found.effective <= found.samples * (1 + 1e-9)
 
 
-def test_error_bars_cover_as_often_as_they_say():
+def test_error_bars_have_their_nominal_coverage():
     program = read_plog(PLOG / "lcorpp.plog")
     evidence = {"time": "morning", "classifier": "one"}
     truth = float(Enumeration(program).exact("intention", evidence)["interested"])
@@ -51,7 +51,7 @@ def test_error_bars_cover_as_often_as_they_say():
     assert 0.90 <= inside / runs <= 0.985  # .95, with a deviation of .0126 for 300 runs
 
 
-def test_without_evidence_the_error_is_that_of_a_share():
+def test_without_evidence_the_error_is_binomial():
     program = parse_plog("p : boolean. random(p). pr(p) = 1/5.")
     p, error = estimate(build_transition_system(ground_program(program, {})), "p", {}, 4000).values["true"]
     assert error == pytest.approx((p * (1 - p) / 4000) ** 0.5, rel=1e-9)
@@ -63,7 +63,7 @@ def test_the_same_seed_gives_the_same_estimate():
     assert first == again != other
 
 
-def test_what_has_no_value_is_told():
+def test_no_value_is_an_outcome():
     program = parse_plog("p, q : boolean. random(p). random(q) :- p.")
     assert estimate(build_transition_system(ground_program(program, {})), "q", {}, 2000).values[""][
         0

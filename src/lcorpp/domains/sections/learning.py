@@ -10,7 +10,7 @@ from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
 
-CLASSIFIERS = ("lstm", "fast", "summaries", "forest", "minirocket", "channel")
+CLASSIFIERS = ("lstm", "lstm-fast", "summaries", "forest", "minirocket", "channel")
 """Names in `learning.classifiers.registry`, and the simulated noisy classifier."""
 
 MIN_INTERVAL, DEFAULT_INTERVAL, MAX_INTERVAL = 1e-3, 0.033, 10.0

@@ -1,7 +1,7 @@
-"""Training of anybody's classifier: what fails or does not keep the contract is told in one sentence.
+"""The contract of a classifier: fit user-supplied classifiers and report violations as one-line errors.
 
 The contract is scikit-learn's: `fit(X, y)`, `predict_proba(X)` and `classes_` on arrays (cases, channels,
-time points). A classifier that scores without probabilities is given some.
+time points). `SigmoidScores` wraps a classifier that has scores but no probabilities.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from lcorpp.errors import DataError, LcorppError
 from lcorpp.values import Array
 
 TOLERANCE = 1e-4
-"""How far the sum of a distribution may be from 1: some classifiers compute with single precision."""
+"""Maximal deviation of the sum of a distribution from 1: some classifiers compute in single precision."""
 
 
-class Scored(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
-    """A classifier with scores (`decision_function`) but no probabilities, which are made of them.
+class SigmoidScores(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
+    """Wrapper that turns the scores (`decision_function`) of a classifier into probabilities.
 
-    The sigmoid of a score, or the softmax of several, keeps the order of the cases but is not yet calibrated:
+    The sigmoid of a score, or the softmax of several, keeps the order of the cases but is not calibrated;
     `calibration` does that, and both together are Platt's method.
 
     Args:
@@ -42,7 +42,7 @@ class Scored(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-le
         return self
 
     def predict_proba(self, X: npt.ArrayLike) -> Array:
-        """(cases, K) numbers that rise with the scores, rows summing to 1, columns as `classes_`."""
+        """(cases, K) numbers that increase with the scores, rows summing to 1, columns as `classes_`."""
         scores = np.asarray(self.classifier_.decision_function(X), dtype=np.float64)
         if scores.ndim == 1:
             return np.stack([expit(-scores), expit(scores)], axis=1)
@@ -53,11 +53,11 @@ class Scored(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-le
         return np.asarray(self.classes_[self.predict_proba(X).argmax(axis=1)])
 
 
-def with_probabilities(estimator: Any) -> Any:
-    """The classifier itself where it gives probabilities, `Scored` around one that has only scores.
+def ensure_predict_proba(estimator: Any) -> Any:
+    """Return the estimator if it has predict_proba, or `SigmoidScores` around it if it has only scores.
 
     Raises:
-        DataError: it has neither, or is no classifier that can be cloned.
+        DataError: it has neither, or is not a classifier that can be cloned.
     """
     for method in ("fit", "get_params"):
         if isinstance(estimator, type) or not hasattr(estimator, method):
@@ -68,32 +68,32 @@ def with_probabilities(estimator: Any) -> Any:
     if hasattr(estimator, "predict_proba"):
         return estimator
     if hasattr(estimator, "decision_function"):
-        return Scored(estimator)
+        return SigmoidScores(estimator)
     raise DataError(
         f"{name_of(estimator)} has neither predict_proba nor decision_function; expected a classifier that"
-        " says how sure it is"
+        " gives probabilities or scores"
     )
 
 
-def fitted(estimator: Any, tracks: Array, labels: npt.ArrayLike) -> Any:
-    """A clone of `estimator`, trained.
+def fit_clone(estimator: Any, tracks: Array, labels: npt.ArrayLike) -> Any:
+    """Clone `estimator` and fit the clone.
 
     Args:
         tracks: (cases, channels, time points). labels: (cases,) class names.
 
     Raises:
-        DataError: it fails, or tells no classes apart.
+        DataError: cloning or fitting fails, or the fitted clone has no `classes_`.
     """
     try:
         trained = clone(estimator)
     except (TypeError, RuntimeError) as error:  # a constructor that scikit-learn cannot repeat
-        raise _blamed(estimator, "clone", error) from error
+        raise _failure(estimator, "clone", error) from error
     try:
         trained.fit(tracks, labels)
     except LcorppError:
         raise
     except (Exception, SystemExit) as error:
-        raise _blamed(estimator, "fit", error) from error
+        raise _failure(estimator, "fit", error) from error
     classes = np.asarray(getattr(trained, "classes_", None))
     if classes.ndim != 1:
         raise DataError(f"{name_of(estimator)} has no classes_ after fit; expected a scikit-learn classifier")
@@ -102,39 +102,41 @@ def fitted(estimator: Any, tracks: Array, labels: npt.ArrayLike) -> Any:
     return trained
 
 
-def predicted(trained: Any, tracks: Array) -> Array:
-    """(cases, K) the probabilities that a trained classifier gives, known to be distributions.
+def predict_proba(trained: Any, tracks: Array) -> Array:
+    """(cases, K) the probabilities of a trained classifier, checked to be distributions.
 
     Raises:
-        DataError: it fails, or what it gives are none.
+        DataError: the classifier fails, or its result is not an array of distributions.
     """
     try:
-        given = np.asarray(trained.predict_proba(tracks), dtype=np.float64)
+        probabilities = np.asarray(trained.predict_proba(tracks), dtype=np.float64)
     except LcorppError:
         raise
     except (Exception, SystemExit) as error:
-        raise _blamed(trained, "predict_proba", error) from error
+        raise _failure(trained, "predict_proba", error) from error
     shape = (len(tracks), len(trained.classes_))
-    if given.shape != shape:
-        raise DataError(f"{name_of(trained)}: predict_proba gave shape {given.shape}; expected {shape}")
-    right = np.isfinite(given).all(axis=1) & (given >= 0).all(axis=1)
-    right &= np.abs(given.sum(axis=1) - 1) <= TOLERANCE
-    if not right.all():
-        case = int(np.argmin(right))
+    if probabilities.shape != shape:
         raise DataError(
-            f"{name_of(trained)}: predict_proba gave {given[case].tolist()} for case {case} (counted from 0);"
-            " expected a distribution"
+            f"{name_of(trained)}: predict_proba gave shape {probabilities.shape}; expected {shape}"
         )
-    return given
+    valid = np.isfinite(probabilities).all(axis=1) & (probabilities >= 0).all(axis=1)
+    valid &= np.abs(probabilities.sum(axis=1) - 1) <= TOLERANCE
+    if not valid.all():
+        case = int(np.argmin(valid))
+        raise DataError(
+            f"{name_of(trained)}: predict_proba gave {probabilities[case].tolist()} for case {case}"
+            " (counted from 0); expected a distribution"
+        )
+    return probabilities
 
 
 def name_of(estimator: Any) -> str:
-    """What an estimator is called: its type, of a pipeline that of its last step."""
+    """The type name of an estimator; for a pipeline, that of its last step."""
     steps = getattr(estimator, "steps", None)
     if steps:
         return name_of(steps[-1][1])
-    return name_of(estimator.classifier) if isinstance(estimator, Scored) else type(estimator).__name__
+    return name_of(estimator.classifier) if isinstance(estimator, SigmoidScores) else type(estimator).__name__
 
 
-def _blamed(estimator: Any, doing: str, error: BaseException) -> DataError:
-    return DataError(f"{name_of(estimator)} failed in {doing}: {type(error).__name__}: {error}")
+def _failure(estimator: Any, method: str, error: BaseException) -> DataError:
+    return DataError(f"{name_of(estimator)} failed in {method}: {type(error).__name__}: {error}")

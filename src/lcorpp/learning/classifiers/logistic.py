@@ -1,4 +1,4 @@
-"""Logistic regression on numbers and their squares: quick, smooth, and stored as a few arrays."""
+"""Logistic regression on features and their squares: fast, smooth, and stored as a few arrays."""
 
 from __future__ import annotations
 
@@ -15,44 +15,44 @@ from sklearn.utils.validation import check_is_fitted
 from lcorpp.errors import DataError
 from lcorpp.values import Array
 
-FARTHEST = 3.0
-"""Deviations from the mean beyond which a number counts as this far: one odd track must not rule."""
+CLIP = 3.0
+"""Standardised features are clipped to this many deviations, so that no outlier dominates."""
 
-ITERATIONS = 2000
+MAX_ITERATIONS = 2000
 
 
 class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
-    """Scikit-learn's logistic regression on standardised features and their squares.
+    """Scikit-learn's logistic regression on standardised, clipped features and their squares.
 
-    With the squares, a middle may speak for a class and both ends against it. Classes count alike, however
-    many cases they have.
+    The squares let a medium value indicate one class and both extremes another. There are no products of two
+    features, which scikit-learn's PolynomialFeatures would add. All classes have equal total weight.
 
     Args:
-        strength: of the features against the penalty: scikit-learn's C.
+        C: inverse of the regularization strength, as in scikit-learn.
 
     Attributes:
-        classes_: (K,) the class names in order, after `fit`.
+        classes_: (K,) the class names in order, set by `fit`.
         mean_, scale_: (features,) of the training data.
-        weights_: (1 or K, 2 features), bias_: (1 or K,) one row for two classes.
+        weights_: (1 or K, 2 features), bias_: (1 or K,); two classes share one row.
     """
 
-    def __init__(self, *, strength: float = 0.02) -> None:
-        self.strength = strength
+    def __init__(self, *, C: float = 0.02) -> None:
+        self.C = C
 
     def fit(self, X: npt.ArrayLike, y: npt.ArrayLike) -> Self:
         """Train on X (cases, features) and class names y (cases,).
 
         Raises:
-            DataError: `strength` is not above 0.
+            DataError: `C` is not above 0.
         """
-        if not 0 < self.strength < float("inf"):
-            raise DataError(f"strength must be a finite number above 0, not {self.strength}")
+        if not 0 < self.C < float("inf"):
+            raise DataError(f"C must be a finite number above 0, not {self.C}")
         features = np.asarray(X, dtype=np.float64)
         self.mean_: Array = features.mean(axis=0)
         deviation = features.std(axis=0)
         self.scale_: Array = np.where(deviation > 1e-9, deviation, 1.0)
-        model = LogisticRegression(C=self.strength, max_iter=ITERATIONS, class_weight="balanced")
-        model.fit(self._curved(features), y)
+        model = LogisticRegression(C=self.C, max_iter=MAX_ITERATIONS, class_weight="balanced")
+        model.fit(self._quadratic(features), y)
         self.classes_, self.weights_, self.bias_ = model.classes_, model.coef_, model.intercept_
         return self
 
@@ -60,13 +60,13 @@ class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  
         """(cases, K) the probability of each of `classes_`, rows summing to 1.
 
         Raises:
-            DataError: X has other features than the training data.
+            DataError: X does not have the features of the training data.
         """
         check_is_fitted(self, "weights_")
         features = np.asarray(X, dtype=np.float64)
         if features.ndim != 2 or features.shape[1] != len(self.mean_):
             raise DataError(f"trained on {len(self.mean_)} features, given shape {features.shape}")
-        scores = self._curved(features) @ self.weights_.T + self.bias_
+        scores = self._quadratic(features) @ self.weights_.T + self.bias_
         if len(self.classes_) == 2:
             return np.concatenate([expit(-scores), expit(scores)], axis=1)
         return np.asarray(softmax(scores, axis=1))
@@ -76,7 +76,7 @@ class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  
         return np.asarray(self.classes_[self.predict_proba(X).argmax(axis=1)])
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """What was fitted, for `storage`."""
+        """The fitted state, for `storage`."""
         check_is_fitted(self, "weights_")
         return {
             "classes": self.classes_.astype(np.str_),
@@ -87,10 +87,10 @@ class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  
         }
 
     def from_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
-        """Take over what `to_arrays` gave.
+        """Restore the state that `to_arrays` returned.
 
         Raises:
-            DataError: the arrays do not belong together.
+            DataError: the arrays do not match.
         """
         classes, mean, scale = arrays["classes"], arrays["mean"], arrays["scale"]
         weights, bias = arrays["weights"], arrays["bias"]
@@ -105,12 +105,12 @@ class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  
             or not all(np.isfinite(array).all() for array in (mean, scale, weights, bias))
             or not (scale > 0).all()
         ):
-            raise DataError("a logistic regression needs finite weights, two a feature, and scales above 0")
+            raise DataError("a logistic regression needs finite weights, two per feature, and scales above 0")
         self.classes_, self.mean_, self.scale_ = classes, mean, scale
         self.weights_, self.bias_ = weights, bias
         return self
 
-    def _curved(self, features: Array) -> Array:
+    def _quadratic(self, features: Array) -> Array:
         """(cases, 2 features) standardised features and their squares."""
-        z = np.clip((features - self.mean_) / self.scale_, -FARTHEST, FARTHEST)
+        z = np.clip((features - self.mean_) / self.scale_, -CLIP, CLIP)
         return np.concatenate([z, z**2 - 1], axis=1)

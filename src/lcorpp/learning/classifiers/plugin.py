@@ -18,7 +18,7 @@ except ModuleNotFoundError:
     from cloudpickle import register_pickle_by_value
 
 
-def own_learner(name: str, arguments: Mapping[str, Any], wanted: Collection[str] = ()) -> Any:
+def load_learner_plugin(name: str, arguments: Mapping[str, Any], wanted: Collection[str] = ()) -> Any:
     """What the function returns.
 
     Args:

@@ -1,10 +1,10 @@
-"""The learners by name: a table of classifiers of tracks, and any classifier of your own.
+"""Learners by name: a table of classifiers of tracks, and classifiers supplied by the user.
 
 learner("lstm", interval=dataset.interval, inputs=dataset.channels)   -> a scikit-learn Pipeline
-learner("my_models.py:tuned", seed=3)                                 -> what your function returns
+learner("my_models.py:tuned", seed=3)                                 -> the result of your function
 
-Every learner keeps scikit-learn's contract on arrays (cases, channels, time points) and stands in a pipeline
-with its preprocessing, so that whatever is estimated is estimated from training folds alone.
+Every learner follows scikit-learn's contract on arrays (cases, channels, time points) and contains its
+preprocessing, so that cross-validation estimates both from training folds only.
 """
 
 from __future__ import annotations
@@ -16,87 +16,80 @@ from typing import Any
 from sklearn.pipeline import Pipeline
 
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.classifiers.contract import Scored, with_probabilities
-from lcorpp.learning.classifiers.plugin import own_learner
-from lcorpp.learning.classifiers.trained import paper_pipeline
+from lcorpp.learning.classifiers.contract import SigmoidScores, ensure_predict_proba
+from lcorpp.learning.classifiers.pipelines import fast_pipeline, paper_pipeline
+from lcorpp.learning.classifiers.plugin import load_learner_plugin
 from lcorpp.learning.features.motion import Motion
 
 TREES = 100
-"""Trees of the forest: more no longer change its AUC in the second digit."""
+"""Trees of the forest: more do not change the second digit of its AUC."""
+
+RENAMED = {"fast": "lstm-fast"}
 
 
 @dataclass(frozen=True)
-class Setting:
-    """What a learner is made for.
+class LearnerConfig:
+    """The settings of a learner.
 
-    interval: seconds between two time points of the tracks. inputs: what their channels are.
-    channels: what the classifier sees, see `Motion`.
-    seed: of everything that is drawn. epochs: passes over the data, None for the learner's own.
+    interval: seconds between two time points of the tracks. inputs: the channels of the tracks.
+    features: the motion features that the classifier uses, see `Motion`.
+    seed: seed of everything random. epochs: passes over the data; None is the learner's default.
     device: "cpu" or "cuda".
     """
 
     interval: float
     inputs: tuple[str, ...]
-    channels: tuple[str, ...]
+    features: tuple[str, ...]
     seed: int
     epochs: int | None
     device: str
 
     def motion(self) -> Motion:
-        """The first step of every learner."""
-        return Motion(interval=self.interval, inputs=self.inputs, channels=self.channels)
+        """Return the first step of every learner."""
+        return Motion(interval=self.interval, inputs=self.inputs, features=self.features)
+
+    def lstm_arguments(self) -> dict[str, Any]:
+        """Return the arguments of `paper_pipeline`."""
+        return {
+            "interval": self.interval,
+            "inputs": self.inputs,
+            "features": self.features,
+            "random_state": self.seed,
+            "device": self.device,
+            **({} if self.epochs is None else {"epochs": self.epochs}),
+        }
 
 
 @dataclass(frozen=True)
 class Learner:
-    """A row of the table. trained: whether it makes passes over the data, and computes on a device."""
+    """A row of the table. iterative: the learner takes `epochs` and `device`."""
 
     about: str
-    make: Callable[[Setting], Any]
-    trained: bool = False
+    make: Callable[[LearnerConfig], Any]
+    iterative: bool = False
 
 
-def _lstm(setting: Setting) -> Pipeline:
-    return paper_pipeline(**_network(setting))
-
-
-def _fast(setting: Setting) -> Pipeline:
-    from lcorpp.learning.classifiers.trained import fast_pipeline
-
-    return fast_pipeline(**_network(setting))
-
-
-def _network(setting: Setting) -> dict[str, Any]:
-    return {
-        "interval": setting.interval,
-        "inputs": setting.inputs,
-        "channels": setting.channels,
-        "random_state": setting.seed,
-        "device": setting.device,
-        **({} if setting.epochs is None else {"epochs": setting.epochs}),
-    }
-
-
-def _summaries(setting: Setting) -> Pipeline:
+def _summaries(config: LearnerConfig) -> Pipeline:
     from lcorpp.learning.classifiers.logistic import QuadraticLogistic
-    from lcorpp.learning.features.summaries import Summaries
+    from lcorpp.learning.features.summaries import SummaryFeatures
 
-    steps = [("motion", setting.motion()), ("summaries", Summaries()), ("logistic", QuadraticLogistic())]
-    return Pipeline(steps)
+    return Pipeline(
+        [("motion", config.motion()), ("summaries", SummaryFeatures()), ("logistic", QuadraticLogistic())]
+    )
 
 
-def _forest(setting: Setting) -> Pipeline:
+def _forest(config: LearnerConfig) -> Pipeline:
     from sklearn.ensemble import RandomForestClassifier
 
-    from lcorpp.learning.features.summaries import Summaries
+    from lcorpp.learning.features.summaries import SummaryFeatures
 
     forest = RandomForestClassifier(
-        TREES, min_samples_leaf=5, class_weight="balanced_subsample", random_state=setting.seed
+        TREES, min_samples_leaf=5, class_weight="balanced_subsample", random_state=config.seed
     )
-    return Pipeline([("motion", setting.motion()), ("summaries", Summaries()), ("forest", forest)])
+    return Pipeline([("motion", config.motion()), ("summaries", SummaryFeatures()), ("forest", forest)])
 
 
-def _minirocket(setting: Setting) -> Pipeline:
+def _minirocket(config: LearnerConfig) -> Pipeline:
     import numpy as np
     from sklearn.linear_model import RidgeClassifierCV
 
@@ -106,20 +99,24 @@ def _minirocket(setting: Setting) -> Pipeline:
         if (error.name or "").partition(".")[0] != "aeon":
             raise
         raise DataError("minirocket needs aeon, which is not installed: pip install 'lcorpp[aeon]'") from None
-    # MiniRocket's own choice of classifier; by itself it would say 0 and 1 only
-    ridge = Scored(RidgeClassifierCV(np.logspace(-3, 3, 10), class_weight="balanced"))
-    rocket = MiniRocketClassifier(estimator=ridge, random_state=setting.seed)
-    return Pipeline([("motion", setting.motion()), ("minirocket", rocket)])
+    # MiniRocket's default classifier, which alone would give the probabilities 0 and 1 only
+    ridge = SigmoidScores(RidgeClassifierCV(np.logspace(-3, 3, 10), class_weight="balanced"))
+    rocket = MiniRocketClassifier(estimator=ridge, random_state=config.seed)
+    return Pipeline([("motion", config.motion()), ("minirocket", rocket)])
 
 
 LEARNERS: Mapping[str, Learner] = {
-    "lstm": Learner("the paper's LSTM", _lstm, trained=True),
-    "fast": Learner("the LSTM, trained in a tenth of the time", _fast, trained=True),
+    "lstm": Learner("the paper's LSTM", lambda c: paper_pipeline(**c.lstm_arguments()), iterative=True),
+    "lstm-fast": Learner(
+        "the LSTM, trained in a tenth of the time",
+        lambda c: fast_pipeline(**c.lstm_arguments()),
+        iterative=True,
+    ),
     "summaries": Learner("logistic regression on summaries of the motion", _summaries),
     "forest": Learner("a random forest on summaries of the motion", _forest),
     "minirocket": Learner("aeon's MiniRocket, random convolutions of the motion", _minirocket),
 }
-"""What learns to classify, by name."""
+"""The learners by name."""
 
 
 def learner(
@@ -127,55 +124,58 @@ def learner(
     *,
     interval: float = 0.033,
     inputs: Sequence[str] = ("x", "y"),
-    channels: Sequence[str] = ("x", "y"),
+    features: Sequence[str] = ("x", "y"),
     seed: int = 0,
     epochs: int | None = None,
     device: str = "cpu",
 ) -> Any:
-    """A classifier, not yet trained.
+    """Return an unfitted classifier.
 
     Args:
-        name: one of `LEARNERS`, or a function of your own as ``module:function`` or ``file.py:function``; it
-            returns a classifier, and is given those of the arguments below that it has.
+        name: one of `LEARNERS`, or a function of your own as ``module:function`` or ``file.py:function`` that
+            returns a classifier; it receives those of the arguments below that are among its parameters.
         interval: seconds between two time points of the tracks, `Dataset.interval`.
-        inputs: what the channels of the tracks are, `Dataset.channels`.
-        channels: what the classifier sees of them, see `Motion`.
-        seed: of everything that is drawn; parameters called random_state that are None get it, too.
-        epochs: passes over the data; None takes the learner's own number.
+        inputs: the channels of the tracks, `Dataset.channels`.
+        features: the motion features that the classifier uses, see `Motion`.
+        seed: seed of everything random; it also sets parameters called random_state that are None.
+        epochs: passes over the data; None is the learner's default.
         device: "cpu", or "cuda" for the LSTM.
 
     Returns:
         An estimator with `fit`, `predict_proba` and `get_params`.
 
     Raises:
-        DataError: there is no such learner, a package that it needs is missing, the function fails or returns
-            no classifier, or `epochs`, `device` or `channels` is given to a learner that has none.
+        DataError: the learner is unknown, a package that it needs is missing, the function fails or does not
+            return a classifier, or `epochs`, `device` or `features` is given to a learner without that
+            option.
     """
-    setting = Setting(interval, tuple(inputs), tuple(channels), seed, epochs, device)
+    config = LearnerConfig(interval, tuple(inputs), tuple(features), seed, epochs, device)
     if ":" in name:
-        usual = {"channels": ("x", "y"), "epochs": None, "device": "cpu"}
-        wanted = [key for key, value in usual.items() if getattr(setting, key) != value]
-        return _seeded(with_probabilities(own_learner(name, vars(setting), wanted)), seed)
+        defaults = {"features": ("x", "y"), "epochs": None, "device": "cpu"}
+        required = [key for key, value in defaults.items() if getattr(config, key) != value]
+        return _set_seed(ensure_predict_proba(load_learner_plugin(name, vars(config), required)), seed)
+    if name in RENAMED:
+        raise DataError(f"learner {name!r} is now called {RENAMED[name]!r}")
     if name not in LEARNERS:
         raise DataError(
-            f"unknown learner {name!r}; {expected_one_of([*LEARNERS])}, or one of your own as MODULE:FUNCTION"
-            " or FILE.py:FUNCTION"
+            f"unknown learner {name!r}; {expected_one_of([*LEARNERS])}, or one of your own as"
+            " MODULE:FUNCTION or FILE.py:FUNCTION"
         )
     row = LEARNERS[name]
-    if not row.trained:
-        those = ", ".join(known for known, other in LEARNERS.items() if other.trained)
+    if not row.iterative:
+        iterative = ", ".join(known for known, other in LEARNERS.items() if other.iterative)
         if epochs is not None:
-            raise DataError(f"learner {name!r} makes no passes over the data; epochs are for {those}")
+            raise DataError(f"learner {name!r} makes no passes over the data; epochs are for {iterative}")
         if device != "cpu":
-            raise DataError(f"learner {name!r} computes on the cpu alone; device {device!r} is for {those}")
-    return row.make(setting)
+            raise DataError(f"learner {name!r} runs on the cpu only; device {device!r} is for {iterative}")
+    return row.make(config)
 
 
-def _seeded(estimator: Any, seed: int) -> Any:
-    """The estimator with `seed` for every random_state that was left open, so that runs can be repeated."""
-    open_states = {
+def _set_seed(estimator: Any, seed: int) -> Any:
+    """Set every random_state that is None to `seed`, so that runs can be repeated."""
+    unset = {
         key: seed
         for key, value in estimator.get_params().items()
         if key.split("__")[-1] == "random_state" and value is None
     }
-    return estimator.set_params(**open_states) if open_states else estimator
+    return estimator.set_params(**unset) if unset else estimator

@@ -1,13 +1,15 @@
-"""Steps of other libraries in a stored classifier: kept by skops, which runs nothing when it loads.
+"""Storage of other libraries' pipeline steps by skops, which executes nothing when it loads.
 
-Only types that are known to be harmless are taken back: those that skops trusts, and the few below. A tree of
-scikit-learn is among them after its links have been checked, as a forged one could lead outside its memory.
+Only harmless types are loaded: those that skops trusts, and those in `TRUSTED`. The trees of scikit-learn are
+among them, after a check of their links, because a forged tree could address memory outside itself.
 
 Source: skops.io, "Secure persistence".
 """
 
 from __future__ import annotations
 
+import io
+import zipfile
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -16,8 +18,8 @@ import numpy.typing as npt
 
 from lcorpp.errors import DataError, expected_one_of
 
-FOREIGN = "skops"
-"""The kind of such a step, and the name of its array."""
+SKOPS = "skops"
+"""The stored kind of such a step, and the name of its array."""
 
 TREE = "sklearn.tree._tree.Tree"
 
@@ -25,32 +27,38 @@ TRUSTED = (
     TREE,
     "aeon.classification.convolution_based._minirocket.MiniRocketClassifier",
     "aeon.transformations.collection.convolution_based._minirocket.MiniRocket",
-    "lcorpp.learning.classifiers.contract.Scored",
+    "lcorpp.learning.classifiers.contract.SigmoidScores",
 )
 
+RENAMED = {
+    b'"__class__": "Scored"': b'"__class__": "SigmoidScores"',
+    b'"lcorpp.learning.fitting"': b'"lcorpp.learning.classifiers.contract"',
+}
+"""Names in files written before November 2026 -> names of today."""
 
-def pack(name: str, step: Any, own: Sequence[str]) -> npt.NDArray[np.uint8]:
-    """A trained step as bytes (n,).
+
+def dump_step(name: str, step: Any, native: Sequence[str]) -> npt.NDArray[np.uint8]:
+    """Return a trained step as bytes (n,).
 
     Args:
-        name: what the step is called. own: the kinds that can be stored without skops, for the message.
+        name: the name of the step. native: the kinds that need no skops, for the message.
 
     Raises:
-        DataError: skops is not installed, or the step holds a type that would not be loaded again.
+        DataError: skops is not installed, or the step contains a type that could not be loaded.
     """
     kind = type(step).__name__
     try:
-        from skops import io
+        from skops import io as skops_io
     except ModuleNotFoundError:
         raise DataError(
             f"step {name!r} of kind {kind} can be stored only with skops: pip install 'lcorpp[skops]';"
-            f" without it {expected_one_of(own)}"
+            f" without it {expected_one_of(native)}"
         ) from None
     try:
-        content = io.dumps(step)
-    except Exception as error:  # it meets anything that a stranger's classifier may hold
+        content = skops_io.dumps(step)
+    except Exception as error:  # a user's classifier may contain anything
         raise DataError(f"step {name!r} of kind {kind} cannot be stored: {error}") from None
-    unknown = [found for found in io.get_untrusted_types(data=content) if found not in TRUSTED]
+    unknown = [found for found in skops_io.get_untrusted_types(data=content) if found not in TRUSTED]
     if unknown:
         raise DataError(
             f"step {name!r} of kind {kind} cannot be stored safely: it holds {', '.join(unknown[:3])},"
@@ -59,27 +67,42 @@ def pack(name: str, step: Any, own: Sequence[str]) -> npt.NDArray[np.uint8]:
     return np.frombuffer(content, dtype=np.uint8)
 
 
-def unpack(name: str, content: npt.NDArray[np.uint8]) -> Any:
-    """The step that `pack` made bytes of.
+def load_step(name: str, content: npt.NDArray[np.uint8]) -> Any:
+    """Return the step that `dump_step` stored.
 
     Raises:
-        DataError: skops is not installed, or the bytes are no such step.
+        DataError: skops is not installed, or the bytes are not a stored step.
     """
     try:
-        from skops import io
+        from skops import io as skops_io
     except ModuleNotFoundError:
         raise DataError(f"step {name!r} was stored by skops: pip install 'lcorpp[skops]'") from None
     try:
-        step = io.loads(content.tobytes(), trusted=list(TRUSTED))
+        step = skops_io.loads(_rename(content.tobytes()), trusted=list(TRUSTED))
     except Exception as error:  # damaged content fails in many ways
         raise DataError(f"step {name!r} cannot be loaded: {error}") from None
     for tree in _trees(step):
-        _check(name, tree)
+        _check_links(name, tree)
     return step
 
 
+def _rename(content: bytes) -> bytes:
+    """Replace former class names in the schema of a skops archive."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        schema = archive.read("schema.json")
+        if not any(former in schema for former in RENAMED):
+            return content
+        for former, current in RENAMED.items():
+            schema = schema.replace(former, current)
+        buffer = io.BytesIO()
+        with zipfile.ZipFile(buffer, "w") as copy:
+            for entry in archive.infolist():
+                copy.writestr(entry, schema if entry.filename == "schema.json" else archive.read(entry))
+    return buffer.getvalue()
+
+
 def _trees(step: Any) -> Iterable[Any]:
-    """The trees that a step is made of, however deep."""
+    """Yield the trees of a step, however deep."""
     if hasattr(step, "tree_"):
         yield step.tree_
     inner = getattr(step, "estimators_", ())
@@ -91,8 +114,8 @@ def _trees(step: Any) -> Iterable[Any]:
             yield from _trees(part)
 
 
-def _check(name: str, tree: Any) -> None:
-    """Complain about a tree whose links lead outside or in a circle."""
+def _check_links(name: str, tree: Any) -> None:
+    """Raise DataError if a link of a tree leads outside it or backwards."""
     nodes = np.arange(tree.node_count)
     for children in (tree.children_left, tree.children_right):
         inner = children != -1

@@ -1,108 +1,153 @@
-"""How good scores are, one class against the rest: order (AUC), distance (Brier), calibration (ECE).
+"""Metrics of probabilities, one class against the rest: AUC, Brier score, expected calibration error.
 
-Every function takes `weights` (resamples, cases), how often each case counts, and gives one figure for each
-row: with one row of ones it is the figure itself, with `intervals.resampled` its resamples.
+Every metric takes `weights` (resamples, cases), the number of times each case counts, and returns one value
+per
+row: a row of ones gives the metric itself, `cluster_bootstrap_weights` its bootstrap distribution.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import betaincinv
 
-from lcorpp.values import Array
+from lcorpp.values import Array, Interval
 
 Flags = npt.NDArray[np.bool_]
 
-BINS = 10
-"""Parts of a reliability curve, with as many cases each."""
+RESAMPLES = 1000
+"""Bootstrap resamples; with another seed the ends of an interval move by about .02 of its width."""
 
-CHANCES = 400
-"""Draws for the calibration error that right probabilities show by chance."""
+BINS = 10
+"""Bins of a reliability diagram, each with equally many cases."""
+
+SIMULATIONS = 400
+"""Simulated label vectors for the calibration error of perfectly calibrated probabilities."""
+
+
+def cluster_bootstrap_weights(groups: Sequence[str], *, count: int = RESAMPLES, seed: int = 0) -> Array:
+    """(count, cases) the number of times each case is drawn if whole groups are drawn with replacement.
+
+    Cases of one person are not independent, so a resample contains all of them or none.
+
+    Args:
+        groups: (cases,) the group, e.g. the person, of each case.
+        seed: seed of the resamples; the same resamples serve for all metrics.
+
+    Source: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 8.
+    """
+    names, index = np.unique(np.array(groups), return_inverse=True)
+    rng = np.random.default_rng(seed)
+    draws = rng.multinomial(len(names), np.full(len(names), 1 / len(names)), size=count)
+    return np.asarray(draws[:, index], dtype=np.float64)
+
+
+def bootstrap_interval(value: float, resampled: Array) -> Interval:
+    """The 95 % percentile interval of a metric from its values on resamples (count,); NaN is ignored."""
+    known = resampled[np.isfinite(resampled)]
+    if not len(known) or not np.isfinite(value):
+        return Interval(float("nan"), float("nan"), float("nan"))
+    low, high = np.quantile(known, [0.025, 0.975])
+    return Interval(float(value), float(min(low, value)), float(max(high, value)))
+
+
+def jeffreys_interval(count: int, cases: int, *, level: float = 0.95, smoothing: float = 0.5) -> Interval:
+    """The share count / cases with its Beta interval.
+
+    The lower end is 0 if `count` is 0, the upper end 1 if it is `cases`, as is usual for Jeffreys' intervals.
+
+    Args:
+        level: the posterior probability of the interval.
+        smoothing: parameter of the Beta prior: 1/2 gives Jeffreys' interval, 1 that of a uniform prior.
+
+    Source: Brown, Cai and DasGupta, Statistical Science 16, 2001.
+    """
+    a, b, tail = count + smoothing, cases - count + smoothing, (1 - level) / 2
+    low = float(betaincinv(a, b, tail)) if count else 0.0
+    high = float(betaincinv(a, b, 1 - tail)) if count < cases else 1.0
+    return Interval(count / cases if cases else 0.0, low, high)
 
 
 def auc(scores: Array, positive: Flags, weights: Array) -> Array:
-    """(resamples,) the chance that a positive case has a higher score than another one, ties counting half.
+    """(resamples,) the area under the ROC curve; ties count half.
 
     Args:
         scores: (cases,). positive: (cases,). weights: (resamples, cases).
 
-    A resample without a case of each kind gives NaN.
+    The AUC of a resample without both positive and negative cases is NaN.
 
     Source: Hanley and McNeil, Radiology 143, 1982.
     """
     order = np.argsort(scores, kind="stable")
-    first = np.flatnonzero(np.r_[True, np.diff(scores[order]) > 0])  # where each distinct score begins
+    first = np.flatnonzero(np.r_[True, np.diff(scores[order]) > 0])  # the first case of each distinct score
     sorted_weights, is_positive = weights[:, order], positive[order]
-    hits = np.add.reduceat(sorted_weights * is_positive, first, axis=1)
-    others = np.add.reduceat(sorted_weights * ~is_positive, first, axis=1)
-    below = np.cumsum(others, axis=1) - others
-    pairs = hits.sum(axis=1) * others.sum(axis=1)
-    wins = (hits * (below + others / 2)).sum(axis=1)
+    positives = np.add.reduceat(sorted_weights * is_positive, first, axis=1)
+    negatives = np.add.reduceat(sorted_weights * ~is_positive, first, axis=1)
+    below = np.cumsum(negatives, axis=1) - negatives
+    pairs = positives.sum(axis=1) * negatives.sum(axis=1)
+    wins = (positives * (below + negatives / 2)).sum(axis=1)
     return np.asarray(np.divide(wins, pairs, out=np.full(len(weights), np.nan), where=pairs > 0))
 
 
 def brier(scores: Array, positive: Flags, weights: Array) -> Array:
-    """(resamples,) the mean squared distance of the probability from 1 and 0; .25 is saying .5 of everybody.
+    """(resamples,) the Brier score: mean squared error of the probabilities; constant .5 scores .25.
 
     Source: Brier, Monthly Weather Review 78, 1950.
     """
     return np.asarray(weights @ (scores - positive) ** 2 / weights.sum(axis=1))
 
 
-def calibration_error(scores: Array, positive: Flags, weights: Array) -> Array:
-    """(resamples,) the expected calibration error: mean distance of share and probability over the bins.
+def expected_calibration_error(scores: Array, positive: Flags, weights: Array) -> Array:
+    """(resamples,) the expected calibration error (ECE): mean of |frequency - probability| over the bins.
 
-    The bins hold equally many cases, as bins of equal width would leave most cases in one or two. It is
-    never negative, so right probabilities show one too: compare `error_by_chance`.
+    The bins contain equally many cases; bins of equal width would leave most cases in one or two. The ECE is
+    never negative and above 0 even for perfect probabilities: compare `expected_ece_if_calibrated`.
 
     Source: Naeini, Cooper and Hauskrecht, AAAI 2015; Nixon et al., CVPR workshops 2019.
     """
-    member = _members(scores)
-    gaps = (weights * (positive - scores)) @ member
+    membership = _bin_membership(scores)
+    gaps = (weights * (positive - scores)) @ membership
     return np.asarray(np.abs(gaps).sum(axis=1) / weights.sum(axis=1))
 
 
-def error_by_chance(scores: Array, *, seed: int = 0) -> float:
-    """The mean calibration error of these probabilities (cases,) if they were exactly right."""
+def expected_ece_if_calibrated(scores: Array, *, seed: int = 0) -> float:
+    """The mean ECE of the probabilities (cases,) if labels are drawn from them."""
     rng = np.random.default_rng(seed)
-    member = _members(scores)
-    drawn = rng.random((CHANCES, len(scores))) < scores
-    return float((np.abs((drawn - scores) @ member).sum(axis=1) / len(scores)).mean())
+    membership = _bin_membership(scores)
+    labels = rng.random((SIMULATIONS, len(scores))) < scores
+    return float((np.abs((labels - scores) @ membership).sum(axis=1) / len(scores)).mean())
 
 
 @dataclass(frozen=True)
-class Bin:
-    """A part of the reliability curve: cases of about one probability.
+class ReliabilityBin:
+    """A bin of a reliability diagram.
 
-    said: the mean probability. share: how many of them are positive. low, high: its 95 % interval.
+    predicted: mean predicted probability. observed: fraction of positives with its 95 % interval. cases:
+        number.
     """
 
-    said: float
-    share: float
-    low: float
-    high: float
+    predicted: float
+    observed: Interval
     cases: int
 
 
-def reliability(scores: Array, positive: Flags) -> tuple[Bin, ...]:
-    """The reliability curve in at most `BINS` parts of equally many cases, with Jeffreys' intervals.
+def reliability(scores: Array, positive: Flags) -> tuple[ReliabilityBin, ...]:
+    """The reliability diagram: at most `BINS` bins of equally many cases, with Jeffreys' intervals.
 
     Source: DeGroot and Fienberg, The Statistician 32, 1983.
     """
     bins = []
-    for member in _members(scores).T.astype(bool):
-        cases, hits = int(member.sum()), int(positive[member].sum())
-        ends = [betaincinv(hits + 0.5, cases - hits + 0.5, tail) for tail in (0.025, 0.975)]
-        low, high = (float(ends[0]) if hits else 0.0), (float(ends[1]) if hits < cases else 1.0)
-        bins.append(Bin(float(scores[member].mean()), hits / cases, low, high, cases))
+    for member in _bin_membership(scores).T.astype(bool):
+        cases, positives = int(member.sum()), int(positive[member].sum())
+        bins.append(ReliabilityBin(float(scores[member].mean()), jeffreys_interval(positives, cases), cases))
     return tuple(bins)
 
 
-def _members(scores: Array) -> Array:
-    """(cases, bins) 1 where a case is in a bin; equal scores are in one bin."""
+def _bin_membership(scores: Array) -> Array:
+    """(cases, bins) 1 if a case is in a bin; equal scores share a bin."""
     edges = np.unique(np.quantile(scores, np.linspace(0, 1, BINS + 1)[1:-1]))
     _, index = np.unique(np.searchsorted(edges, scores, side="left"), return_inverse=True)
     return np.eye(index.max() + 1)[index]

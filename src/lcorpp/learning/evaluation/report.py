@@ -1,54 +1,59 @@
-"""All that cross-validation says of a classifier, in one value: for a table, for files and for a figure."""
+"""Evaluation report: all results of a cross-validation in one value."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from sklearn.metrics import roc_curve
 
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.evaluation.calibration import Calibration, calibration_of, cross_calibrated
-from lcorpp.learning.evaluation.intervals import Interval, percentile_interval, resampled
+from lcorpp.learning.evaluation.calibration import Calibration, cross_calibrate, fit_calibration
 from lcorpp.learning.evaluation.metrics import (
-    Bin,
     Flags,
+    ReliabilityBin,
     auc,
+    bootstrap_interval,
     brier,
-    calibration_error,
-    error_by_chance,
+    cluster_bootstrap_weights,
+    expected_calibration_error,
+    expected_ece_if_calibrated,
     reliability,
 )
-from lcorpp.learning.evaluation.thresholds import GOALS, Threshold, choose_threshold
-from lcorpp.learning.evaluation.validation import Rate, Validation, rates_intervals
-from lcorpp.values import Array
+from lcorpp.learning.evaluation.thresholds import GOALS, ThresholdChoice, choose_threshold
+from lcorpp.learning.evaluation.validation import Rate, Validation
+from lcorpp.notebook import html_table
+from lcorpp.values import Array, Interval
 
 
 @dataclass(frozen=True, eq=False)
-class Probabilities:
-    """How right the probabilities of one class are.
+class ProbabilityQuality:
+    """Quality of the probabilities of one class.
 
-    scores: (cases,) the probabilities themselves, out of fold.
-    brier: mean squared distance from the truth. error: expected calibration error; by_chance is the one that
-        probabilities would show that are exactly right, so many cases being few.
+    scores: (cases,) the out-of-fold probabilities.
+    brier: Brier score.
+    ece: expected calibration error. ece_if_calibrated: its expectation if the probabilities were perfect,
+        which is above 0 for a finite number of cases.
+    reliability: the reliability diagram.
     """
 
     scores: Array
     brier: Interval
-    error: Interval
-    by_chance: float
-    reliability: tuple[Bin, ...]
+    ece: Interval
+    ece_if_calibrated: float
+    reliability: tuple[ReliabilityBin, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class OneClass:
-    """How well one class is told from the others.
+class ClassReport:
+    """Discrimination and calibration of one class against the others.
 
-    name: the class. cases: how many are of it. positive: (cases in all,) which.
-    auc: area under the ROC curve. roc: (2, points) the curve, false alarms and hits.
-    said: the probabilities as the classifier gives them. calibrated: put right, each fold by the others.
-    thresholds: from where on to call a case so, for each goal.
+    name: the class. cases: number of its cases. positive: (all cases,) which cases are of it.
+    auc: area under the ROC curve. roc: (2, points) the curve: false positive rate and true positive rate.
+    raw: quality of the classifier's probabilities. calibrated: the same after calibration, each fold
+        calibrated by a fit to the others.
+    thresholds: the best decision threshold for each goal.
     """
 
     name: str
@@ -56,20 +61,38 @@ class OneClass:
     positive: Flags
     auc: Interval
     roc: Array
-    said: Probabilities
-    calibrated: Probabilities
-    thresholds: tuple[Threshold, ...]
+    raw: ProbabilityQuality
+    calibrated: ProbabilityQuality
+    thresholds: tuple[ThresholdChoice, ...]
+
+    def __repr__(self) -> str:
+        return f"<ClassReport {self.name}: {self.cases} cases; AUC {self.auc}; ECE {self.raw.ece}>"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a report's table. predicted: column of the confusion matrix, "" for other quantities."""
+
+    class_name: str
+    quantity: str
+    interval: Interval
+    predicted: str = ""
+
+    @property
+    def has_interval(self) -> bool:
+        """Whether the ends of the interval are estimated."""
+        return not np.isnan(self.interval.low) or np.isnan(self.interval.estimate)
 
 
 @dataclass(frozen=True, eq=False)
-class Report:
-    """How good a classifier is, on people it had not seen.
+class EvaluationReport:
+    """Performance of a classifier on unseen people, with 95 % intervals that resample people.
 
-    learner: what it is called. source: of the data.
-    cases, people, folds: how many. Intervals are by people, 95 %.
-    accuracy: the share of cases called right. rates: of the confusion matrix, row by row.
-    classes: one for each class; of two only the positive one, as the other is its mirror image.
-    calibration: as fitted on all out-of-fold predictions, for the classifier trained on all cases.
+    learner: its name. source: the source of the data.
+    cases, people, folds: their numbers.
+    accuracy: fraction of correct predictions. rates: (K, K) rates of the confusion matrix.
+    classes: one report per class; for two classes only the positive one, as the other is its mirror image.
+    calibration: fitted to all out-of-fold predictions, for the classifier trained on all cases.
     """
 
     learner: str
@@ -79,11 +102,56 @@ class Report:
     folds: int
     accuracy: Interval
     rates: tuple[tuple[Rate, ...], ...]
-    classes: tuple[OneClass, ...]
+    classes: tuple[ClassReport, ...]
     calibration: Calibration
 
+    def __repr__(self) -> str:
+        lines = [f"<EvaluationReport: {self.title}; accuracy {self.accuracy}"]
+        lines += [f"  {one.name}: AUC {one.auc}, ECE {one.raw.ece}" for one in self.classes[:6]]
+        if len(self.classes) > 6:
+            lines.append(f"  ... ({len(self.classes)} classes)")
+        return "\n".join(lines) + ">"
 
-def report_on(
+    def _repr_html_(self) -> str:
+        body = [
+            (
+                row.class_name,
+                row.quantity,
+                str(row.interval) if row.has_interval else f"{row.interval.estimate:.3f}",
+            )
+            for row in self.rows()
+        ]
+        return html_table(("class", "quantity", "value [95 % interval]"), body, caption=self.title)
+
+    @property
+    def title(self) -> str:
+        """The learner and the size of the data, in words."""
+        size = f"{self.cases} cases of {self.people} people, {self.folds} folds"
+        return f"{self.learner or 'classifier'}: {size}"
+
+    def rows(self) -> Iterator[Row]:
+        """Yield every quantity of the report; the ends of the interval are NaN if it has none."""
+        yield Row("", "accuracy", self.accuracy)
+        for rates in self.rates:
+            for rate in rates:
+                yield Row(rate.true, f"predicted {rate.predicted}", rate.interval, rate.predicted)
+        for one in self.classes:
+            yield Row(one.name, "AUC", one.auc)
+            for suffix, quality in (("", one.raw), (", calibrated", one.calibrated)):
+                yield Row(one.name, f"Brier score{suffix}", quality.brier)
+                yield Row(one.name, f"expected calibration error{suffix}", quality.ece)
+                yield Row(
+                    one.name,
+                    f"expected calibration error if perfectly calibrated{suffix}",
+                    _without_ends(quality.ece_if_calibrated),
+                )
+            for choice in one.thresholds:
+                best = f"{choice.label} at prevalence {choice.prevalence:.3g}"
+                yield Row(one.name, f"threshold for {best}", _without_ends(choice.probability))
+                yield Row(one.name, best, _without_ends(choice.score))
+
+
+def build_report(
     validation: Validation,
     *,
     positive: str | None = None,
@@ -91,77 +159,81 @@ def report_on(
     costs: tuple[float, float] | None = None,
     learner: str = "",
     source: str = "",
-) -> Report:
-    """Work out everything that a cross-validation says.
+) -> EvaluationReport:
+    """Compute all metrics of a cross-validation.
 
     Args:
-        validation: with its labels, as `cross_validate` gives it.
-        positive: of two classes the one to tell of; None takes the last in order.
-        prevalence: class -> how common it is where the classifier will be used; None takes the shares among
-            the cases. Thresholds are chosen for it.
-        costs: of missing somebody of the class, and of a false alarm: one more goal of thresholds.
-        learner, source: names for people to read.
+        validation: the result of `cross_validate`, with labels.
+        positive: the positive one of two classes; None takes the last in order.
+        prevalence: class -> its prevalence where the classifier is used, for which thresholds are chosen;
+            None takes the frequencies among the cases.
+        costs: of a false negative and of a false positive: an additional goal of thresholds.
+        learner, source: names to print.
 
     Raises:
-        DataError: there is no such class, or a prevalence is not between 0 and 1.
+        DataError: `positive` is unknown, or a prevalence is missing or not between 0 and 1.
     """
     classes, labels = validation.classes, np.array(validation.labels)
     if positive is not None and positive not in classes:
         raise DataError(f"no case is of class {positive!r}; {expected_one_of(classes)}")
-    told = classes if len(classes) > 2 else (positive or classes[-1],)
-    common = prevalence or {name: float(np.mean(labels == name)) for name in classes}
-    missing = [name for name in told if name not in common]
+    reported = classes if len(classes) > 2 else (positive or classes[-1],)
+    prevalences = prevalence or {name: float(np.mean(labels == name)) for name in classes}
+    missing = [name for name in reported if name not in prevalences]
     if missing:
-        raise DataError(f"the prevalence of {missing[0]} is missing; expected {', '.join(told)}")
-    weights = resampled(validation.groups)
-    calibrated = cross_calibrated(validation)
+        raise DataError(f"the prevalence of {missing[0]} is missing; expected {', '.join(reported)}")
+    weights = cluster_bootstrap_weights(validation.groups)
+    calibrated = cross_calibrate(validation)
     goals: list[str | tuple[float, float]] = [*GOALS, *([costs] if costs else [])]
     parts = []
-    for name in told:
+    for name in reported:
         column, flags = classes.index(name), labels == name
         scores = validation.probabilities[:, column]
-        alarms, hits, _ = roc_curve(flags, scores)
+        fpr, tpr, _ = roc_curve(flags, scores)
         parts.append(
-            OneClass(
+            ClassReport(
                 name,
                 int(flags.sum()),
                 flags,
                 _interval(auc, scores, flags, weights),
-                np.stack([alarms, hits]),
-                _probabilities(scores, flags, weights),
-                _probabilities(calibrated[:, column], flags, weights),
+                np.stack([fpr, tpr]),
+                _quality(scores, flags, weights),
+                _quality(calibrated[:, column], flags, weights),
                 tuple(
-                    choose_threshold(scores, flags, validation.folds, prevalence=common[name], goal=goal)
+                    choose_threshold(scores, flags, validation.folds, prevalence=prevalences[name], goal=goal)
                     for goal in goals
                 ),
             )
         )
-    right = np.array(validation.predictions) == labels
-    return Report(
+    correct = np.array(validation.predictions) == labels
+    return EvaluationReport(
         learner,
         source,
         len(labels),
         len(set(validation.groups)),
         len(set(validation.folds)),
-        percentile_interval(float(right.mean()), weights @ right / weights.sum(axis=1)),
-        rates_intervals(validation.confusion),
+        bootstrap_interval(float(correct.mean()), weights @ correct / weights.sum(axis=1)),
+        validation.rates,
         tuple(parts),
-        calibration_of(validation),
+        fit_calibration(classes, validation.probabilities, validation.labels),
     )
 
 
-def _probabilities(scores: Array, positive: Flags, weights: Array) -> Probabilities:
-    return Probabilities(
+def _quality(scores: Array, positive: Flags, weights: Array) -> ProbabilityQuality:
+    return ProbabilityQuality(
         scores,
         _interval(brier, scores, positive, weights),
-        _interval(calibration_error, scores, positive, weights),
-        error_by_chance(scores),
+        _interval(expected_calibration_error, scores, positive, weights),
+        expected_ece_if_calibrated(scores),
         reliability(scores, positive),
     )
 
 
 def _interval(
-    figure: Callable[[Array, Flags, Array], Array], scores: Array, positive: Flags, weights: Array
+    metric: Callable[[Array, Flags, Array], Array], scores: Array, positive: Flags, weights: Array
 ) -> Interval:
-    alone = np.ones((1, len(scores)))
-    return percentile_interval(float(figure(scores, positive, alone)[0]), figure(scores, positive, weights))
+    once = np.ones((1, len(scores)))
+    return bootstrap_interval(float(metric(scores, positive, once)[0]), metric(scores, positive, weights))
+
+
+def _without_ends(value: float) -> Interval:
+    return Interval(value, float("nan"), float("nan"))

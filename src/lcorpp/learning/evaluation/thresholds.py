@@ -1,7 +1,7 @@
-"""From which probability on a case is called positive: the best threshold where the class is so common.
+"""Decision thresholds: choose the best one for a given class prevalence.
 
-A classifier trained on as many of each class calls a case positive from .5 on. Where one person in fifty is
-interested that is too many calls; where a missed customer costs ten false alarms it is too few.
+The default threshold of a classifier trained on balanced classes is .5. If one person in fifty is interested,
+that predicts too many positives; if a missed customer costs ten false positives, too few.
 """
 
 from __future__ import annotations
@@ -17,107 +17,117 @@ from lcorpp.values import Array
 
 
 @dataclass(frozen=True)
-class Cut:
-    """A class of two is called from this probability of it on, and the other one below."""
+class DecisionThreshold:
+    """The probability from which on a class of two is predicted; below it, the other class is."""
 
     name: str
     probability: float
 
     def __post_init__(self) -> None:
         if not 0 <= self.probability <= 1 + 1e-9:
-            raise DataError(f"a case cannot be called {self.name} from {self.probability} on; expected 0..1")
+            raise DataError(f"the threshold of {self.name} is {self.probability}; expected 0..1")
+
+    def __str__(self) -> str:
+        return f"{self.name} from probability {self.probability:.3f} on"
 
 
-def called(classes: Sequence[str], probabilities: Array, cut: Cut | None = None) -> list[str]:
-    """(cases,) the hard labels: the most probable class, or as the cut says.
+def apply_threshold(
+    classes: Sequence[str], probabilities: Array, threshold: DecisionThreshold | None = None
+) -> list[str]:
+    """(cases,) the predicted classes: by the threshold, or the most probable class without one.
 
     Args:
         classes: (K,) the columns of `probabilities` (cases, K).
 
     Raises:
-        DataError: there is a cut, and there are not two classes with its own among them.
+        DataError: there is a threshold, and its class is not one of two.
     """
-    if cut is None:
+    if threshold is None:
         return [classes[column] for column in probabilities.argmax(axis=1).tolist()]
-    if len(classes) != 2 or cut.name not in classes:
-        raise DataError(f"a cut at {cut.name} is for two classes, not for {', '.join(classes)}")
-    column = classes.index(cut.name)
-    positive = probabilities[:, column] >= cut.probability
-    return [cut.name if is_positive else classes[1 - column] for is_positive in positive.tolist()]
+    if len(classes) != 2 or threshold.name not in classes:
+        raise DataError(f"a threshold of {threshold.name} is for two classes, not for {', '.join(classes)}")
+    column = classes.index(threshold.name)
+    positive = probabilities[:, column] >= threshold.probability
+    return [threshold.name if is_positive else classes[1 - column] for is_positive in positive.tolist()]
 
 
 @dataclass(frozen=True)
-class Rates:
-    """What some thresholds lead to; every field (thresholds,).
+class RocPoints:
+    """Points of a ROC curve, each field (thresholds,): true positive rate and false positive rate."""
 
-    hit: P(called positive | positive), the TPR. alarm: P(called positive | not), the FPR.
-    """
-
-    hit: Array
-    alarm: Array
+    tpr: Array
+    fpr: Array
 
 
-Goal = Callable[[Rates, float], Array]
-"""How good rates are (thresholds,) where this share of people is positive; more is better."""
+Goal = Callable[[RocPoints, float], Array]
+"""Utility (thresholds,) of points of the ROC curve at a prevalence; higher is better."""
 
 
-def _f1(rates: Rates, prevalence: float) -> Array:
-    called = prevalence * rates.hit + (1 - prevalence) * rates.alarm
-    return np.asarray(2 * prevalence * rates.hit / (called + prevalence))
+def _f1(roc: RocPoints, prevalence: float) -> Array:
+    predicted = prevalence * roc.tpr + (1 - prevalence) * roc.fpr
+    return np.asarray(2 * prevalence * roc.tpr / (predicted + prevalence))
 
 
 GOALS: Mapping[str, Goal] = {
-    "accuracy": lambda rates, share: share * rates.hit + (1 - share) * (1 - rates.alarm),
+    "accuracy": lambda roc, prevalence: prevalence * roc.tpr + (1 - prevalence) * (1 - roc.fpr),
     "f1": _f1,
-    "youden": lambda rates, share: rates.hit - rates.alarm,
+    "youden": lambda roc, prevalence: roc.tpr - roc.fpr,
 }
-"""What a threshold may be best for; Youden's J (Cancer 3, 1950) does not depend on the prevalence."""
+"""The goals of a threshold by name; Youden's J (Cancer 3, 1950) does not depend on the prevalence."""
 
 
 @dataclass(frozen=True)
-class Threshold:
-    """A case is called positive from this probability on.
+class ThresholdChoice:
+    """The best threshold for a goal.
 
-    goal: what it is best for, a name among `GOALS` or "cost".
-    prevalence: the share of positives it is meant for.
-    value: what is reached on the cases it was chosen on, for costs their negative mean; optimistic.
-    honest: what is reached when each fold is called by a threshold chosen on the others.
-    hit, alarm: the share of positives and of others that are called positive, on the cases it was chosen on.
+    goal: a name among `GOALS`, or "cost".
+    prevalence: fraction of positives for which it was chosen.
+    probability: cases with at least this probability are predicted positive.
+    in_sample: utility on the cases from which it was chosen (optimistic); of costs, minus the mean cost.
+    out_of_fold: utility if each fold uses a threshold chosen on the other folds.
+    tpr, fpr: true and false positive rate on the cases from which it was chosen.
     """
 
     goal: str
     prevalence: float
     probability: float
-    value: float
-    honest: float
-    hit: float
-    alarm: float
+    in_sample: float
+    out_of_fold: float
+    tpr: float
+    fpr: float
 
     @property
-    def told(self) -> tuple[str, float]:
-        """What is reached, in words for people, and the honest figure: costs count as positive."""
-        return ("least cost", -self.honest) if self.goal == "cost" else (f"best {self.goal}", self.honest)
+    def label(self) -> str:
+        """The goal in words: "best f1", "least cost"."""
+        return "least cost" if self.goal == "cost" else f"best {self.goal}"
+
+    @property
+    def score(self) -> float:
+        """The out-of-fold value in the units of the goal: costs are positive."""
+        return -self.out_of_fold if self.goal == "cost" else self.out_of_fold
 
 
-def costs(missed: float, alarm: float) -> Goal:
-    """The goal of least cost a person: the price of calling a positive negative, and the other way round.
+def cost_goal(missed: float, false_alarm: float) -> Goal:
+    """Return the goal of least mean cost, given the costs of a false negative and of a false positive.
 
     Raises:
-        DataError: a price is negative, or neither is above 0.
+        DataError: a cost is negative, or neither is above 0.
     """
-    if not (0 <= missed < np.inf and 0 <= alarm < np.inf and missed + alarm > 0):
-        raise DataError(f"the costs are {missed} and {alarm}; expected numbers of at least 0, not both 0")
-    return lambda rates, share: -(share * (1 - rates.hit) * missed + (1 - share) * rates.alarm * alarm)
+    if not (0 <= missed < np.inf and 0 <= false_alarm < np.inf and missed + false_alarm > 0):
+        raise DataError(
+            f"the costs are {missed} and {false_alarm}; expected numbers of at least 0, not both 0"
+        )
+    return lambda roc, p: -(p * (1 - roc.tpr) * missed + (1 - p) * roc.fpr * false_alarm)
 
 
-def named_goal(goal: str | tuple[float, float]) -> tuple[str, Goal]:
-    """The goal of that name, or of two costs, with its name.
+def resolve_goal(goal: str | tuple[float, float]) -> tuple[str, Goal]:
+    """Return name and utility function of a goal, given by name or as two costs.
 
     Raises:
-        DataError: there is none.
+        DataError: the goal is unknown, or the costs are invalid.
     """
     if not isinstance(goal, str):
-        return "cost", costs(*goal)
+        return "cost", cost_goal(*goal)
     if goal not in GOALS:
         raise DataError(f"unknown goal {goal!r}; {expected_one_of([*GOALS])} or two costs")
     return goal, GOALS[goal]
@@ -130,60 +140,60 @@ def choose_threshold(
     *,
     prevalence: float,
     goal: str | tuple[float, float] = "accuracy",
-) -> Threshold:
-    """The threshold that is best on out-of-fold predictions, weighted to a prevalence.
+) -> ThresholdChoice:
+    """Choose the best threshold from out-of-fold predictions, reweighted to a prevalence.
 
     Args:
         scores: (cases,) the probability of the positive class. positive: (cases,) the truth.
-        folds: (cases,) in which each case was held out.
-        prevalence: the share of positives where the classifier will be used, between 0 and 1; the share among
+        folds: (cases,) the fold in which each case was held out.
+        prevalence: fraction of positives where the classifier is used, between 0 and 1; the fraction among
             the cases does not matter.
-        goal: "accuracy", "f1", "youden", or the costs of a missed positive and of a false alarm.
+        goal: "accuracy", "f1", "youden", or the costs of a false negative and of a false positive.
 
     Raises:
-        DataError: the goal or the prevalence is none, or there are not cases of both kinds.
+        DataError: the goal or the prevalence is invalid, or there are no positive or no negative cases.
 
-    Of equally good thresholds the one nearest to .5 is taken.
+    Among equally good thresholds the one nearest to .5 is chosen.
     """
-    name, worth = named_goal(goal)
+    name, utility = resolve_goal(goal)
     if not 0 < prevalence < 1:
         raise DataError(f"the prevalence is {prevalence}; expected a share between 0 and 1")
     if positive.all() or not positive.any():
-        raise DataError("a threshold needs cases of both kinds")
-    at, reached = _best(scores, positive, prevalence, worth)
-    own = _rates(scores, positive, np.array([at]))
-    calls = np.zeros(len(scores), dtype=bool)
+        raise DataError("a threshold needs positive and negative cases")
+    best, in_sample = _best(scores, positive, prevalence, utility)
+    roc = _roc_points(scores, positive, np.array([best]))
+    predicted = np.zeros(len(scores), dtype=bool)
     held_out = np.array(folds)
     for fold in np.unique(held_out):
         rest = held_out != fold
-        both = positive[rest].any() and not positive[rest].all()
-        there = _best(scores[rest], positive[rest], prevalence, worth)[0] if both else at
-        calls[~rest] = scores[~rest] >= there
-    honest = Rates(np.array([calls[positive].mean()]), np.array([calls[~positive].mean()]))
-    return Threshold(
+        has_both = positive[rest].any() and not positive[rest].all()
+        fold_best = _best(scores[rest], positive[rest], prevalence, utility)[0] if has_both else best
+        predicted[~rest] = scores[~rest] >= fold_best
+    out_of_fold = RocPoints(np.array([predicted[positive].mean()]), np.array([predicted[~positive].mean()]))
+    return ThresholdChoice(
         name,
         prevalence,
-        at,
-        reached,
-        float(worth(honest, prevalence)[0]),
-        float(own.hit[0]),
-        float(own.alarm[0]),
+        best,
+        in_sample,
+        float(utility(out_of_fold, prevalence)[0]),
+        float(roc.tpr[0]),
+        float(roc.fpr[0]),
     )
 
 
-def _best(scores: Array, positive: Flags, prevalence: float, worth: Goal) -> tuple[float, float]:
-    """The best threshold and what it reaches; candidates lie halfway between two scores, and at the ends."""
+def _best(scores: Array, positive: Flags, prevalence: float, utility: Goal) -> tuple[float, float]:
+    """The best threshold and its utility; candidates lie halfway between two scores, and at the ends."""
     distinct = np.unique(scores)
     candidates = np.concatenate([[0.0], (distinct[1:] + distinct[:-1]) / 2, [np.nextafter(1.0, 2.0)]])
-    values = worth(_rates(scores, positive, candidates), prevalence)
+    values = utility(_roc_points(scores, positive, candidates), prevalence)
     best = np.flatnonzero(values >= values.max() - 1e-12)
     chosen = best[np.argmin(np.abs(candidates[best] - 0.5))]
     return float(candidates[chosen]), float(values[chosen])
 
 
-def _rates(scores: Array, positive: Flags, thresholds: Array) -> Rates:
-    hits, others = np.sort(scores[positive]), np.sort(scores[~positive])
-    return Rates(
-        1 - np.searchsorted(hits, thresholds, side="left") / len(hits),
-        1 - np.searchsorted(others, thresholds, side="left") / len(others),
+def _roc_points(scores: Array, positive: Flags, thresholds: Array) -> RocPoints:
+    positives, negatives = np.sort(scores[positive]), np.sort(scores[~positive])
+    return RocPoints(
+        1 - np.searchsorted(positives, thresholds, side="left") / len(positives),
+        1 - np.searchsorted(negatives, thresholds, side="left") / len(negatives),
     )

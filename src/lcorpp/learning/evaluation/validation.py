@@ -1,4 +1,4 @@
-"""How good a classifier is: cross-validated on people it has not seen, with intervals."""
+"""Cross-validation on unseen people, with intervals for the rates."""
 
 from __future__ import annotations
 
@@ -10,50 +10,51 @@ from typing import Any
 import joblib
 import numpy as np
 import numpy.typing as npt
-from scipy.special import betaincinv
 from sklearn.base import clone
 from sklearn.metrics import confusion_matrix, roc_auc_score
 from sklearn.model_selection import StratifiedGroupKFold
 
 from lcorpp.errors import DataError
-from lcorpp.learning.classifiers.contract import fitted, predicted, with_probabilities
+from lcorpp.learning.classifiers.contract import ensure_predict_proba, fit_clone, predict_proba
 from lcorpp.learning.data.dataset import check_trainable
-from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset, freeze
+from lcorpp.learning.evaluation.metrics import jeffreys_interval
+from lcorpp.notebook import html_table
+from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset, Interval, freeze
 from lcorpp.workers import ignore_sigint
 
 Progress = Callable[[int, int], None]
-"""Told (parts done, parts in all)."""
+"""Callback (parts done, number of parts)."""
 
-Rows = npt.NDArray[np.intp]
+Indices = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)
 class Rate:
-    """How often cases of class `given` were called `called`: a share with its interval.
+    """The fraction of cases of class `true` with predicted class `predicted`: count / cases."""
 
-    count of cases were called so; value = count / cases; low and high bound the interval.
-    """
-
-    given: str
-    called: str
+    true: str
+    predicted: str
     count: int
     cases: int
-    value: float
-    low: float
-    high: float
+    interval: Interval
+
+    @property
+    def value(self) -> float:
+        """count / cases; 0 if there are no cases."""
+        return self.interval.estimate
 
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """What cross-validation found; every case was predicted once, by a classifier that never saw its group.
+    """Result of cross-validation: each case is predicted once, by a classifier trained without its group.
 
     confusion: counts over all folds, classes in sorted order.
-    predictions: (cases,) the class each case was called.
+    predictions: (cases,) the predicted classes.
     probabilities: (cases, K) the predicted distributions, columns as `classes`.
     auc: area under the ROC curve of the pooled probabilities; None unless there are two classes.
     folds: (cases,) the fold in which each case was held out.
-    labels: (cases,) the class each case is of.
-    groups: (cases,) whom each is of.
+    labels: (cases,) the true classes.
+    groups: (cases,) the group, e.g. the person, of each case.
     """
 
     confusion: ConfusionMatrix
@@ -67,6 +68,18 @@ class Validation:
     def __post_init__(self) -> None:
         object.__setattr__(self, "probabilities", freeze(self.probabilities))
 
+    def __repr__(self) -> str:
+        auc = "" if self.auc is None else f", AUC {self.auc:.3f}"
+        return (
+            f"<Validation: {len(self.labels)} cases, {len(set(self.groups))} groups,"
+            f" {len(set(self.folds))} folds; accuracy {self.accuracy:.3f}{auc}>"
+        )
+
+    def _repr_html_(self) -> str:
+        rows = [[row[0].true, *(f"{r.count} ({r.interval})" for r in row)] for row in self.rates]
+        header = ["true class", *(f"predicted {name}" for name in self.classes)]
+        return html_table(header, rows, caption=repr(self)[1:-1])
+
     @property
     def classes(self) -> tuple[str, ...]:
         """(K,) the class names in sorted order."""
@@ -74,49 +87,53 @@ class Validation:
 
     @property
     def accuracy(self) -> float:
-        """The share of cases called what they are."""
+        """The fraction of correct predictions."""
         return float(np.trace(self.confusion.counts) / self.confusion.counts.sum())
 
-    def rates_interval(self, level: float = 0.95) -> tuple[tuple[Rate, ...], ...]:
-        """Every entry of the confusion matrix as a rate with its interval; see `rates_intervals`."""
-        return rates_intervals(self.confusion, level)
+    @property
+    def rates(self) -> tuple[tuple[Rate, ...], ...]:
+        """(K, K) the rates of the confusion matrix with Jeffreys' 95 % intervals; see `estimate_rates`."""
+        return estimate_rates(self.confusion)
 
-    def recalled(self, predictions: Sequence[str]) -> Validation:
-        """The same cases called otherwise, e.g. by another threshold: (cases,) class names."""
+    @property
+    def recalls(self) -> tuple[Rate, ...]:
+        """(K,) the recall of each class: the diagonal of `rates`."""
+        return tuple(row[i] for i, row in enumerate(self.rates))
+
+    def with_predictions(self, predictions: Sequence[str]) -> Validation:
+        """Return a copy with other predicted classes (cases,), e.g. by another decision threshold."""
         counts = confusion_matrix(self.labels, list(predictions), labels=list(self.classes))
         confusion = ConfusionMatrix(self.classes, counts.astype(np.float64))
         return replace(self, confusion=confusion, predictions=tuple(predictions))
 
-    def summary(self) -> tuple[Rate, ...]:
-        """(K,) how often each class is recognised: the diagonal of `rates_interval`."""
-        return tuple(row[i] for i, row in enumerate(self.rates_interval()))
 
-
-def rates_intervals(
+def estimate_rates(
     confusion: ConfusionMatrix, level: float = 0.95, smoothing: Fraction = JEFFREYS
 ) -> tuple[tuple[Rate, ...], ...]:
-    """Every entry of a confusion matrix as a rate of its row, with its Beta interval.
+    """(K, K) the entries of a confusion matrix as rates of their row, with Beta intervals.
 
-    The diagonal of two classes is what is called TPR and TNR. An end of the interval is 0 where nothing was
-    counted and 1 where everything was, as is usual for Jeffreys' intervals.
+    For two classes the diagonal is the true positive rate and the true negative rate.
 
     Args:
-        level: the probability that the interval holds.
+        level: the posterior probability of the interval.
         smoothing: of the counts: `JEFFREYS` gives Jeffreys' interval, `LAPLACE` that of a uniform prior.
-
-    Source: Brown, Cai and DasGupta, Statistical Science 16, 2001.
     """
-    rows = []
-    for given, row in zip(confusion.classes, confusion.counts.astype(int).tolist(), strict=True):
-        cases = sum(row)
-        rates = []
-        for called, count in zip(confusion.classes, row, strict=True):
-            a, b, tail = count + float(smoothing), cases - count + float(smoothing), (1 - level) / 2
-            low = float(betaincinv(a, b, tail)) if count else 0.0
-            high = float(betaincinv(a, b, 1 - tail)) if count < cases else 1.0
-            rates.append(Rate(given, called, count, cases, count / cases if cases else 0.0, low, high))
-        rows.append(tuple(rates))
-    return tuple(rows)
+    rates = []
+    for true, counts in zip(confusion.classes, confusion.counts.astype(int).tolist(), strict=True):
+        cases = sum(counts)
+        rates.append(
+            tuple(
+                Rate(
+                    true,
+                    predicted,
+                    count,
+                    cases,
+                    jeffreys_interval(count, cases, level=level, smoothing=float(smoothing)),
+                )
+                for predicted, count in zip(confusion.classes, counts, strict=True)
+            )
+        )
+    return tuple(rates)
 
 
 def cross_validate(
@@ -128,19 +145,21 @@ def cross_validate(
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Validation:
-    """Predict every case from training on the other folds; groups stay together, classes in proportion.
+    """Predict every case by a classifier trained on the other folds.
+
+    The folds are stratified and keep groups whole.
 
     Args:
-        estimator: a scikit-learn classifier on (cases, channels, time points), see `with_probabilities`; it
-            is cloned for every fold and stays as it is. Its own `progress` is not called.
-        folds: parts the groups are divided into.
-        seed: of the division.
-        jobs: processes to use; the result is the same for any number.
-        progress: told how many folds are done.
+        estimator: a scikit-learn classifier on (cases, channels, time points), see `ensure_predict_proba`;
+            each fold uses a clone. Its own `progress` is not called.
+        folds: number of folds.
+        seed: seed of the split.
+        jobs: number of processes; it does not affect the result.
+        progress: callback after each fold.
 
     Raises:
-        DataError: `dataset` cannot be learnt from or divided so; see `check_trainable`. The estimator fails,
-            or gives no probabilities.
+        DataError: `dataset` is not trainable or cannot be split, see `check_trainable`; or the estimator
+            fails, or gives no probabilities.
     """
     return fit_and_validate(estimator, dataset, folds, seed, jobs, progress, whole=False)[1]
 
@@ -155,7 +174,7 @@ def fit_and_validate(
     *,
     whole: bool = True,
 ) -> tuple[Any, Validation]:
-    """`cross_validate`, and beside the folds a classifier trained on all cases (None unless `whole`)."""
+    """`cross_validate`, and in parallel a classifier trained on all cases (None unless `whole`)."""
     if folds < 2:
         raise DataError(f"cross-validation needs at least 2 folds, not {folds}")
     if not 0 <= seed < 2**32:
@@ -163,17 +182,17 @@ def fit_and_validate(
     check_trainable(dataset, folds=folds)
     labels = np.array(dataset.labels)
     classes = np.unique(labels)
-    held_out = _held_out(dataset, labels, folds, seed)
-    everything = np.arange(len(dataset))
-    parts: list[tuple[int, Rows, Rows]] = [
-        (fold, everything[held_out != fold], everything[held_out == fold]) for fold in range(folds)
+    fold_of = _assign_folds(dataset, labels, folds, seed)
+    all_cases = np.arange(len(dataset))
+    parts: list[tuple[int, Indices, Indices]] = [
+        (fold, all_cases[fold_of != fold], all_cases[fold_of == fold]) for fold in range(folds)
     ]
     if whole:
-        parts.insert(0, (-1, everything, everything[:0]))  # the longest first, the others fill up
+        parts.insert(0, (-1, all_cases, all_cases[:0]))  # the longest part first, for load balancing
 
-    quiet = _silenced(with_probabilities(estimator))
+    quiet = _clone_without_progress(ensure_predict_proba(estimator))
     work = (
-        joblib.delayed(_part)(quiet, dataset.trajectories, labels, classes, fold, train, test)
+        joblib.delayed(_train_and_predict)(quiet, dataset.trajectories, labels, classes, fold, train, test)
         for fold, train, test in parts
     )
     final = None
@@ -181,69 +200,68 @@ def fit_and_validate(
     with joblib.parallel_config(backend="loky", n_jobs=min(jobs, len(parts)), inner_max_num_threads=1):
         with ignore_sigint():
             results = joblib.Parallel(return_as="generator_unordered")(work)
-        for done, (fold, trained, told) in enumerate(results, start=1):
+        for done, (fold, trained, predicted) in enumerate(results, start=1):
             if fold < 0:
                 final = trained
             else:
-                probabilities[held_out == fold] = told
+                probabilities[fold_of == fold] = predicted
             if progress is not None:
                 progress(done, len(parts))
 
     predictions = classes[probabilities.argmax(axis=1)]
-    names = tuple(classes.tolist())
     counts = confusion_matrix(labels, predictions, labels=classes).astype(np.float64)
     auc = float(roc_auc_score(labels == classes[1], probabilities[:, 1])) if len(classes) == 2 else None
     return final, Validation(
-        ConfusionMatrix(names, counts),
+        ConfusionMatrix(tuple(classes.tolist()), counts),
         tuple(predictions.tolist()),
         probabilities,
         auc,
-        tuple(held_out.tolist()),
+        tuple(fold_of.tolist()),
         dataset.labels,
         dataset.groups,
     )
 
 
-def _held_out(dataset: Dataset, labels: npt.NDArray[np.str_], folds: int, seed: int) -> Rows:
+def _assign_folds(dataset: Dataset, labels: npt.NDArray[np.str_], folds: int, seed: int) -> Indices:
     """(cases,) the fold in which each case is held out."""
-    held_out = np.empty(len(dataset), dtype=np.intp)
+    fold_of = np.empty(len(dataset), dtype=np.intp)
     splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed)
     for fold, (_, test) in enumerate(splitter.split(labels, labels, np.array(dataset.groups))):
-        held_out[test] = fold
+        fold_of[test] = fold
     for fold in range(folds):
-        missing = sorted(set(dataset.labels) - set(labels[held_out != fold].tolist()))
-        if missing:  # can happen where a group holds several classes
+        missing = sorted(set(dataset.labels) - set(labels[fold_of != fold].tolist()))
+        if missing:  # possible if a group has cases of several classes
             raise DataError(
                 f"without fold {fold + 1} of {folds} there is no case of {', '.join(missing)} to learn"
             )
-    return held_out
+    return fold_of
 
 
-def _silenced(estimator: Any) -> Any:
-    """A clone that reports no progress: its callback belongs to this process and may not travel."""
+def _clone_without_progress(estimator: Any) -> Any:
+    """Clone the estimator without its progress callbacks, which may not be picklable."""
     names = [name for name in estimator.get_params() if name.split("__")[-1] == "progress"]
-    kept = {name: estimator.get_params()[name] for name in names}
-    if not any(value is not None for value in kept.values()):
+    callbacks = {name: estimator.get_params()[name] for name in names}
+    if not any(value is not None for value in callbacks.values()):
         return clone(estimator)
     try:
         return clone(estimator.set_params(**dict.fromkeys(names)))
     finally:
-        estimator.set_params(**kept)
+        estimator.set_params(**callbacks)
 
 
-def _part(
+def _train_and_predict(
     estimator: Any,
     tracks: Array,
     labels: npt.NDArray[np.str_],
     classes: npt.NDArray[np.str_],
     fold: int,
-    train: Rows,
-    test: Rows,
+    train: Indices,
+    test: Indices,
 ) -> tuple[int, Any, Array | None]:
-    """Train on some rows; the trained classifier where there is nothing to test, else the predictions."""
-    trained = fitted(estimator, tracks[train], labels[train])
+    """Train on some cases; return the predictions for the test cases, or the classifier if there are none."""
+    trained = fit_clone(estimator, tracks[train], labels[train])
     if trained.classes_.tolist() != classes.tolist():
         raise DataError(f"the classifier learnt {trained.classes_.tolist()}, not {classes.tolist()}")
     if not len(test):
         return fold, trained, None
-    return fold, None, predicted(trained, tracks[test])
+    return fold, None, predict_proba(trained, tracks[test])

@@ -1,7 +1,7 @@
-"""From raw tracks to what a classifier may see of them: motion, not place.
+"""Motion preprocessing: raw tracks -> motion features at a fixed rate, independent of place.
 
-Both steps are scikit-learn transformers on arrays (cases, channels, time points), so they stand in a
-Pipeline and whatever they estimate is estimated from training data alone.
+Both steps are scikit-learn transformers on arrays (cases, channels, time points) for use in a Pipeline, so
+that everything they estimate is estimated from training data only.
 """
 
 from __future__ import annotations
@@ -16,44 +16,59 @@ from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
 from lcorpp.learning.data.dataset import check_tracks
-from lcorpp.learning.features.channels import ANGLES, Points, Pose, check_channels, rows_of, told
-from lcorpp.learning.features.resampling import Places, between, check_rate, places, regular
+from lcorpp.learning.features.motion_features import (
+    ANGLES,
+    Pose,
+    TrackPoints,
+    check_features,
+    compute_features,
+    feature_rows,
+)
+from lcorpp.learning.features.resampling import (
+    InterpolationWeights,
+    check_rate,
+    interpolate,
+    interpolation_weights,
+    resample,
+)
 from lcorpp.values import Array
 
 
 class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
-    """Tracks at a fixed rate, as the robot sees them, relative to where they begin.
+    """Motion features of tracks at a fixed rate, in the robot's frame and relative to the first point.
 
-    Where a track lies in the room often gives its label away (see `leaks`); how it moves does not. Point j of
-    the result is what was known of the person j / rate seconds after the first sample: nothing looks ahead,
-    so that the beginning of a track gives the beginning of its result, number for number. 304 points .033
-    seconds apart become 30 at 3 a second, as in the paper.
+    The place of a track often leaks its label (see `leakage`); its motion does not. Point j of the result
+    uses samples up to j / rate seconds after the first one only, so a prefix of a track gives a prefix of the
+    result, number for number. 304 points .033 seconds apart become 30 points at 3 per second, as in the
+    paper.
 
-    The channels, each made of one number or of two:
+    The features, each of one or two numbers:
 
-    - x, y: the way from the first point, metres ahead of the robot and to its left;
-    - velocity: the speed, m/s; without such an input, over the way from the point before, 0 at the first;
-    - heading: cosine and sine of the direction of motion, anticlockwise from where the robot looks; without
-      such an input, of the way from the point before. (0, 0) where there is no motion;
-    - facing: the same of the direction in which the body or head is turned, which has to be an input;
-    - approach: cosine and sine of heading relative to the direction to the robot: (1, 0) comes straight on;
-    - attention: the same of facing: (1, 0) looks at the robot;
+    - x, y: displacement from the first point, metres ahead of the robot and to its left;
+    - velocity: speed, m/s; without such an input, distance from the previous point over time, 0 at the first;
+    - heading: cosine and sine of the direction of motion, anticlockwise from the robot's heading; without
+      such an input, the direction from the previous point. (0, 0) if there is no motion;
+    - facing: the same for the direction of the body or head, which has to be an input;
+    - approach: cosine and sine of heading relative to the direction to the robot: (1, 0) walks straight to
+      it;
+    - attention: the same for facing: (1, 0) looks at the robot;
     - distance: metres from the robot;
-    - bearing: cosine and sine of the direction in which the robot sees the person.
+    - bearing: cosine and sine of the direction from the robot to the person.
 
-    The last four say where somebody is, not only how they move: they tell more of intention, and on data that
-    leaks its label by place they learn the leak. The others are the same wherever the track lies.
+    The last four contain the person's place, not only the motion: they carry more information about
+    intention, and on data that leaks its label by place a classifier learns the leak. The others do not
+    depend on place.
 
     Args:
-        rate: points per second that come out.
-        interval: seconds between two time points of the tracks that come in.
-        channels: what comes out, in this order.
-        inputs: what the channels of the tracks are: among x and y (m), velocity (m/s), heading and facing
+        rate: points per second of the result.
+        interval: seconds between two time points of the input tracks.
+        features: the features, in the order of the result.
+        inputs: the channels of the input tracks: among x and y (m), velocity (m/s), heading and facing
             (radians, anticlockwise from the x axis).
-        robot: where the robot stands in the frame of the tracks: x, y (m), and where it looks (radians).
+        robot: the robot's pose in the frame of the tracks: x, y (m) and heading (radians).
 
     Attributes:
-        rows_: the names of the channels of the result, such as heading_cos, after `fit`.
+        rows_: the names of the rows of the result, such as heading_cos, set by `fit`.
     """
 
     def __init__(
@@ -61,53 +76,55 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
         *,
         rate: float = 3.0,
         interval: float = 0.033,
-        channels: Sequence[str] = ("x", "y"),
+        features: Sequence[str] = ("x", "y"),
         inputs: Sequence[str] = ("x", "y"),
         robot: Pose = (0.0, 0.0, 0.0),
     ) -> None:
         self.rate = rate
         self.interval = interval
-        self.channels = channels
+        self.features = features
         self.inputs = inputs
         self.robot = robot
 
     def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
-        """Check the parameters and that X (cases, inputs, time points) is of their kind; nothing is learnt.
+        """Check the parameters and X (cases, inputs, time points); nothing is estimated.
 
         Raises:
-            DataError: X is not of that kind, or a parameter is out of range or does not fit another.
+            DataError: X does not match `inputs`, or a parameter is out of range or does not match another.
         """
-        self._check()
+        self._check_parameters()
         tracks = check_tracks(X)
         if tracks.shape[1] != len(self.inputs):
             raise DataError(
                 f"the inputs are {', '.join(self.inputs)}, but the tracks have {tracks.shape[1]} channels"
             )
-        self._places(tracks.shape[2])
-        self.rows_ = rows_of(self.channels)
+        self._interpolation_weights(tracks.shape[2])
+        self.rows_ = feature_rows(self.features)
         return self
 
     def transform(self, X: npt.ArrayLike) -> Array:
-        """(cases, len(rows_), points) the motion of X.
+        """(cases, len(rows_), points) the motion features of X.
 
         Raises:
-            DataError: X is not of shape (cases, inputs, samples), not finite, or shows less than two points.
+            DataError: X is not of shape (cases, inputs, samples), not finite, or has fewer than two points.
         """
         check_is_fitted(self, "rows_")
-        tracks = _with_channels(X, len(self.inputs))
-        return self.of_points(between(tracks, self._places(tracks.shape[2]), self.angles))
+        tracks = _check_channels(X, len(self.inputs))
+        return self.transform_points(
+            interpolate(tracks, self._interpolation_weights(tracks.shape[2]), self.angles)
+        )
 
     def transform_stamped(self, times: npt.ArrayLike, samples: npt.ArrayLike) -> Array:
-        """(1, len(rows_), points) the motion of one track whose samples have their own times.
+        """(1, len(rows_), points) the motion features of one track with a time stamp for each sample.
 
-        It is what `streaming` gives the classifier of such a track, and what `transform` gives of one whose
-        samples are `interval` apart.
+        `StreamingClassifier` computes the same points for such a track, and `transform` for samples that are
+        `interval` apart.
 
         Args:
             times: (samples,) seconds, increasing. samples: (inputs, samples).
 
         Raises:
-            DataError: as of `resampling.regular`, or there are other inputs.
+            DataError: as `resample`, or the number of channels does not match `inputs`.
         """
         check_is_fitted(self, "rows_")
         track = np.asarray(samples, dtype=np.float64)
@@ -115,65 +132,66 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
             raise DataError(
                 f"the inputs are {', '.join(self.inputs)}, but the track has {len(track)} channels"
             )
-        return self.of_points(regular(times, track, self.rate, angles=self.angles)[None])
+        return self.transform_points(resample(times, track, self.rate, angles=self.angles)[None])
 
-    def of_points(self, now: Array) -> Array:
-        """(cases, rows, points) the motion of whole tracks (cases, inputs, points) at the fixed rate."""
+    def transform_points(self, now: Array) -> Array:
+        """(cases, rows, points) the features of whole tracks (cases, inputs, points) at the fixed rate."""
         before = np.concatenate([now[..., :1], now[..., :-1]], axis=2)
-        return self.told(now, before, now[..., :1])
+        return self.features_at(now, before, now[..., :1])
 
-    def told(self, now: Array, before: Array, first: Array) -> Array:
-        """(..., rows, points) what the channels tell of points (..., inputs, points) at the fixed rate.
+    def features_at(self, now: Array, before: Array, first: Array) -> Array:
+        """(..., rows, points) the features of points (..., inputs, points) at the fixed rate.
 
         Args:
-            now: the points. before: the one before each, itself for a first one. first: that of each track.
+            now: the points. before: the predecessor of each, a first point itself. first: the first point of
+                each track.
         """
-        points = Points(now, before, first, inputs=self.inputs, robot=self.robot, rate=self.rate)
-        return told(self.channels, points)
+        points = TrackPoints(now, before, first, inputs=self.inputs, robot=self.robot, rate=self.rate)
+        return compute_features(self.features, points)
 
     @property
     def angles(self) -> tuple[int, ...]:
-        """Which of the inputs are angles, by their places."""
+        """The indices of the inputs that are angles."""
         return tuple(index for index, name in enumerate(self.inputs) if name in ANGLES)
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """What was fitted, for `storage`."""
+        """The fitted state, for `storage`."""
         return {"rows": np.array(self.rows_)}
 
     def from_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
-        """Take over what `to_arrays` gave.
+        """Restore the state that `to_arrays` returned.
 
         Raises:
-            DataError: the parameters are not those with which it was fitted.
+            DataError: the rows do not match the parameters.
         """
-        self._check()
-        self.rows_ = rows_of(self.channels)
+        self._check_parameters()
+        self.rows_ = feature_rows(self.features)
         if arrays["rows"].tolist() != list(self.rows_):
-            raise DataError(f"the channels give {', '.join(self.rows_)}, not {arrays['rows'].tolist()}")
+            raise DataError(f"the features give {', '.join(self.rows_)}, not {arrays['rows'].tolist()}")
         return self
 
-    def _check(self) -> None:
+    def _check_parameters(self) -> None:
         check_rate(self.rate)
         if not 0 < self.interval < float("inf"):
             raise DataError(f"the interval is {self.interval} s; expected a finite number above 0")
-        check_channels(self.channels, self.inputs)
+        check_features(self.features, self.inputs)
         if len(self.robot) != 3 or not np.isfinite(np.asarray(self.robot, dtype=np.float64)).all():
             raise DataError(f"the robot's pose is {self.robot}; expected x, y and heading, finite")
 
-    def _places(self, samples: int) -> Places:
-        where = places(np.arange(samples, dtype=np.float64) * self.interval, self.rate)
-        if len(where[0]) < 2:
+    def _interpolation_weights(self, samples: int) -> InterpolationWeights:
+        weights = interpolation_weights(np.arange(samples, dtype=np.float64) * self.interval, self.rate)
+        if len(weights[0]) < 2:
             raise DataError(
                 f"{samples} time points {self.interval:g} s apart last {(samples - 1) * self.interval:.3g} s;"
-                f" motion at {self.rate:g} points per second begins after {1 / self.rate:.3g} s"
+                f" motion at {self.rate:g} points per second needs more than {1 / self.rate:.3g} s"
             )
-        return where
+        return weights
 
 
-class Scaling(TransformerMixin, BaseEstimator):  # type: ignore[misc]
-    """Every channel brought to mean 0 and deviation 1 over all cases and times of the training data.
+class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
+    """Standardize each channel to mean 0 and deviation 1 over all cases and times of the training data.
 
-    Millimetres or tens of metres would saturate the gates of an LSTM.
+    Unscaled millimetres, or tens of metres, would saturate the gates of an LSTM.
     """
 
     def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
@@ -185,27 +203,27 @@ class Scaling(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         return self
 
     def transform(self, X: npt.ArrayLike) -> Array:
-        """X (cases, channels, time points) on the scale of the training data.
+        """X (cases, channels, time points), standardized.
 
         Raises:
-            DataError: X is not of that shape, not finite, or has other channels.
+            DataError: X does not have that shape, is not finite, or has other channels than the training
+                data.
         """
-        tracks = _with_channels(X, len(self.mean_))
-        return self.scaled(tracks)
+        return self.standardize(_check_channels(X, len(self.mean_)))
 
-    def scaled(self, tracks: Array) -> Array:
-        """`tracks` (..., channels, time points) on the scale of the training data, as they are."""
+    def standardize(self, tracks: Array) -> Array:
+        """`tracks` (..., channels, time points), standardized; the input is not checked."""
         return np.asarray((tracks - self.mean_[:, None]) / self.scale_[:, None], dtype=np.float64)
 
     def to_arrays(self) -> dict[str, Array]:
-        """What was fitted, for `storage`."""
+        """The fitted state, for `storage`."""
         return {"mean": self.mean_, "scale": self.scale_}
 
     def from_arrays(self, arrays: Mapping[str, Array]) -> Self:
-        """Take over what `to_arrays` gave.
+        """Restore the state that `to_arrays` returned.
 
         Raises:
-            DataError: the arrays do not belong together.
+            DataError: the arrays do not match.
         """
         self.mean_, self.scale_ = arrays["mean"], arrays["scale"]
         if (
@@ -214,11 +232,11 @@ class Scaling(TransformerMixin, BaseEstimator):  # type: ignore[misc]
             or not np.all(self.scale_ > 0)
             or not np.all(np.isfinite([self.mean_, self.scale_]))
         ):
-            raise DataError("a scaling needs one finite mean and one positive deviation for each channel")
+            raise DataError("standardization needs one finite mean and one positive deviation per channel")
         return self
 
 
-def _with_channels(X: Any, channels: int) -> Array:
+def _check_channels(X: Any, channels: int) -> Array:
     tracks = check_tracks(X)
     if tracks.shape[1] != channels:
         raise DataError(f"trained on tracks of {channels} channels, given {tracks.shape[1]}")

@@ -1,9 +1,9 @@
-"""A track at a fixed rate, whatever the times at which it was sampled; never a look ahead.
+"""Resampling of a track to a fixed rate by linear interpolation, without looking ahead.
 
-Point j of the result is the track j / rate seconds after its first sample: the first sample that is as late
-as that, or a point on the line from the sample before it. So it is known as soon as that sample is there, and
-the beginning of a track gives the beginning of its points: what is learnt from whole tracks can be asked
-about running ones.
+Point j of the result is the track j / rate seconds after its first sample: the first sample at or after that
+time, or the linear interpolation between that sample and its predecessor. A point is known as soon as that
+sample arrives, and a prefix of a track gives a prefix of its points, so a classifier trained on whole tracks
+can classify running ones.
 """
 
 from __future__ import annotations
@@ -16,36 +16,37 @@ import numpy.typing as npt
 from lcorpp.errors import DataError
 from lcorpp.values import Array
 
-SIMULTANEOUS = 1e-6
-"""Seconds between two times that are held to be the same; times since 1970 are known to 2e-7."""
+SAME_TIME = 1e-6
+"""Seconds; times that differ by less are equal. Floating-point times since 1970 have a resolution of 2e-7."""
 
-HIGHEST = 1000.0
+MAX_RATE = 1000.0
 """The highest rate, points per second."""
 
-LONGEST = 10_000_000
-"""The most points of a track: milliseconds taken for seconds might ask for more than memory holds."""
+MAX_POINTS = 10_000_000
+"""The maximal number of points of a track: milliseconds given as seconds could ask for too much memory."""
 
-Places = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Array]
-"""(points,) each: the sample before, the sample after, and the share of the way between them."""
+InterpolationWeights = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Array]
+"""(points,) each: index of the sample before, index of the sample after, and weight of the sample after."""
 
 
-def regular(
+def resample(
     times: npt.ArrayLike, samples: npt.ArrayLike, rate: float, *, angles: Sequence[int] = ()
 ) -> Array:
-    """The points of one track at `rate` a second, beginning with its first sample.
+    """Resample one track to `rate` points per second, starting at its first sample.
 
     Args:
-        times: (samples,) seconds, increasing, of any origin; gaps of any length are bridged by a line.
+        times: (samples,) seconds, increasing, of any origin; gaps of any length are interpolated linearly.
         samples: (channels, samples).
         rate: points per second.
-        angles: the channels that are angles in radians: between two of them the shorter way is gone.
+        angles: indices of the channels that are angles in radians; they are interpolated the shorter way
+            round.
 
     Returns:
         (channels, points); angles may leave [-pi, pi].
 
     Raises:
-        DataError: `rate` is out of range, shapes do not fit, or a number is not finite, times do not
-            increase, or the track is longer than `LONGEST`.
+        DataError: `rate` is out of range, shapes do not match, a number is not finite, times do not increase,
+            or the track has more than `MAX_POINTS` points.
     """
     check_rate(rate)
     stamps = np.asarray(times, dtype=np.float64)
@@ -57,47 +58,47 @@ def regular(
     for name, bad in (("its time", ~np.isfinite(stamps)), ("it", ~np.isfinite(track).all(axis=0))):
         if bad.any():
             raise DataError(f"sample {int(bad.argmax())} (counted from 0): {name} is not finite")
-    step = np.diff(stamps)
-    if len(step) and step.min() <= 0:
-        late = int((step <= 0).argmax()) + 1
+    steps = np.diff(stamps)
+    if len(steps) and steps.min() <= 0:
+        late = int((steps <= 0).argmax()) + 1
         raise DataError(
-            f"sample {late} (counted from 0) is of time {stamps[late]:g} s, the one before of"
+            f"sample {late} (counted from 0) has time {stamps[late]:g} s, its predecessor"
             f" {stamps[late - 1]:g} s; expected increasing times"
         )
     elapsed = stamps - stamps[0]
-    if elapsed[-1] * rate >= LONGEST:
-        raise DataError(f"the track lasts {elapsed[-1]:g} s; expected less than {LONGEST / rate:g} s")
-    return between(track, places(elapsed, rate), angles)
+    if elapsed[-1] * rate >= MAX_POINTS:
+        raise DataError(f"the track lasts {elapsed[-1]:g} s; expected less than {MAX_POINTS / rate:g} s")
+    return interpolate(track, interpolation_weights(elapsed, rate), angles)
 
 
-def places(elapsed: Array, rate: float) -> Places:
-    """Where the points lie among samples taken `elapsed` (samples,) seconds after the first, increasing."""
+def interpolation_weights(elapsed: Array, rate: float) -> InterpolationWeights:
+    """Weights to interpolate samples taken `elapsed` (samples,) seconds after the first at a fixed rate."""
     at = np.arange(int(elapsed[-1] * rate) + 2) / rate
-    after = np.searchsorted(elapsed, at - SIMULTANEOUS)
+    after = np.searchsorted(elapsed, at - SAME_TIME)
     known = after < len(elapsed)
     at, after = at[known], after[known]
     before = np.maximum(after - 1, 0)
     span = np.where(after > before, elapsed[after] - elapsed[before], 1.0)
-    share = np.where(elapsed[after] <= at, 1.0, (at - elapsed[before]) / span)
-    return before, after, share
+    weight = np.where(elapsed[after] <= at, 1.0, (at - elapsed[before]) / span)
+    return before, after, weight
 
 
-def between(tracks: Array, where: Places, angles: Sequence[int] = ()) -> Array:
-    """(..., channels, points) the `tracks` (..., channels, samples) at the given places."""
-    before, after, share = where
-    points: Array = tracks[..., before] * (1 - share) + tracks[..., after] * share
+def interpolate(tracks: Array, weights: InterpolationWeights, angles: Sequence[int] = ()) -> Array:
+    """(..., channels, points) the `tracks` (..., channels, samples), interpolated."""
+    before, after, weight = weights
+    points: Array = tracks[..., before] * (1 - weight) + tracks[..., after] * weight
     for channel in angles:
         start, end = tracks[..., channel, before], tracks[..., channel, after]
-        points[..., channel, :] = start + turn(start, end) * share
+        points[..., channel, :] = start + angle_difference(start, end) * weight
     return points
 
 
-def turn(start: Array, end: Array) -> Array:
-    """The shorter way from one angle to another, in [-pi, pi)."""
+def angle_difference(start: Array, end: Array) -> Array:
+    """end - start, wrapped to [-pi, pi)."""
     return (end - start + np.pi) % (2 * np.pi) - np.pi
 
 
 def check_rate(rate: float) -> None:
-    """Raise DataError unless `rate` is one to resample at."""
-    if not 0 < rate <= HIGHEST:
-        raise DataError(f"a rate of {rate} points per second; expected one above 0 and up to {HIGHEST:g}")
+    """Raise DataError unless `rate` is above 0 and at most `MAX_RATE`."""
+    if not 0 < rate <= MAX_RATE:
+        raise DataError(f"a rate of {rate} points per second; expected one above 0 and up to {MAX_RATE:g}")

@@ -1,6 +1,5 @@
-"""The paper's classifier, an LSTM over motion: its weights, the network they make, two ways to train it."""
+"""The paper's LSTM: network and weights, training by compiled kernels or torch, and the classifier."""
 
-from lcorpp.learning.lstm.classifier import LstmClassifier
-from lcorpp.learning.lstm.state import LstmState
+from lcorpp.learning.lstm.classifier import LstmClassifier, LstmState
 
 __all__ = ["LstmClassifier", "LstmState"]

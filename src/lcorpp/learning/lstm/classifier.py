@@ -1,8 +1,9 @@
-"""The paper's classifier: an LSTM over motion, as scikit-learn wants a classifier to be."""
+"""LSTM classifier: the paper's classifier as a scikit-learn estimator."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any, Self
 
@@ -13,44 +14,79 @@ from sklearn.exceptions import NotFittedError
 
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.data.dataset import check_tracks
-from lcorpp.learning.lstm.class_weights import class_weights
-from lcorpp.learning.lstm.state import LstmState
-from lcorpp.learning.lstm.training import SCHEDULES, Cases, Plan, train
-from lcorpp.learning.lstm.weights import Floats, Weights
+from lcorpp.learning.lstm.network import Floats, Weights
+from lcorpp.learning.lstm.trainer import TrainingConfig, TrainingSet
+from lcorpp.learning.lstm.training import SCHEDULES, class_weights, train
 from lcorpp.values import Array
 
-_ROWS_AT_ONCE = 4096
-"""Predictions are made in parts of this many cases, so that memory stays bounded."""
+_PREDICTION_BATCH = 4096
+"""Cases per call of the network in `predict_proba`, which bounds memory."""
 
-_LARGEST = 1e30
-"""Inputs up to here, times any weight, are finite in float32."""
+_MAX_INPUT = 1e30
+"""Inputs up to this size, times any weight, are finite in float32."""
+
+
+@dataclass(frozen=True, eq=False)
+class LstmState:
+    """The recurrent state of n running tracks; `LstmClassifier.advance` updates it in place.
+
+    weights: those of the classifier that created it; no other classifier can advance it.
+    hidden, cell: (n, units) float32.
+    """
+
+    weights: Weights
+    hidden: Floats
+    cell: Floats
+
+    def __len__(self) -> int:
+        return len(self.hidden)
+
+    def __repr__(self) -> str:
+        return f"<LstmState of {len(self)} tracks, {self.weights.units} units>"
+
+    def take(self, rows: npt.ArrayLike) -> LstmState:
+        """Copy the states of some tracks. rows: (k,) indices."""
+        index = np.asarray(rows, dtype=np.intp)
+        return LstmState(self.weights, self.hidden[index], self.cell[index])
+
+    def put(self, rows: npt.ArrayLike, state: LstmState) -> None:
+        """Overwrite the states of some tracks in place. rows: (k,) indices for the k tracks of `state`.
+
+        Raises:
+            DataError: `state` belongs to another classifier.
+        """
+        if state.weights is not self.weights:
+            raise DataError("states of two classifiers cannot be combined")
+        index = np.asarray(rows, dtype=np.intp)
+        self.hidden[index], self.cell[index] = state.hidden, state.cell
 
 
 class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
     """LSTM, dropout on its last output, one dense layer; a scikit-learn classifier.
 
-    Two classes share one sigmoid unit and binary cross-entropy, more have a softmax and cross-entropy.
-    Optimised by Adam. The same `random_state` gives the same classifier, up to the rounding of the way it
-    is computed: by compiled kernels, or by torch where there are none or where it trains on a GPU. Weights
-    start as in Keras, which the paper used.
+    Two classes share one sigmoid unit and binary cross-entropy, more have a softmax and cross-entropy. The
+    optimiser is Adam, the initial weights are those of Keras, which the paper used. The same `random_state`
+    gives
+    the same classifier up to the rounding of the trainer: compiled kernels, or torch without kernels or on a
+        GPU.
 
     Args:
-        units: memory units of the LSTM.
-        dropout: share of its outputs silenced in training.
+        units: units of the LSTM.
+        dropout: dropout rate of its outputs in training.
         epochs: passes over the training data.
-        batch_size: cases between two updates.
-        learning_rate: of Adam; of the schedule "one-cycle" the highest.
+        batch_size: cases per update.
+        learning_rate: of Adam; for the schedule "one-cycle" the highest.
         schedule: "constant" as in the paper; "one-cycle" rises over the first quarter of the training and
             falls to 0 along a cosine (Smith and Topin 2018).
-        class_weight: None: all cases count the same; "balanced": all classes do, whatever their number of
-            cases; or class name -> weight of each of its cases.
-        random_state: seed of the first weights, the order of cases and the dropout, 0 or above.
-        device: where it is trained, "cpu" or "cuda"; a trained classifier works anywhere.
-        progress: told (epochs done, epochs in all) after every epoch.
+        class_weight: None: equal weight of all cases; "balanced": equal total weight of all classes; or class
+            name -> weight of each of its cases.
+        random_state: seed of the initial weights, the order of cases and the dropout, 0 or above.
+        device: device of the training, "cpu" or "cuda"; a trained classifier runs anywhere.
+        progress: callback (epochs done, number of epochs) after every epoch.
 
     Attributes:
-        classes_: (K,) the class names in order, after `fit`.
-        weights_: what was learnt, after `fit`.
+        classes_: (K,) the class names in order, set by `fit`.
+        weights_: the trained weights, set by `fit`.
 
     Source: Amiri, Shirazi and Zhang, AAAI 2020, section "Learning"; Hochreiter and Schmidhuber 1997.
     """
@@ -81,26 +117,26 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         self.progress = progress
 
     def fit(self, X: npt.ArrayLike, y: npt.ArrayLike) -> Self:
-        """Train from new weights.
+        """Train from random initial weights.
 
         Args:
             X: (cases, channels, time points).
             y: (cases,) class names.
 
         Raises:
-            DataError: X or y is malformed, there is one class only, a parameter is out of range, the device
-                is not there, neither compiled kernels nor torch are, or the training diverged.
+            DataError: X or y is malformed, there is only one class, a parameter is out of range, the device
+                is not available, there are neither compiled kernels nor torch, or the training diverged.
         """
         self._check_parameters()
-        inputs = _inputs(check_tracks(X))
+        inputs = _to_inputs(check_tracks(X))
         classes, index = np.unique(np.asarray(y), return_inverse=True)
         if index.shape != (len(inputs),):
             raise DataError(f"{len(inputs)} tracks need as many labels, not shape {index.shape}")
         if len(classes) < 2:
             raise DataError(f"all cases are of class {str(classes[0])!r}; at least two classes are needed")
         weights = class_weights(self.class_weight, classes, np.bincount(index))[index]
-        cases = Cases(inputs, index.astype(np.int32), weights.astype(np.float32), len(classes))
-        plan = Plan(
+        training_set = TrainingSet(inputs, index.astype(np.int32), weights.astype(np.float32), len(classes))
+        config = TrainingConfig(
             units=int(self.units),
             dropout=float(self.dropout),
             epochs=int(self.epochs),
@@ -109,7 +145,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             schedule=self.schedule,
         )
         rng = np.random.default_rng(self.random_state)
-        self.weights_ = train(cases, plan, rng, device=self.device, progress=self.progress)
+        self.weights_ = train(training_set, config, rng, device=self.device, progress=self.progress)
         self.classes_ = classes
         return self
 
@@ -117,49 +153,48 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         """(cases, K) the probability of each of `classes_`, rows summing to 1, for X as in `fit`.
 
         Raises:
-            DataError: X is malformed or has other channels than the training data.
+            DataError: X is malformed or does not have the channels of the training data.
             NotFittedError: before `fit`.
         """
-        weights = self._fitted()
-        inputs = _inputs(check_tracks(X))
+        weights = self._fitted_weights()
+        inputs = _to_inputs(check_tracks(X))
         _check_channels(inputs.shape[2], weights)
         network = weights.network
-        starts = range(0, len(inputs), _ROWS_AT_ONCE)
-        return _probabilities(
-            np.concatenate([network.scores(inputs[start : start + _ROWS_AT_ONCE]) for start in starts])
+        starts = range(0, len(inputs), _PREDICTION_BATCH)
+        return _to_probabilities(
+            np.concatenate([network.scores(inputs[start : start + _PREDICTION_BATCH]) for start in starts])
         )
 
     def predict(self, X: npt.ArrayLike) -> npt.NDArray[Any]:
-        """(cases,) the most probable of `classes_`; raises as `predict_proba` does."""
+        """(cases,) the most probable of `classes_`; raises as `predict_proba`."""
         best = self.predict_proba(X).argmax(axis=1)
         return np.asarray(self.classes_[best])
 
     def begin(self, n: int = 1) -> LstmState:
-        """The state before the first time point of n tracks, for `advance`.
+        """Return the state before the first time point of n tracks, for `advance`.
 
         Raises:
             NotFittedError: before `fit`.
         """
-        weights = self._fitted()
+        weights = self._fitted_weights()
         hidden, cell = np.zeros((2, n, weights.units), dtype=np.float32)
         return LstmState(weights, hidden, cell)
 
     def advance(self, state: LstmState, points: npt.ArrayLike) -> Array:
         """(n, K) the probability of each of `classes_` after one more time point of n tracks.
 
-        The work is the same at every time point, and the result is what `predict_proba` would say of the
-        tracks up to here.
+        The cost per time point is constant, and the result equals `predict_proba` of the tracks so far.
 
         Args:
-            state: of the tracks, from `begin`; changed in place.
+            state: state of the tracks, from `begin`; updated in place.
             points: (n, channels) the next time point of each track, scaled as in training.
 
         Raises:
-            DataError: `points` are malformed or not finite, or the state is of another classifier or of this
-                one before it was trained again; the state is unchanged then.
+            DataError: `points` are malformed or not finite, or the state belongs to another classifier or to
+                this one before it was trained again; the state is unchanged then.
             NotFittedError: before `fit`.
         """
-        weights = self._fitted()
+        weights = self._fitted_weights()
         if state.weights is not weights:
             raise DataError(
                 "this state was begun by another classifier, or before this one was trained again"
@@ -171,23 +206,23 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
                 f" not {given.shape}"
             )
         _check_channels(given.shape[1], weights)
-        if not np.abs(given).max(initial=0.0) <= _LARGEST:  # NaN is not, either
-            track, channel = (int(i) for i in np.argwhere(~(np.abs(given) <= _LARGEST))[0])
+        if not np.abs(given).max(initial=0.0) <= _MAX_INPUT:  # true also for NaN
+            track, channel = (int(i) for i in np.argwhere(~(np.abs(given) <= _MAX_INPUT))[0])
             raise DataError(
                 f"the point of track {track}, channel {channel} (counted from 0) is"
-                f" {given[track, channel]}; expected a finite number up to {_LARGEST:g}"
+                f" {given[track, channel]}; expected a finite number up to {_MAX_INPUT:g}"
             )
-        return _probabilities(weights.network.step(state.hidden, state.cell, given.astype(np.float32)))
+        return _to_probabilities(weights.network.step(state.hidden, state.cell, given.astype(np.float32)))
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """What was fitted, for `storage`: the classes and every weight."""
-        return {**self._fitted().arrays(), "classes": self.classes_.astype(np.str_)}
+        """The fitted state, for `storage`: the classes and every weight."""
+        return {**self._fitted_weights().arrays(), "classes": self.classes_.astype(np.str_)}
 
     def from_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
-        """Take over what `to_arrays` gave.
+        """Restore the state that `to_arrays` returned.
 
         Raises:
-            DataError: the weights do not fit each other, the classes or `units`.
+            DataError: the weights do not match each other, the classes or `units`.
         """
         weights = Weights.from_arrays({name: w for name, w in arrays.items() if name != "classes"})
         classes = np.atleast_1d(arrays["classes"])
@@ -201,19 +236,19 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         self.classes_, self.weights_ = classes, weights
         return self
 
-    def _fitted(self) -> Weights:
+    def _fitted_weights(self) -> Weights:
         weights: Weights | None = getattr(self, "weights_", None)
         if weights is None:
             raise NotFittedError("this LstmClassifier is not trained yet: call fit before")
         return weights
 
     def _check_parameters(self) -> None:
-        for name, least in (("units", 1), ("epochs", 1), ("batch_size", 1), ("random_state", 0)):
+        for name, minimum in (("units", 1), ("epochs", 1), ("batch_size", 1), ("random_state", 0)):
             value = getattr(self, name)
             if not isinstance(value, Integral) or isinstance(value, bool):
                 raise DataError(f"{name} must be a whole number, not {value!r}")
-            if value < least:
-                raise DataError(f"{name} must be at least {least}, not {value}")
+            if value < minimum:
+                raise DataError(f"{name} must be at least {minimum}, not {value}")
         if not isinstance(self.dropout, Real) or not 0 <= self.dropout < 1:
             raise DataError(f"dropout must lie in [0, 1), not {self.dropout}")
         if not isinstance(self.learning_rate, Real) or not 0 < self.learning_rate <= 1:
@@ -224,10 +259,10 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             raise DataError(f"unknown device {self.device!r}; expected cpu or cuda")
 
 
-def _inputs(tracks: Array) -> Floats:
+def _to_inputs(tracks: Array) -> Floats:
     """(cases, time points, channels) float32."""
-    if np.abs(tracks).max() > _LARGEST:
-        raise DataError(f"a track has numbers above {_LARGEST:g}, too large for the LSTM; scale the tracks")
+    if np.abs(tracks).max() > _MAX_INPUT:
+        raise DataError(f"a track has numbers above {_MAX_INPUT:g}, too large for the LSTM; scale the tracks")
     return np.ascontiguousarray(tracks.transpose(0, 2, 1), dtype=np.float32)
 
 
@@ -236,8 +271,8 @@ def _check_channels(channels: int, weights: Weights) -> None:
         raise DataError(f"trained on tracks of {weights.channels} channels, given {channels}")
 
 
-def _probabilities(scores: Floats) -> Array:
-    """(n, K) of (n, O) scores: a sigmoid of one, a softmax of more."""
+def _to_probabilities(scores: Floats) -> Array:
+    """(n, K) probabilities from scores (n, O): the sigmoid of one score, the softmax of several."""
     exact = scores.astype(np.float64)
     if exact.shape[1] == 1:
         exact = np.concatenate([np.zeros_like(exact), exact], axis=1)

@@ -1,18 +1,22 @@
-"""The LSTM forward in time: compiled, or its numpy twin where there was no compiler at installation."""
+"""LSTM network: its weights and its forward pass, by compiled kernels or by numpy."""
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any, Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache, cached_property
+from typing import Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
+
+from lcorpp.errors import DataError
 
 Floats = npt.NDArray[np.float32]
 
 
 class Network(Protocol):
-    """What weights make of tracks. All arrays are float32 and contiguous in C order."""
+    """The forward pass. All arrays are float32 and contiguous in C order."""
 
     def scores(self, tracks: Floats, /) -> Floats:
         """(n, O) the scores after the last time point of tracks (n, time points, C)."""
@@ -20,62 +24,161 @@ class Network(Protocol):
     def step(self, hidden: Floats, cell: Floats, points: Floats, /) -> Floats:
         """(n, O) the scores after one more time point (n, C) of n tracks.
 
-        hidden, cell: (n, U) the state before, and changed in place to the state after.
+        hidden, cell: (n, U) the state before the time point; overwritten by the state after it.
         """
 
 
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """The weights of an LSTM of U units over C channels with O outputs, all float32 and read-only.
+
+    The 4 U rows are the input, forget, cell and output gates, U rows each. O is 1 for two classes, else the
+    number of classes.
+
+    inputs: (4 U, C).
+    recurrent: (4 U, U).
+    bias: (4 U,).
+    dense: (O, U).
+    dense_bias: (O,).
+    """
+
+    inputs: Floats
+    recurrent: Floats
+    bias: Floats
+    dense: Floats
+    dense_bias: Floats
+
+    def __post_init__(self) -> None:
+        for name, weight in self.arrays().items():
+            copy = np.array(weight, dtype=np.float32, order="C")
+            copy.setflags(write=False)
+            object.__setattr__(self, name, copy)
+        units, outputs = self.units, len(self.dense)
+        expected = {
+            "inputs": (4 * units, self.channels),
+            "recurrent": (4 * units, units),
+            "bias": (4 * units,),
+            "dense": (outputs, units),
+            "dense_bias": (outputs,),
+        }
+        shapes = {name: weight.shape for name, weight in self.arrays().items()}
+        if shapes != expected or 0 in (units, self.channels, outputs):
+            raise DataError(f"an LSTM of {units} units needs weights {expected}, not {shapes}")
+        if not all(np.isfinite(weight).all() for weight in self.arrays().values()):
+            raise DataError("an LSTM needs finite weights")
+
+    def __repr__(self) -> str:
+        return f"<Weights: {self.channels} channels, {self.units} units, {len(self.dense)} outputs>"
+
+    @classmethod
+    def initialize(cls, channels: int, units: int, outputs: int, rng: np.random.Generator) -> Self:
+        """Draw initial weights as Keras does: Glorot, orthogonal recurrent weights, forget bias 1."""
+        bias = np.zeros(4 * units)
+        bias[units : 2 * units] = 1.0
+        return cls(
+            _glorot(4 * units, channels, rng),
+            _orthogonal(4 * units, units, rng),
+            bias.astype(np.float32),
+            _glorot(outputs, units, rng),
+            np.zeros(outputs, dtype=np.float32),
+        )
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+        """Restore the weights that `arrays` returned.
+
+        Raises:
+            DataError: an array is missing, or the arrays do not match.
+        """
+        names = {field.name for field in fields(cls)}
+        if set(arrays) != names:
+            raise DataError(f"an LSTM has the weights {', '.join(sorted(names))}, not {sorted(arrays)}")
+        if any(arrays[name].ndim != 1 + (name not in ("bias", "dense_bias")) for name in names):
+            raise DataError("the weights of an LSTM are matrices, its biases vectors")
+        return cls(**arrays)
+
+    def arrays(self) -> dict[str, Floats]:
+        """Return the weights by name."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @property
+    def units(self) -> int:
+        """U."""
+        return int(self.recurrent.shape[1])
+
+    @property
+    def channels(self) -> int:
+        """C."""
+        return int(self.inputs.shape[1])
+
+    @cached_property
+    def network(self) -> Network:
+        """The forward pass with these weights."""
+        kernels = load_kernels()
+        kind = NumpyNetwork if kernels is None else kernels.Network
+        network: Network = kind(**self.arrays())
+        return network
+
+    def __getstate__(self) -> dict[str, Floats]:
+        return self.arrays()  # without the cached network
+
+
 class NumpyNetwork:
-    """The LSTM by its equations, one time point after the other (Hochreiter and Schmidhuber 1997)."""
+    """The LSTM equations in numpy, one time point after the other (Hochreiter and Schmidhuber 1997)."""
 
     def __init__(
         self, inputs: Floats, recurrent: Floats, bias: Floats, dense: Floats, dense_bias: Floats
     ) -> None:
-        self._both = np.ascontiguousarray(np.concatenate([inputs, recurrent], axis=1).T)
+        self._gate_weights = np.ascontiguousarray(np.concatenate([inputs, recurrent], axis=1).T)
         self._bias, self._dense, self._dense_bias = bias, np.ascontiguousarray(dense.T), dense_bias
         self._units = recurrent.shape[1]
 
     def scores(self, tracks: Floats, /) -> Floats:
-        """As in `Network`."""
+        """As `Network.scores`."""
         hidden, cell = np.zeros((2, len(tracks), self._units), dtype=np.float32)
         for points in tracks.transpose(1, 0, 2):
             self._advance(hidden, cell, points)
-        return self._scores(hidden)
+        return self._apply_dense(hidden)
 
     def step(self, hidden: Floats, cell: Floats, points: Floats, /) -> Floats:
-        """As in `Network`."""
+        """As `Network.step`."""
         self._advance(hidden, cell, points)
-        return self._scores(hidden)
+        return self._apply_dense(hidden)
 
     def _advance(self, hidden: Floats, cell: Floats, points: Floats) -> None:
         U = self._units
-        gates = np.concatenate([points, hidden], axis=1) @ self._both
+        gates = np.concatenate([points, hidden], axis=1) @ self._gate_weights
         gates += self._bias
-        new = np.tanh(gates[:, 2 * U : 3 * U])
+        candidate = np.tanh(gates[:, 2 * U : 3 * U])
         gates *= np.float32(0.5)  # sigmoid(x) = (1 + tanh(x / 2)) / 2
         np.tanh(gates, out=gates)
         gates += np.float32(1)
         gates *= np.float32(0.5)
         cell *= gates[:, U : 2 * U]
-        cell += gates[:, :U] * new
+        cell += gates[:, :U] * candidate
         np.multiply(gates[:, 3 * U :], np.tanh(cell), out=hidden)
 
-    def _scores(self, hidden: Floats) -> Floats:
+    def _apply_dense(self, hidden: Floats) -> Floats:
         return np.asarray(hidden @ self._dense + self._dense_bias, dtype=np.float32)
 
 
-def network_of(inputs: Floats, recurrent: Floats, bias: Floats, dense: Floats, dense_bias: Floats) -> Network:
-    """The network of some weights, shaped as in `Weights`."""
-    kernels = compiled()
-    kind = NumpyNetwork if kernels is None else kernels.Network
-    network: Network = kind(inputs, recurrent, bias, dense, dense_bias)
-    return network
-
-
 @cache
-def compiled() -> Any:
-    """The module of the compiled kernels, None where there was no compiler at installation."""
+def load_kernels() -> Any:
+    """Import the compiled kernels; None if there was no compiler at installation."""
     try:
         from lcorpp.learning.lstm import _kernels
     except ImportError:
         return None
     return _kernels
+
+
+def _glorot(rows: int, columns: int, rng: np.random.Generator) -> Floats:
+    """Uniform weights that preserve the scale of signals (Glorot and Bengio 2010)."""
+    limit = np.sqrt(6 / (rows + columns))
+    return rng.uniform(-limit, limit, size=(rows, columns)).astype(np.float32)
+
+
+def _orthogonal(rows: int, columns: int, rng: np.random.Generator) -> Floats:
+    """A matrix with orthonormal columns, uniform among all such (Saxe, McClelland and Ganguli 2014)."""
+    q, r = np.linalg.qr(rng.normal(size=(rows, columns)))
+    return np.asarray(q * np.where(np.diag(r) < 0, -1, 1), dtype=np.float32)

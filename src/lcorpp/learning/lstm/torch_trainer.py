@@ -1,4 +1,4 @@
-"""Training by torch: on a GPU, and where there was no compiler at installation.
+"""LSTM trainer in torch: for a GPU, and for installations without compiled kernels.
 
 This is the only module that imports torch.
 """
@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError
-from lcorpp.learning.lstm.training import Cases, Draw, Plan
-from lcorpp.learning.lstm.weights import Weights
+from lcorpp.learning.lstm.network import Weights
+from lcorpp.learning.lstm.trainer import EpochDraw, TrainingConfig, TrainingSet
 from lcorpp.values import Array
 
 try:
@@ -29,31 +29,36 @@ except ModuleNotFoundError:
 
 
 class TorchTrainer:
-    """A `Trainer` whose gradients are torch's."""
+    """A `Trainer` with the gradients of torch."""
 
-    def __init__(self, start: Weights, cases: Cases, plan: Plan, device: str) -> None:
-        self._plan, self._device, self._binary = plan, device, cases.classes == 2
-        # Born on "meta", so that torch's global random state is not touched.
+    def __init__(
+        self, start: Weights, training_set: TrainingSet, config: TrainingConfig, device: str
+    ) -> None:
+        self._config, self._device, self._binary = config, device, training_set.classes == 2
+        # Created on "meta", so that torch's global random state is not used.
         self._lstm = nn.LSTM(start.channels, start.units, batch_first=True, device="meta")
         self._lstm = self._lstm.to_empty(device=device)
-        self._lstm.bias_hh_l0.requires_grad_(False).zero_()  # torch has two biases where one is enough
+        self._lstm.bias_hh_l0.requires_grad_(False).zero_()  # torch has two biases; one is enough
         self._lstm.weight_ih_l0.data.copy_(_tensor(start.inputs))
         self._lstm.weight_hh_l0.data.copy_(_tensor(start.recurrent))
         self._lstm.bias_ih_l0.data.copy_(_tensor(start.bias))
         self._dense = _tensor(start.dense).to(device).requires_grad_()
         self._dense_bias = _tensor(start.dense_bias).to(device).requires_grad_()
         self._adam = _Adam(self._parameters())
-        self._inputs = _tensor(cases.inputs).to(device)
-        self._targets = _tensor(cases.targets).to(device, torch.float32 if self._binary else torch.int64)
-        self._weights = _tensor(cases.weights).to(device)
+        self._inputs = _tensor(training_set.inputs).to(device)
+        self._targets = _tensor(training_set.targets).to(
+            device, torch.float32 if self._binary else torch.int64
+        )
+        self._weights = _tensor(training_set.weights).to(device)
 
-    def epoch(self, draw: Draw, rates: Array) -> None:
-        """As in `Trainer`."""
+    def run_epoch(self, draw: EpochDraw, rates: Array) -> None:
+        """As `Trainer.run_epoch`."""
         with _one_thread():
             order = torch.from_numpy(draw.order).to(self._device)
-            masks = (torch.from_numpy(draw.kept) / (1 - self._plan.dropout)).to(self._device, torch.float32)
+            masks = torch.from_numpy(draw.dropout_mask) / (1 - self._config.dropout)
+            masks = masks.to(self._device, torch.float32)
             batches = zip(
-                order.split(self._plan.batch_size), masks.split(self._plan.batch_size), rates, strict=True
+                order.split(self._config.batch_size), masks.split(self._config.batch_size), rates, strict=True
             )
             for rows, mask, rate in batches:
                 for parameter in self._parameters():
@@ -62,7 +67,7 @@ class TorchTrainer:
                 self._adam.step(float(rate))
 
     def weights(self) -> Weights:
-        """As in `Trainer`."""
+        """As `Trainer.weights`."""
         return Weights(*(parameter.detach().cpu().numpy() for parameter in self._parameters()))
 
     def _parameters(self) -> list[torch.Tensor]:
@@ -83,9 +88,9 @@ class TorchTrainer:
 
 
 class _Adam:
-    """Adam as torch.optim.Adam does it; that one loads the compiler, which costs every process 2 seconds.
+    """Adam with the results of torch.optim.Adam, which loads a compiler and so costs every process 2 seconds.
 
-    Source: Kingma and Ba 2015, algorithm 1, with its decay rates .9 and .999 and epsilon 1e-8.
+    Source: Kingma and Ba 2015, algorithm 1, with decay rates .9 and .999 and epsilon 1e-8.
     """
 
     def __init__(self, parameters: list[torch.Tensor]) -> None:
@@ -95,7 +100,7 @@ class _Adam:
 
     @torch.no_grad()  # type: ignore[untyped-decorator]
     def step(self, rate: float) -> None:
-        """Move every parameter by its gradient."""
+        """Update every parameter by its gradient."""
         self.steps += 1
         size = rate / (1 - 0.9**self.steps)
         correction = (1 - 0.999**self.steps) ** 0.5
@@ -107,22 +112,22 @@ class _Adam:
 
 
 def check_cuda() -> None:
-    """Return if there is a GPU that torch can use.
+    """Check that torch can use a GPU.
 
     Raises:
-        DataError: there is none.
+        DataError: it cannot.
     """
     if not torch.cuda.is_available():
         raise DataError("device 'cuda' is not available here: torch sees no GPU; expected cpu")
 
 
 def _tensor(array: npt.NDArray[Any]) -> torch.Tensor:
-    return torch.from_numpy(np.array(array))  # a copy: torch takes no read-only arrays
+    return torch.from_numpy(np.array(array))  # a copy: torch rejects read-only arrays
 
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Work with one thread: on matrices this small more threads only wait for each other, up to 80 times
+    """Limit torch to one thread: on matrices this small more threads wait for each other, up to 80 times
     longer on a busy machine. Folds run as processes instead."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)

@@ -1,135 +1,109 @@
-"""Training: what is drawn and how fast it learns, whoever computes the gradients."""
+"""LSTM training: the epoch loop, learning rate schedule, class weights and the choice of trainer."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Protocol
+from numbers import Real
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError
-from lcorpp.learning.lstm.network import compiled
-from lcorpp.learning.lstm.weights import Floats, Weights
+from lcorpp.learning.lstm.network import Weights, load_kernels
+from lcorpp.learning.lstm.trainer import CompiledTrainer, EpochDraw, Trainer, TrainingConfig, TrainingSet
 from lcorpp.values import Array
 
 SCHEDULES = ("constant", "one-cycle")
-"""How the learning rate may change."""
+"""The learning rate schedules."""
 
-RISE, LOWEST = 0.25, 0.04
-"""Of "one-cycle": the share of the training in which the rate rises, and where it starts, as a share of the
-highest."""
-
-
-@dataclass(frozen=True, eq=False)
-class Cases:
-    """What is learnt from.
-
-    inputs: (n, time points, channels) float32.
-    targets: (n,) int32, the class of each case, 0 to classes - 1.
-    weights: (n,) float32, how much each case counts.
-    classes: K.
-    """
-
-    inputs: Floats
-    targets: npt.NDArray[np.int32]
-    weights: Floats
-    classes: int
-
-    def __len__(self) -> int:
-        return len(self.inputs)
-
-
-@dataclass(frozen=True)
-class Plan:
-    """How it is learnt; `LstmClassifier` says what each means."""
-
-    units: int
-    dropout: float
-    epochs: int
-    batch_size: int
-    learning_rate: float
-    schedule: str
-
-
-@dataclass(frozen=True, eq=False)
-class Draw:
-    """What one epoch over n cases leaves to chance.
-
-    order: (n,) int64, in which the cases come.
-    kept: (n, units) which outputs of the LSTM are not silenced, in that order.
-    """
-
-    order: npt.NDArray[np.int64]
-    kept: npt.NDArray[np.bool_]
-
-
-class Trainer(Protocol):
-    """Weights on their way, and Adam's memory of their gradients."""
-
-    def epoch(self, draw: Draw, rates: Array) -> None:
-        """Go through all cases once. rates: (batches,) the learning rate of each update."""
-
-    def weights(self) -> Weights:
-        """What was learnt so far."""
+WARMUP, START_RATE = 0.25, 0.04
+"""Of "one-cycle": the fraction of the training in which the rate rises, and the initial rate as a fraction of
+the highest."""
 
 
 def train(
-    cases: Cases,
-    plan: Plan,
+    training_set: TrainingSet,
+    config: TrainingConfig,
     rng: np.random.Generator,
     *,
     device: str,
     progress: Callable[[int, int], None] | None,
 ) -> Weights:
-    """Weights learnt from cases.
+    """Train an LSTM from random weights.
 
     Raises:
-        DataError: the device is not there, or neither compiled kernels nor torch are, or the training
+        DataError: the device is not available, there are neither compiled kernels nor torch, or the training
             diverged.
     """
-    outputs = 1 if cases.classes == 2 else cases.classes
-    start = Weights.start(cases.inputs.shape[2], plan.units, outputs, rng)
-    trainer = trainer_for(device)(start, cases, plan)
-    rates = learning_rates(plan, len(cases))
-    keep = 1 - plan.dropout
-    for epoch in range(plan.epochs):
-        order = rng.permutation(len(cases))
-        kept = rng.random((len(cases), plan.units), dtype=np.float32) < keep
-        trainer.epoch(Draw(order, kept), rates[epoch])
+    outputs = 1 if training_set.classes == 2 else training_set.classes
+    start = Weights.initialize(training_set.inputs.shape[2], config.units, outputs, rng)
+    trainer = select_trainer(device)(start, training_set, config)
+    rates = learning_rates(config, len(training_set))
+    keep = 1 - config.dropout
+    for epoch in range(config.epochs):
+        order = rng.permutation(len(training_set))
+        mask = rng.random((len(training_set), config.units), dtype=np.float32) < keep
+        trainer.run_epoch(EpochDraw(order, mask), rates[epoch])
         if progress is not None:
-            progress(epoch + 1, plan.epochs)
+            progress(epoch + 1, config.epochs)
     try:
         return trainer.weights()
     except DataError:
         raise DataError(
-            f"the training diverged; expected a learning rate below {plan.learning_rate:g}, or smaller inputs"
+            f"the training diverged; expected a learning rate below {config.learning_rate:g},"
+            " or smaller inputs"
         ) from None
 
 
-def learning_rates(plan: Plan, cases: int) -> Array:
+def learning_rates(config: TrainingConfig, cases: int) -> Array:
     """(epochs, batches) the learning rate of every update."""
-    batches = -(-cases // plan.batch_size)
-    if plan.schedule == "constant":
-        return np.full((plan.epochs, batches), plan.learning_rate)
-    done = (np.arange(plan.epochs * batches) + 0.5) / (plan.epochs * batches)
-    rising = LOWEST + (1 - LOWEST) * (1 - np.cos(np.pi * done / RISE)) / 2
-    falling = (1 + np.cos(np.pi * (done - RISE) / (1 - RISE))) / 2
-    shares = np.where(done < RISE, rising, falling)
-    return np.asarray(plan.learning_rate * shares.reshape(plan.epochs, batches), dtype=np.float64)
+    batches = -(-cases // config.batch_size)
+    if config.schedule == "constant":
+        return np.full((config.epochs, batches), config.learning_rate)
+    done = (np.arange(config.epochs * batches) + 0.5) / (config.epochs * batches)
+    rising = START_RATE + (1 - START_RATE) * (1 - np.cos(np.pi * done / WARMUP)) / 2
+    falling = (1 + np.cos(np.pi * (done - WARMUP) / (1 - WARMUP))) / 2
+    factors = np.where(done < WARMUP, rising, falling)
+    return np.asarray(config.learning_rate * factors.reshape(config.epochs, batches), dtype=np.float64)
 
 
-def trainer_for(device: str) -> Callable[[Weights, Cases, Plan], Trainer]:
-    """Who computes the gradients on a device: the compiled kernels, or torch.
+def class_weights(
+    weighting: str | Mapping[Any, float] | None, classes: npt.NDArray[Any], counts: npt.NDArray[np.intp]
+) -> Array:
+    """(K,) the weight of a case of each class, as in scikit-learn.
+
+    Args:
+        weighting: None: 1 for all; "balanced": equal total weight of all classes, mean weight 1; or class
+            name -> weight.
+        classes: (K,) the class names. counts: (K,) the number of cases of each.
 
     Raises:
-        DataError: the device is not there, or neither of the two is.
+        DataError: `weighting` is none of these, has other classes, or has a weight that is not positive and
+            finite.
     """
-    if device == "cpu" and compiled() is not None:
-        from lcorpp.learning.lstm.compiled_trainer import CompiledTrainer
+    if weighting is None:
+        return np.ones(len(classes))
+    if isinstance(weighting, str) and weighting == "balanced":
+        return np.asarray(counts.sum() / (len(classes) * counts), dtype=np.float64)
+    if not isinstance(weighting, Mapping):
+        raise DataError(f"class_weight must be None, 'balanced' or a mapping, not {weighting!r}")
+    names = classes.tolist()
+    if set(weighting) != set(names):
+        raise DataError(f"class_weight is for {sorted(map(str, weighting))}, the classes are {names}")
+    if not all(isinstance(weighting[name], Real) and 0 < weighting[name] < np.inf for name in names):
+        raise DataError(f"class_weight must hold positive finite numbers, not {dict(weighting)}")
+    return np.array([weighting[name] for name in names], dtype=np.float64)
 
+
+def select_trainer(device: str) -> Callable[[Weights, TrainingSet, TrainingConfig], Trainer]:
+    """Return the trainer for a device: the compiled one, or torch's on a GPU and without kernels.
+
+    Raises:
+        DataError: the device is not available, or there are neither compiled kernels nor torch.
+    """
+    if device == "cpu" and load_kernels() is not None:
         return CompiledTrainer
     from lcorpp.learning.lstm.torch_trainer import TorchTrainer, check_cuda
 

@@ -1,30 +1,29 @@
-"""Classifying people while they move: samples come one by one, the answer is always up to date.
+"""Streaming classification: predictions for moving people, updated with every sample.
 
-`track` puts the samples of one person in order and gives them a fixed rate, `memory` keeps what a classifier
-knows of each person, `streams` brings the two together for everybody at once. `prefixes` asks the same
-classifier about the beginnings of recorded tracks, `over_time` holds what it said, `early` makes of that how
-far to trust it so early, and `plots` draws it; `ages` trains one that is good early.
+`track` orders the samples of one person and resamples them to a fixed rate, `state` keeps the classifier
+state of each person, and `streaming_classifier` combines both for all people. `prefixes` applies a classifier
+to the beginnings of recorded tracks, `timeline` contains and calibrates these predictions, and `plots` draws
+them; `prefix_ensemble` trains a classifier for short prefixes.
 """
 
-from lcorpp.learning.streaming.predictions import Answer, Report
-from lcorpp.learning.streaming.prefix_calibration import Early, calibrate_over_time
-from lcorpp.learning.streaming.prefix_ensemble import ByAge, at_every_age
-from lcorpp.learning.streaming.prefix_predictions import OverTime
-from lcorpp.learning.streaming.prefixes import follow, out_of_fold_over_time, prefix
-from lcorpp.learning.streaming.streams import Streams
-from lcorpp.learning.streaming.track import Repairs
+from lcorpp.learning.streaming.predictions import Prediction, StreamReport
+from lcorpp.learning.streaming.prefix_ensemble import PrefixEnsemble, with_prefix_ensemble
+from lcorpp.learning.streaming.prefixes import cross_predict_over_time, predict_over_time, truncate
+from lcorpp.learning.streaming.streaming_classifier import StreamingClassifier
+from lcorpp.learning.streaming.timeline import PredictionTimeline, PrefixCalibration, calibrate_prefixes
+from lcorpp.learning.streaming.track import RepairCounts
 
 __all__ = [
-    "Answer",
-    "ByAge",
-    "Early",
-    "OverTime",
-    "Repairs",
-    "Report",
-    "Streams",
-    "at_every_age",
-    "calibrate_over_time",
-    "follow",
-    "out_of_fold_over_time",
-    "prefix",
+    "Prediction",
+    "PredictionTimeline",
+    "PrefixCalibration",
+    "PrefixEnsemble",
+    "RepairCounts",
+    "StreamReport",
+    "StreamingClassifier",
+    "calibrate_prefixes",
+    "cross_predict_over_time",
+    "predict_over_time",
+    "truncate",
+    "with_prefix_ensemble",
 ]

@@ -1,4 +1,4 @@
-"""A classifier's answers over time, by class, and how well the classes are told apart by then."""
+"""Plot of predictions over time by class, with the AUC at each time."""
 
 from __future__ import annotations
 
@@ -8,72 +8,84 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lcorpp.learning.streaming.prefix_predictions import OverTime
+from lcorpp.learning.streaming.timeline import PredictionTimeline
 from lcorpp.plot_style import BLUE, COLOURS, INK, MUTED, ORANGE, despine, save_figure, with_style
 from lcorpp.values import Array
 
-SHOWN = 6
-"""People of each class whose answers are drawn one by one."""
+EXAMPLES = 6
+"""People of each class drawn one by one."""
 
 
 @with_style
-def over_time_figure(said: OverTime, *, of: str | None = None, shown: int = SHOWN) -> Figure:
-    """The probability of a class while people are seen, and below it the AUC by then where there are two.
+def draw_timeline(
+    timeline: PredictionTimeline, *, class_name: str | None = None, examples: int = EXAMPLES
+) -> Figure:
+    """Draw the probability of a class over time and, for two classes, the AUC below it.
 
-    A band holds the middle half of a class, a thick line is its median, and thin lines are some people: every
-    so many of them when sorted by the last answer, so that they stand for all.
+    A band contains the middle half of a class, a thick line is its median, and thin lines are examples at
+    equal distances in the order of the final prediction.
 
     Args:
-        of: the class; the first if none is given.
-        shown: people of each class drawn one by one.
+        class_name: the class; None takes the first.
+        examples: people of each class drawn one by one.
 
     Raises:
-        DataError: there is no such class.
+        DataError: the class is unknown.
     """
-    name = said.classes[0] if of is None else of
-    probabilities, seconds = said.of(name), said.seconds
-    two = len(said.classes) == 2
-    figure = Figure(figsize=(7, 6 if two else 4), layout="constrained")
-    axes = figure.subplots(2 if two else 1, sharex=True, squeeze=False, height_ratios=(2, 1) if two else None)
-    labels = np.array(said.labels)
-    first = [name, *(other for other in said.classes if other != name)]
-    for number, each in enumerate(first):
+    name = timeline.classes[0] if class_name is None else class_name
+    probabilities, seconds = timeline.probability_of(name), timeline.seconds
+    binary = len(timeline.classes) == 2
+    figure = Figure(figsize=(7, 6 if binary else 4), layout="constrained")
+    axes = figure.subplots(
+        2 if binary else 1, sharex=True, squeeze=False, height_ratios=(2, 1) if binary else None
+    )
+    labels = np.array(timeline.labels)
+    ordered = [name, *(other for other in timeline.classes if other != name)]
+    for number, each in enumerate(ordered):
         colour = (BLUE, ORANGE)[number] if number < 2 else COLOURS[number]
-        _class(axes[0, 0], seconds, probabilities[labels == each], each, colour, shown)
+        _draw_class(axes[0, 0], seconds, probabilities[labels == each], each, colour, examples)
     axes[0, 0].set(ylim=(0, 1), ylabel=f"probability of {_words(name)}")
     axes[0, 0].legend(frameon=False, loc="upper left")
     despine(axes[0, 0])
-    if two:
-        _auc(axes[1, 0], seconds, said)
-    axes[-1, 0].set(xlabel="seconds since the person was first seen", xlim=(0, seconds[-1]))
+    if binary:
+        _draw_auc(axes[1, 0], timeline)
+    axes[-1, 0].set(xlabel="seconds since the first sample of the person", xlim=(0, seconds[-1]))
     return figure
 
 
-def save_over_time(said: OverTime, path: str | Path, *, of: str | None = None, shown: int = SHOWN) -> None:
-    """Draw `over_time_figure` into a file.
+def plot_timeline(
+    timeline: PredictionTimeline,
+    path: str | Path,
+    *,
+    class_name: str | None = None,
+    examples: int = EXAMPLES,
+) -> None:
+    """Write `draw_timeline` to a file.
 
     Raises:
-        FileError: the file cannot be written, or its name is not that of a picture.
-        DataError: there is no such class.
+        FileError: the file cannot be written, or has no suffix of a picture.
+        DataError: the class is unknown.
     """
-    save_figure(over_time_figure(said, of=of, shown=shown), path)
+    save_figure(draw_timeline(timeline, class_name=class_name, examples=examples), path)
 
 
-def _class(axes: Axes, seconds: Array, said: Array, name: str, colour: str, shown: int) -> None:
-    known = np.isfinite(said).all(axis=0)
-    if not len(said) or not known.any():
+def _draw_class(
+    axes: Axes, seconds: Array, probabilities: Array, name: str, colour: str, examples: int
+) -> None:
+    known = np.isfinite(probabilities).all(axis=0)
+    if not len(probabilities) or not known.any():
         return
-    low, median, high = np.quantile(said[:, known], (0.25, 0.5, 0.75), axis=0)
+    low, median, high = np.quantile(probabilities[:, known], (0.25, 0.5, 0.75), axis=0)
     axes.fill_between(seconds[known], low, high, color=colour, alpha=0.18, linewidth=0, step="post")
-    label = f"{_words(name)} ({len(said)})"
+    label = f"{_words(name)} ({len(probabilities)})"
     axes.plot(seconds[known], median, color=colour, linewidth=2.4, label=label, drawstyle="steps-post")
-    order = np.argsort(said[:, -1])
-    for row in order[np.linspace(0, len(order) - 1, min(shown, len(order)) + 2).astype(int)[1:-1]]:
-        axes.plot(seconds, said[row], color=colour, linewidth=0.8, alpha=0.7, drawstyle="steps-post")
+    order = np.argsort(probabilities[:, -1])
+    for row in order[np.linspace(0, len(order) - 1, min(examples, len(order)) + 2).astype(int)[1:-1]]:
+        axes.plot(seconds, probabilities[row], color=colour, linewidth=0.8, alpha=0.7, drawstyle="steps-post")
 
 
-def _auc(axes: Axes, seconds: Array, said: OverTime) -> None:
-    auc = said.auc
+def _draw_auc(axes: Axes, timeline: PredictionTimeline) -> None:
+    auc, seconds = timeline.auc, timeline.seconds
     axes.axhline(0.5, color=MUTED, linewidth=0.8, linestyle=":")
     axes.plot(seconds, auc, color=INK, linewidth=1.6, drawstyle="steps-post")
     for share in (0.25, 0.5, 1.0):
@@ -84,7 +96,7 @@ def _auc(axes: Axes, seconds: Array, said: OverTime) -> None:
                 f"{auc[at]:.2f}", (seconds[at], auc[at]), (0, 6), textcoords="offset points", ha="center"
             )
     known = auc[np.isfinite(auc)]
-    axes.set(ylim=(min(0.45, *known.tolist()), 1), ylabel="AUC by then")
+    axes.set(ylim=(min(0.45, *known.tolist()), 1), ylabel="AUC so far")
     despine(axes)
 
 

@@ -1,4 +1,4 @@
-"""What streams say: the answer about a person by now, and what became of the samples."""
+"""Results of streaming classification: the prediction for a person, and the report on the samples."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.learning.streaming.track import Repairs
+from lcorpp.learning.streaming.track import RepairCounts
 from lcorpp.values import Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Answer:
-    """What is known of a person by now.
+class Prediction:
+    """The current prediction for a person.
 
-    person: the id. track: how many tracks of this id were begun; the answer is about the last.
-    points: of that track, at the fixed rate. time: stamp of the last of them, None without one.
-    probabilities: (K,) of the classes of the classifier; None as long as there are too few points.
+    person: the id. track: number of tracks of this id so far; the prediction is for the last one.
+    points: points of that track at the fixed rate. time: stamp of the last point, None without one.
+    probabilities: (K,) uncalibrated, of the classes of the classifier; None with too few points.
     """
 
     person: Hashable
@@ -27,40 +27,47 @@ class Answer:
     time: float | None
     probabilities: Array | None
 
+    def __repr__(self) -> str:
+        values = None if self.probabilities is None else [round(float(p), 3) for p in self.probabilities[:8]]
+        return f"<Prediction for {self.person!r}: track {self.track}, {self.points} points, {values}>"
+
 
 @dataclass(frozen=True, eq=False)
-class Report:
-    """What became of the samples.
+class StreamReport:
+    """Counts of repaired and rejected samples.
 
-    people: of everybody who is followed now. forgotten: of all others together. leavers: how often somebody
-    was forgotten or left.
+    people: counts of each tracked person. removed: counts of all people no longer tracked, together.
+    removals: number of people removed or forgotten.
     """
 
-    people: Mapping[Hashable, Repairs]
-    forgotten: Repairs
-    leavers: int
+    people: Mapping[Hashable, RepairCounts]
+    removed: RepairCounts
+    removals: int
 
     @property
-    def total(self) -> Repairs:
-        """Of all together."""
-        total = self.forgotten.copy()
-        for repairs in self.people.values():
-            total.add(repairs)
+    def total(self) -> RepairCounts:
+        """Counts of all people together."""
+        total = self.removed.copy()
+        for counts in self.people.values():
+            total.add(counts)
         return total
 
     def __str__(self) -> str:
-        lines = [f"{person}: {repairs}" for person, repairs in self.people.items()]
-        if self.leavers:
-            lines.append(f"{self.leavers} no longer followed: {self.forgotten}")
+        lines = [f"{person}: {counts}" for person, counts in self.people.items()]
+        if self.removals:
+            lines.append(f"{self.removals} no longer tracked: {self.removed}")
         return "\n".join(lines) or "no samples"
 
+    def __repr__(self) -> str:
+        return f"<StreamReport: {len(self.people)} people tracked, {self.removals} removed; {self.total}>"
 
-class Said:
-    """Stands for an estimator: whatever it is shown, it says what was known of one person at one time."""
+
+class ConstantEstimator:
+    """An estimator whose result does not depend on its input: one person's prediction at one time."""
 
     def __init__(self, classes: tuple[str, ...], probabilities: Array) -> None:
         self.classes_, self._probabilities = np.array(classes), probabilities
 
     def predict_proba(self, X: npt.ArrayLike) -> Array:
-        """(cases, K) the same for every case."""
+        """(cases, K) the same row for every case."""
         return np.tile(self._probabilities, (len(np.asarray(X)), 1))

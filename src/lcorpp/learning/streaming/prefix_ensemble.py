@@ -1,4 +1,4 @@
-"""A classifier for every age of a track: it learns from beginnings, too, and is as good as it can early."""
+"""Prefix ensemble: one classifier per prefix length, for accurate early predictions."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
-from lcorpp.learning.classifiers.contract import fitted, predicted
+from lcorpp.learning.classifiers.contract import fit_clone, predict_proba
 from lcorpp.learning.data.dataset import check_tracks
-from lcorpp.learning.features.motion import Motion, Scaling
+from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.values import Array
 
-LEAST = 1e-12
-"""Probabilities below this count as this where they are mixed by their logarithms."""
+MIN_PROBABILITY = 1e-12
+"""Smaller probabilities are raised to this one before their logarithms are averaged."""
 
 
 @dataclass(frozen=True, eq=False)
-class AgesState:
-    """What is remembered of n tracks: the state of each classifier, and (n,) how many points there were."""
+class PrefixEnsembleState:
+    """The state of n running tracks: the state of each classifier, and (n,) the number of points so far."""
 
     states: tuple[Any, ...]
     points: npt.NDArray[np.intp]
@@ -35,35 +35,38 @@ class AgesState:
     def __len__(self) -> int:
         return len(self.points)
 
-    def take(self, rows: npt.ArrayLike) -> AgesState:
-        """A copy of the states of some of the tracks. rows: (k,) indices."""
-        return AgesState(tuple(state.take(rows) for state in self.states), self.points[np.asarray(rows)])
+    def take(self, rows: npt.ArrayLike) -> PrefixEnsembleState:
+        """Copy the states of some tracks. rows: (k,) indices."""
+        return PrefixEnsembleState(
+            tuple(state.take(rows) for state in self.states), self.points[np.asarray(rows)]
+        )
 
-    def put(self, rows: npt.ArrayLike, state: AgesState) -> None:
-        """Take over the states of some of the tracks, in place. rows: (k,) where the k of `state` belong."""
+    def put(self, rows: npt.ArrayLike, state: PrefixEnsembleState) -> None:
+        """Overwrite the states of some tracks in place. rows: (k,) indices for the k tracks of `state`."""
         for mine, other in zip(self.states, state.states, strict=True):
             mine.put(rows, other)
         self.points[np.asarray(rows)] = state.points
 
 
-def _carries(ages: ByAge) -> bool:
-    return all(hasattr(ages.classifier, name) for name in ("begin", "advance"))
+def _is_stateful(ensemble: PrefixEnsemble) -> bool:
+    return all(hasattr(ensemble.classifier, name) for name in ("begin", "advance"))
 
 
-class ByAge(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
-    """Several copies of a classifier, each trained on another share of the tracks from their beginning.
+class PrefixEnsemble(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
+    """Several copies of a classifier, each trained on prefixes of another length.
 
-    What was learnt from whole tracks is of little use after a quarter of one. A track is judged by the two
-    copies whose age is next to its own, mixed by the logarithms of their probabilities in proportion to how
-    near they are; one that is younger or older than all of them by the nearest alone.
+    A classifier trained on whole tracks performs poorly after a quarter of one. The ensemble interpolates the
+    log probabilities of the two copies whose prefix length is next to that of the track; tracks shorter or
+    longer than all of them use the nearest copy.
 
     Args:
-        classifier: of tracks of any length; cloned for every age. If it carries a state, so does this.
-        shares: the ages, as shares of the tracks in training.
+        classifier: a classifier of tracks of any length; each prefix length has a clone. The ensemble has
+            `begin` and `advance` if the classifier has.
+        shares: the prefix lengths, as fractions of the training tracks.
 
     Attributes:
-        classes_: (K,) the class names, after `fit`. classifiers_, lengths_: the copies, and the points of the
-        tracks each was trained on.
+        classes_: (K,) the class names, set by `fit`. classifiers_: the copies. lengths_: points of their
+        training prefixes.
     """
 
     def __init__(self, classifier: Any, *, shares: Sequence[float] = (0.25, 0.5, 0.75, 1.0)) -> None:
@@ -77,15 +80,18 @@ class ByAge(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-lea
             X: (cases, rows, points). y: (cases,) class names.
 
         Raises:
-            DataError: X is malformed, a share is out of range or two leave the same, or the classifier fails.
+            DataError: X is malformed, a share is out of range or two give the same length, or the classifier
+                fails.
         """
         tracks = check_tracks(X)
         if not len(self.shares) or not all(0 < share <= 1 for share in self.shares):
-            raise DataError(f"the ages are shares in (0, 1], not {tuple(self.shares)}")
+            raise DataError(f"the prefix lengths are shares in (0, 1], not {tuple(self.shares)}")
         lengths = [max(2, round(share * tracks.shape[2])) for share in self.shares]
         if any(later <= sooner for sooner, later in pairwise(lengths)):
-            raise DataError(f"the ages {tuple(self.shares)} are {lengths} points; expected rising numbers")
-        self.classifiers_ = [fitted(self.classifier, tracks[:, :, :length], y) for length in lengths]
+            raise DataError(
+                f"the prefix lengths {tuple(self.shares)} are {lengths} points; expected rising numbers"
+            )
+        self.classifiers_ = [fit_clone(self.classifier, tracks[:, :, :length], y) for length in lengths]
         self.lengths_ = np.array(lengths, dtype=np.float64)
         self.classes_ = self.classifiers_[0].classes_
         return self
@@ -98,60 +104,60 @@ class ByAge(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-lea
         """
         check_is_fitted(self, "classifiers_")
         tracks = check_tracks(X)
-        weights = self._weights(np.full(len(tracks), tracks.shape[2]))
-        said = np.full((len(self.classifiers_), len(tracks), len(self.classes_)), 1.0)
+        weights = self._interpolation_weights(np.full(len(tracks), tracks.shape[2]))
+        probabilities = np.full((len(self.classifiers_), len(tracks), len(self.classes_)), 1.0)
         for copy in np.flatnonzero(weights.any(axis=0)):
-            said[copy] = predicted(self.classifiers_[copy], tracks)
-        return _mixed(said, weights)
+            probabilities[copy] = predict_proba(self.classifiers_[copy], tracks)
+        return _interpolate_logs(probabilities, weights)
 
     def predict(self, X: npt.ArrayLike) -> npt.NDArray[Any]:
         """(cases,) the most probable of `classes_`."""
         return np.asarray(self.classes_[self.predict_proba(X).argmax(axis=1)])
 
-    @available_if(_carries)  # type: ignore[untyped-decorator]
-    def begin(self, n: int = 1) -> AgesState:
-        """The state before the first point of n tracks, for `advance`."""
+    @available_if(_is_stateful)  # type: ignore[untyped-decorator]
+    def begin(self, n: int = 1) -> PrefixEnsembleState:
+        """Return the state before the first point of n tracks, for `advance`."""
         check_is_fitted(self, "classifiers_")
         states = tuple(classifier.begin(n) for classifier in self.classifiers_)
-        return AgesState(states, np.zeros(n, dtype=np.intp))
+        return PrefixEnsembleState(states, np.zeros(n, dtype=np.intp))
 
-    @available_if(_carries)  # type: ignore[untyped-decorator]
-    def advance(self, state: AgesState, points: npt.ArrayLike) -> Array:
-        """(n, K) the probabilities after one more point (n, rows) of n tracks; `state` is changed in place.
+    @available_if(_is_stateful)  # type: ignore[untyped-decorator]
+    def advance(self, state: PrefixEnsembleState, points: npt.ArrayLike) -> Array:
+        """(n, K) the probabilities after one more point (n, rows) of n tracks; updates `state` in place.
 
-        All copies follow all tracks, so a point costs as many steps as there are ages.
+        All copies process all tracks, so a point costs one step per prefix length.
         """
-        said = np.stack(
+        probabilities = np.stack(
             [
                 classifier.advance(one, points)
                 for classifier, one in zip(self.classifiers_, state.states, strict=True)
             ]
         )
         state.points[:] += 1
-        return _mixed(said, self._weights(state.points))
+        return _interpolate_logs(probabilities, self._interpolation_weights(state.points))
 
-    def _weights(self, points: npt.NDArray[np.intp]) -> Array:
-        """(n, ages) the part each copy has in judging tracks of so many points."""
-        place = np.interp(points, self.lengths_, np.arange(len(self.lengths_)))
-        return np.asarray(np.maximum(0, 1 - np.abs(place[:, None] - np.arange(len(self.lengths_)))))
+    def _interpolation_weights(self, points: npt.NDArray[np.intp]) -> Array:
+        """(n, copies) the weight of each copy for tracks with these numbers of points (n,)."""
+        position = np.interp(points, self.lengths_, np.arange(len(self.lengths_)))
+        return np.asarray(np.maximum(0, 1 - np.abs(position[:, None] - np.arange(len(self.lengths_)))))
 
 
-def at_every_age(pipeline: Pipeline, *, shares: Sequence[float] = (0.25, 0.5, 0.75, 1.0)) -> Pipeline:
-    """A pipeline, not trained, that has one classifier for every age: `ByAge` around all behind the scaling.
+def with_prefix_ensemble(pipeline: Pipeline, *, shares: Sequence[float] = (0.25, 0.5, 0.75, 1.0)) -> Pipeline:
+    """Return an unfitted pipeline with one classifier per prefix length, after the shared preprocessing.
 
     Raises:
-        DataError: there is nothing behind `Motion` and `Scaling`.
+        DataError: there is no step after `Motion` and `ChannelStandardizer`.
     """
     steps = list(pipeline.steps)
-    kept = list(takewhile(lambda step: isinstance(step[1], Motion | Scaling), steps))
-    rest = steps[len(kept) :]
+    shared = list(takewhile(lambda step: isinstance(step[1], Motion | ChannelStandardizer), steps))
+    rest = steps[len(shared) :]
     if not rest:
-        raise DataError("the pipeline has no classifier to train for every age")
+        raise DataError("the pipeline has no classifier after its preprocessing")
     classifier = rest[0][1] if len(rest) == 1 else Pipeline(rest)
-    return clone(Pipeline([*kept, (rest[-1][0], ByAge(classifier, shares=shares))]))
+    return clone(Pipeline([*shared, (rest[-1][0], PrefixEnsemble(classifier, shares=shares))]))
 
 
-def _mixed(said: Array, weights: Array) -> Array:
-    """(n, K) distributions said (ages, n, K), mixed by weights (n, ages)."""
-    logs = np.log(np.maximum(said, LEAST))
+def _interpolate_logs(probabilities: Array, weights: Array) -> Array:
+    """(n, K) distributions (copies, n, K), averaged by their logarithms with weights (n, copies)."""
+    logs = np.log(np.maximum(probabilities, MIN_PROBABILITY))
     return np.asarray(softmax(np.einsum("na,ank->nk", weights, logs), axis=1))

@@ -1,4 +1,4 @@
-"""The beginnings of recorded tracks, and what a classifier said of them while they lasted."""
+"""Prefixes of recorded tracks, and predictions after each of their samples."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from sklearn.model_selection import StratifiedGroupKFold
 
 from lcorpp.errors import DataError
 from lcorpp.learning.data.dataset import check_tracks, check_trainable
-from lcorpp.learning.streaming.prefix_predictions import OverTime
-from lcorpp.learning.streaming.streams import Streams
+from lcorpp.learning.streaming.streaming_classifier import StreamingClassifier
+from lcorpp.learning.streaming.timeline import PredictionTimeline
 from lcorpp.values import Dataset
 
 
-def prefix(dataset: Dataset, share: float) -> Dataset:
-    """The beginnings of all tracks: their first `share` of time, for training or validation on them.
+def truncate(dataset: Dataset, share: float) -> Dataset:
+    """Return the first `share` of every track, for training or validation on prefixes.
 
     Raises:
         DataError: `share` is not in (0, 1], or leaves less than two time points.
@@ -32,67 +32,78 @@ def prefix(dataset: Dataset, share: float) -> Dataset:
     return replace(dataset, trajectories=dataset.trajectories[:, :, :kept])
 
 
-def follow(pipeline: Any, dataset: Dataset, *, least: int = 2, window: int | None = None) -> OverTime:
-    """Everything a fitted pipeline says of the tracks while they last, all people at once.
+def predict_over_time(
+    pipeline: Any, dataset: Dataset, *, min_points: int = 2, window: int | None = None
+) -> PredictionTimeline:
+    """Return the predictions of a fitted pipeline after each sample of the tracks.
 
     Args:
-        least, window: as of `Streams`, for a classifier that does not take tracks of any length.
+        min_points, window: as for `StreamingClassifier`, for a classifier of tracks of one length.
 
     Raises:
-        DataError: as of `Streams`, or the tracks are not of the pipeline's kind.
+        DataError: as `StreamingClassifier`, or the tracks do not have the inputs of the pipeline.
     """
     gap = max(1.0, 2 * dataset.interval)
-    never = {"longest": np.inf, "fastest": np.inf}
-    streams = Streams(pipeline, longest_gap=gap, forget=2 * gap, least=least, window=window, **never)
+    streams = StreamingClassifier(
+        pipeline,
+        max_gap=gap,
+        max_duration=np.inf,
+        max_speed=np.inf,
+        forget_after=2 * gap,
+        min_points=min_points,
+        window=window,
+    )
     if streams.inputs != dataset.channels:
         raise DataError(
             f"the pipeline takes {', '.join(streams.inputs)}, the tracks are {', '.join(dataset.channels)}"
         )
     tracks = check_tracks(dataset.trajectories)
     cases, _, times = tracks.shape
-    said, points = np.full((cases, times, len(streams.classes)), np.nan), []
+    probabilities, points = np.full((cases, times, len(streams.classes)), np.nan), []
     for time, row in enumerate(tracks.transpose(2, 0, 1).tolist()):
         stamp = time * dataset.interval
-        answers = streams.push_many([(stamp, case, *values) for case, values in enumerate(row)])
-        points.append(answers[0].points)
+        predictions = streams.push_many([(stamp, case, *values) for case, values in enumerate(row)])
+        points.append(predictions[0].points)
         for case in range(cases):
-            known = answers[case].probabilities
+            known = predictions[case].probabilities
             if known is not None:
-                said[case, time] = known
-    return OverTime(said, tuple(points), dataset.labels, streams.classes, dataset.interval)
+                probabilities[case, time] = known
+    return PredictionTimeline(probabilities, tuple(points), dataset.labels, streams.classes, dataset.interval)
 
 
-def out_of_fold_over_time(
+def cross_predict_over_time(
     estimator: Any,
     dataset: Dataset,
     *,
     folds: int = 5,
     seed: int = 0,
-    least: int = 2,
+    min_points: int = 2,
     window: int | None = None,
-) -> OverTime:
-    """`follow`, each track by a classifier that was trained on whole tracks of other people.
+) -> PredictionTimeline:
+    """`predict_over_time` out of fold: each track by a classifier trained on whole tracks of other people.
 
     Args:
-        estimator: a pipeline of `Motion` and a classifier; it is cloned for every fold.
-        folds: parts the groups are divided into, classes in proportion.
-        seed: of the division.
-        least, window: as of `Streams`.
+        estimator: a pipeline of `Motion` and a classifier; each fold uses a clone.
+        folds: number of folds, stratified and with whole groups.
+        seed: seed of the split.
+        min_points, window: as for `StreamingClassifier`.
 
     Raises:
-        DataError: `dataset` cannot be learnt from or divided so (see `check_trainable`), or as `follow`.
+        DataError: `dataset` is not trainable or cannot be split (see `check_trainable`), or as
+            `predict_over_time`.
     """
     check_trainable(dataset, folds=folds)
     labels, groups = np.array(dataset.labels), np.array(dataset.groups)
-    parts: list[tuple[npt.NDArray[np.intp], OverTime]] = []
+    parts: list[tuple[npt.NDArray[np.intp], PredictionTimeline]] = []
     splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed)
     for train, test in splitter.split(labels, labels, groups):
-        fitted = clone(estimator).fit(dataset.trajectories[train], labels[train])
-        parts.append((test, follow(fitted, dataset.take(test), least=least, window=window)))
-        if parts[-1][1].classes != parts[0][1].classes:
-            raise DataError(f"the folds learnt {parts[0][1].classes} and {parts[-1][1].classes}")
+        pipeline = clone(estimator).fit(dataset.trajectories[train], labels[train])
+        part = predict_over_time(pipeline, dataset.take(test), min_points=min_points, window=window)
+        parts.append((test, part))
+        if part.classes != parts[0][1].classes:
+            raise DataError(f"the folds learnt {parts[0][1].classes} and {part.classes}")
     first = parts[0][1]
-    said = np.empty((len(dataset), *first.probabilities.shape[1:]))
+    probabilities = np.empty((len(dataset), *first.probabilities.shape[1:]))
     for test, part in parts:
-        said[test] = part.probabilities
-    return replace(first, probabilities=said, labels=dataset.labels)
+        probabilities[test] = part.probabilities
+    return replace(first, probabilities=probabilities, labels=dataset.labels)

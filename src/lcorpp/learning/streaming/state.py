@@ -1,4 +1,4 @@
-"""What a classifier keeps of each person it follows: a state that is carried on, or the points so far."""
+"""Classifier state of each tracked person: a recurrent state, or the history of points."""
 
 from __future__ import annotations
 
@@ -12,141 +12,145 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
-from lcorpp.learning.classifiers.contract import Scored, predicted
-from lcorpp.learning.features.motion import Motion, Scaling
+from lcorpp.learning.classifiers.contract import SigmoidScores, predict_proba
+from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.values import Array
 
 Slots = npt.NDArray[np.intp]
-"""(n,) places of people in a memory, each at most once."""
+"""(n,) distinct indices of people in a `StreamState`."""
 
 
-class Memory(Protocol):
-    """A fitted pipeline that follows people by their places."""
+class StreamState(Protocol):
+    """A fitted pipeline with the state of each tracked person."""
 
-    carried: bool
-    """Whether a point costs the same however many there were before."""
+    constant_cost: bool
+    """Whether the cost of a point does not depend on the length of the track."""
 
-    def grow(self, places: int) -> None:
-        """Have room for more people; those that are there stay."""
+    def grow(self, size: int) -> None:
+        """Extend to `size` slots; existing slots keep their state."""
 
-    def begin(self, slots: Slots) -> None:
-        """Forget what was known in some places."""
+    def reset(self, slots: Slots) -> None:
+        """Start new tracks in some slots."""
 
     def advance(self, slots: Slots, points: Array) -> Array:
-        """(n, K) the probabilities after one more point (n, inputs) of each; NaN before an answer."""
+        """(n, K) probabilities after one more point (n, inputs) of each; NaN if there is no prediction."""
 
 
-class Carried:
-    """A classifier with `begin` and `advance`, such as the LSTM: one step for a point."""
+class RecurrentState:
+    """State of a classifier with `begin` and `advance`, such as the LSTM: one step per point."""
 
-    carried = True
+    constant_cost = True
 
-    def __init__(self, motion: Motion, scalings: Sequence[Scaling], classifier: Any) -> None:
-        self._motion, self._scalings, self._classifier = motion, scalings, classifier
+    def __init__(self, motion: Motion, standardizers: Sequence[ChannelStandardizer], classifier: Any) -> None:
+        self._motion, self._standardizers, self._classifier = motion, standardizers, classifier
         self._state = classifier.begin(0)
         self._first = self._before = np.empty((0, len(motion.inputs)))
         self._new = np.empty(0, dtype=np.bool_)
 
-    def grow(self, places: int) -> None:
-        """As in `Memory`."""
-        there = len(self._new)
-        state = self._classifier.begin(places)
-        state.put(np.arange(there), self._state)
+    def grow(self, size: int) -> None:
+        """As `StreamState.grow`."""
+        old_size = len(self._new)
+        state = self._classifier.begin(size)
+        state.put(np.arange(old_size), self._state)
         self._state = state
-        more = np.zeros((places - there, self._first.shape[1]))
+        more = np.zeros((size - old_size, self._first.shape[1]))
         self._first, self._before = np.concatenate([self._first, more]), np.concatenate([self._before, more])
-        self._new = np.concatenate([self._new, np.ones(places - there, dtype=np.bool_)])
+        self._new = np.concatenate([self._new, np.ones(size - old_size, dtype=np.bool_)])
 
-    def begin(self, slots: Slots) -> None:
-        """As in `Memory`."""
+    def reset(self, slots: Slots) -> None:
+        """As `StreamState.reset`."""
         self._state.put(slots, self._classifier.begin(len(slots)))
         self._new[slots] = True
 
     def advance(self, slots: Slots, points: Array) -> Array:
-        """As in `Memory`."""
+        """As `StreamState.advance`."""
         new = self._new[slots]
         if new.any():
             self._first[slots[new]] = self._before[slots[new]] = points[new]
             self._new[slots] = False
-        told = self._motion.told(
+        features = self._motion.features_at(
             points[..., None], self._before[slots][..., None], self._first[slots][..., None]
         )
         self._before[slots] = points
-        for scaling in self._scalings:
-            told = scaling.scaled(told)
+        for standardizer in self._standardizers:
+            features = standardizer.standardize(features)
         state = self._state.take(slots)
-        probabilities: Array = self._classifier.advance(state, told[..., 0])
+        probabilities: Array = self._classifier.advance(state, features[..., 0])
         self._state.put(slots, state)
         return probabilities
 
 
-class Replayed:
-    """Any other classifier: it is asked about all points so far, or about the last `window` of them.
+class ReplayedHistory:
+    """State of any other classifier: it predicts from all points so far, or from the last `window` ones.
 
-    least: points of a track before it is asked.
+    min_points: points of a track before the first prediction.
     """
 
-    carried = False
+    constant_cost = False
 
-    def __init__(self, motion: Motion, rest: Any, least: int, window: int | None) -> None:
-        self._motion, self._rest, self._least, self._window = motion, rest, least, window
+    def __init__(self, motion: Motion, rest: Any, min_points: int, window: int | None) -> None:
+        self._motion, self._rest, self._min_points, self._window = motion, rest, min_points, window
         self._points: list[deque[Array]] = []
 
-    def grow(self, places: int) -> None:
-        """As in `Memory`."""
-        self._points += [deque(maxlen=self._window) for _ in range(places - len(self._points))]
+    def grow(self, size: int) -> None:
+        """As `StreamState.grow`."""
+        self._points += [deque(maxlen=self._window) for _ in range(size - len(self._points))]
 
-    def begin(self, slots: Slots) -> None:
-        """As in `Memory`."""
+    def reset(self, slots: Slots) -> None:
+        """As `StreamState.reset`."""
         for slot in slots:
             self._points[slot].clear()
 
     def advance(self, slots: Slots, points: Array) -> Array:
-        """As in `Memory`."""
-        alike: dict[int, list[int]] = {}
+        """As `StreamState.advance`."""
+        rows_by_length: dict[int, list[int]] = {}
         for row, (slot, point) in enumerate(zip(slots, points, strict=True)):
             self._points[slot].append(point)
-            alike.setdefault(len(self._points[slot]), []).append(row)
+            rows_by_length.setdefault(len(self._points[slot]), []).append(row)
         probabilities = np.full((len(slots), len(self._rest.classes_)), np.nan)
-        for length, rows in alike.items():
-            if length >= self._least:
+        for length, rows in rows_by_length.items():
+            if length >= self._min_points:
                 tracks = np.array([self._points[slots[row]] for row in rows]).transpose(0, 2, 1)
-                probabilities[rows] = self._asked(self._motion.of_points(tracks))
+                probabilities[rows] = self._predict(self._motion.transform_points(tracks))
         return probabilities
 
-    def _asked(self, tracks: Array) -> Array:
+    def _predict(self, tracks: Array) -> Array:
         try:
-            return predicted(self._rest, tracks)
+            return predict_proba(self._rest, tracks)
         except DataError as error:
             raise DataError(
-                f"{error}; asked about {tracks.shape[2]} points of a track. A classifier of tracks of one"
-                " length follows people if that is its `least` and its `window`"
+                f"{error}; the tracks had {tracks.shape[2]} points. A classifier of tracks of one length"
+                " needs that length as `min_points` and as `window`"
             ) from None
 
 
-def memory_of(pipeline: Any, least: int, window: int | None) -> tuple[Motion, Memory]:
-    """The first step of a fitted pipeline, and what follows people with it; arguments as of `Streams`.
+def make_state(pipeline: Any, min_points: int, window: int | None) -> tuple[Motion, StreamState]:
+    """Return the first step of a fitted pipeline and the state for the rest.
+
+    Args:
+        min_points, window: as for `StreamingClassifier`.
 
     Raises:
-        DataError: it is no fitted Pipeline that begins with `Motion`.
+        DataError: the pipeline is not a fitted Pipeline that begins with `Motion`.
     """
-    scored = isinstance(pipeline, Scored)
+    scored = isinstance(pipeline, SigmoidScores)
     steps = pipeline.classifier_ if scored else pipeline
     if not isinstance(steps, Pipeline) or not isinstance(steps[0], Motion) or len(steps) < 2:
         first = type(steps[0] if isinstance(steps, Pipeline) else steps).__name__
-        hint = ": take Streams.of" if hasattr(pipeline, "estimator") else ""
+        hint = ": use StreamingClassifier.from_trained" if hasattr(pipeline, "estimator") else ""
         raise DataError(
-            "people can be followed by a Pipeline of Motion and a classifier, which says how samples become"
-            f" points at a fixed rate; this one begins with {first}{hint}"
+            "streaming needs a Pipeline of Motion, which resamples to a fixed rate, and a classifier; this"
+            f" one begins with {first}{hint}"
         )
     motion, *between, classifier = (step for _, step in steps.steps)
     for step in (motion, classifier):
         check_is_fitted(step)
-    carries = all(hasattr(classifier, name) for name in ("begin", "advance"))
-    if carries and not scored and window is None and all(isinstance(step, Scaling) for step in between):
-        return motion, Carried(motion, between, classifier)
+    recurrent = all(hasattr(classifier, name) for name in ("begin", "advance"))
+    standardizers_only = all(isinstance(step, ChannelStandardizer) for step in between)
+    if recurrent and not scored and window is None and standardizers_only:
+        return motion, RecurrentState(motion, between, classifier)
     rest = steps[1:]
     if scored:
-        rest, pipeline = Scored(rest), rest
+        rest, pipeline = SigmoidScores(rest), rest
         rest.classifier_, rest.classes_ = pipeline, pipeline.classes_
-    return motion, Replayed(motion, rest, least, window)
+    return motion, ReplayedHistory(motion, rest, min_points, window)

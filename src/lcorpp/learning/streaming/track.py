@@ -1,4 +1,8 @@
-"""The samples of one person: put in order, checked, and given a fixed rate as they come."""
+"""Resample the samples of one person to a fixed rate as they arrive: order, check, interpolate.
+
+`StreamRules` are the options, `TrackResampler` applies them to one person, `RepairCounts` counts what it
+repaired, and `Clock` measures time by the stamps of all people.
+"""
 
 from __future__ import annotations
 
@@ -8,60 +12,63 @@ from math import hypot, isfinite, pi
 from typing import Self
 
 from lcorpp.errors import DataError
-from lcorpp.learning.features.resampling import SIMULTANEOUS
+from lcorpp.learning.features.resampling import SAME_TIME
 
 Sample = tuple[float, ...]
-"""What was measured at one time, in the order of the inputs."""
+"""The measurements at one time, in the order of the inputs."""
 
-LARGEST = 1e9
-"""No coordinate, in metres, is larger."""
+MAX_COORDINATE = 1e9
+"""Larger coordinates, in metres, are rejected."""
 
-SLACK = 0.1
-"""Seconds by which a jump may be ahead of the fastest person: trackers are noisy, and correct themselves."""
+JUMP_TOLERANCE = 0.1
+"""Seconds added to a step before its speed is compared with the maximum: trackers are noisy and correct
+themselves."""
 
 
 @dataclass(frozen=True)
-class Rules:
-    """What to do with samples that are late, missing or impossible; see `Streams`, which says it in words."""
+class StreamRules:
+    """Rules for late, missing and impossible samples; `StreamingClassifier` describes the options."""
 
     rate: float
-    patience: float
-    longest_gap: float
-    longest: float
-    fastest: float
-    forget: float
+    allowed_lateness: float
+    max_gap: float
+    max_duration: float
+    max_speed: float
+    forget_after: float
 
     def __post_init__(self) -> None:
-        for name in ("longest_gap", "longest", "fastest", "forget"):
+        for name in ("max_gap", "max_duration", "max_speed", "forget_after"):
             if not getattr(self, name) > 0:
                 raise DataError(f"{name} must be above 0, not {getattr(self, name)}")
-        if not isfinite(self.longest_gap):
-            raise DataError(f"longest_gap must be finite, not {self.longest_gap}")
-        if not 0 <= self.patience <= self.longest_gap:
+        if not isfinite(self.max_gap):
+            raise DataError(f"max_gap must be finite, not {self.max_gap}")
+        if not 0 <= self.allowed_lateness <= self.max_gap:
             raise DataError(
-                f"patience must be at least 0 and at most longest_gap, {self.longest_gap:g} s,"
-                f" not {self.patience}"
+                f"allowed_lateness must be at least 0 and at most max_gap, {self.max_gap:g} s,"
+                f" not {self.allowed_lateness}"
             )
-        if self.forget < self.longest_gap:
+        if self.forget_after < self.max_gap:
             raise DataError(
-                f"forget must be at least longest_gap, {self.longest_gap:g} s, not {self.forget}:"
-                " a track that may go on must not be forgotten"
+                f"forget_after must be at least max_gap, {self.max_gap:g} s, not {self.forget_after}:"
+                " until then a track may continue"
             )
-        if self.longest * self.rate < 2:
-            raise DataError(f"longest must be at least two points, {2 / self.rate:g} s, not {self.longest}")
+        if self.max_duration * self.rate < 2:
+            raise DataError(
+                f"max_duration must be at least two points, {2 / self.rate:g} s, not {self.max_duration}"
+            )
 
 
 @dataclass
-class Repairs:
-    """What became of the samples of one person, or of many.
+class RepairCounts:
+    """Counts of the samples, and of the repairs, of one person or of many.
 
-    samples: that came.
-    refused: not finite, or beyond `LARGEST`; first_refused says where the first was.
-    duplicates: of a time that was there already; the first is kept.
-    late: older than one that had been used; dropped.
-    bridged: gaps longer than the time between two points, crossed in a straight line.
-    gaps, jumps, turned_back, too_long: tracks that ended and began anew, since the person was silent too
-        long, moved as nobody can, had a clock that went back, or had been followed long enough.
+    samples: samples that arrived.
+    refused: not finite, or beyond `MAX_COORDINATE`; first_refused describes the first of them.
+    duplicates: dropped because of an equal time stamp; the first sample is kept.
+    late: dropped because a later sample had been used.
+    bridged: gaps longer than the time between two points, interpolated linearly.
+    gaps, jumps, clock_resets, too_long: tracks that ended and were followed by a new one, because of a gap
+        longer than the maximum, an impossible speed, a clock that went back, or the maximal duration.
     """
 
     samples: int = 0
@@ -72,18 +79,18 @@ class Repairs:
     bridged: int = 0
     gaps: int = 0
     jumps: int = 0
-    turned_back: int = 0
+    clock_resets: int = 0
     too_long: int = 0
 
-    def add(self, other: Repairs) -> None:
-        """Count those of `other` as well."""
+    def add(self, other: RepairCounts) -> None:
+        """Add the counts of `other`."""
         for field in fields(self):
             if field.name != "first_refused":
                 setattr(self, field.name, getattr(self, field.name) + getattr(other, field.name))
         self.first_refused = self.first_refused or other.first_refused
 
     def copy(self) -> Self:
-        """The counts as they are now."""
+        """Return a copy of the current counts."""
         return type(self)(**asdict(self))
 
     def __str__(self) -> str:
@@ -92,41 +99,41 @@ class Repairs:
             words.append(f"refused: {self.refused} (the first: {self.first_refused})")
         for what, count in (
             ("duplicates dropped", self.duplicates),
-            ("late ones dropped", self.late),
-            ("gaps bridged", self.bridged),
-            ("begun anew after a long gap", self.gaps),
-            ("begun anew after a jump", self.jumps),
-            ("begun anew since the clock went back", self.turned_back),
-            ("begun anew after the longest time", self.too_long),
+            ("late samples dropped", self.late),
+            ("gaps interpolated", self.bridged),
+            ("new tracks after long gaps", self.gaps),
+            ("new tracks after jumps", self.jumps),
+            ("new tracks after clock resets", self.clock_resets),
+            ("new tracks after the maximal duration", self.too_long),
         ):
             if count:
                 words.append(f"{what}: {count}")
         return "; ".join(words)
 
 
-class Track:
-    """One person's samples, arriving in any order, as points at a fixed rate since the first.
+class TrackResampler:
+    """One person's samples, in any order of arrival, as points at a fixed rate since the first one.
 
-    A sample is used once one that is `patience` seconds younger has come; with patience 0 at once. Samples
-    are used in the order of their times, and what comes later than that is dropped. So the points are those
-    that `regular` makes of the samples that were used.
+    A sample is used once a sample arrives that is `allowed_lateness` seconds younger, or at once if that is
+    0. Samples are used in the order of their stamps; older ones that arrive later are dropped. The points
+    equal `resample` of the samples used.
 
     Attributes:
         number: tracks begun so far.
-        repairs: what was done.
+        repairs: counts of the repairs.
     """
 
-    def __init__(self, rules: Rules, inputs: tuple[str, ...], angles: tuple[int, ...]) -> None:
+    def __init__(self, rules: StreamRules, inputs: tuple[str, ...], angles: tuple[int, ...]) -> None:
         self._rules, self._inputs, self._angles = rules, inputs, frozenset(angles)
-        self._place = (inputs.index("x"), inputs.index("y")) if {"x", "y"} <= set(inputs) else None
+        self._xy = (inputs.index("x"), inputs.index("y")) if {"x", "y"} <= set(inputs) else None
         self._waiting: list[tuple[float, Sample]] = []
         self._latest = self._begin = self._elapsed = 0.0
         self._last: Sample | None = None
         self._next = 0
         self._points: list[Sample] = []
-        self._anew = False
+        self._is_new = False
         self.number = 0
-        self.repairs = Repairs()
+        self.repairs = RepairCounts()
 
     @property
     def time(self) -> float | None:
@@ -135,24 +142,24 @@ class Track:
 
     @property
     def count(self) -> int:
-        """Points of the present track so far."""
+        """Number of points of the current track."""
         return self._next if self._last is not None else 0
 
-    def arrive(self, time: float, sample: Sample) -> None:
-        """Take a sample; `drain` then gives the points that it made known."""
+    def add(self, time: float, sample: Sample) -> None:
+        """Add a sample; `drain` returns the points that it completes."""
         repairs = self.repairs
         repairs.samples += 1
-        if not self._possible(time, sample):
+        if not self._check(time, sample):
             return
         if self._last is None and not self._waiting:
             self._latest = time
-        elif time < self._latest - self._rules.longest_gap:
-            repairs.turned_back += 1
-            self.finish()
+        elif time < self._latest - self._rules.max_gap:
+            repairs.clock_resets += 1
+            self.flush()
             self._last, self._latest = None, time
         elif time > self._latest:
             self._latest = time
-        ready = self._latest - self._rules.patience
+        ready = self._latest - self._rules.allowed_lateness
         if self._last is not None and time - self._begin <= self._elapsed:
             if time - self._begin == self._elapsed:
                 repairs.duplicates += 1
@@ -167,59 +174,62 @@ class Track:
             while self._waiting and self._waiting[0][0] <= ready:
                 self._use(*self._waiting.pop(0))
 
-    def finish(self) -> None:
-        """Use the samples that still wait for younger ones."""
+    def flush(self) -> None:
+        """Use the samples that wait for younger ones."""
         for time, sample in self._waiting:
             self._use(time, sample)
         self._waiting.clear()
 
     def drain(self) -> tuple[list[Sample], bool]:
-        """The points that became known since the last call, and whether a new track begins with them."""
-        drained = self._points, self._anew
-        self._points, self._anew = [], False
+        """Return the points completed since the last call, and whether they begin a new track."""
+        drained = self._points, self._is_new
+        self._points, self._is_new = [], False
         return drained
 
-    def _possible(self, time: float, sample: Sample) -> bool:
-        if isfinite(time) and all(-LARGEST <= value <= LARGEST for value in sample):
+    def _check(self, time: float, sample: Sample) -> bool:
+        """Return whether a sample is valid; count it if not."""
+        if isfinite(time) and all(-MAX_COORDINATE <= value <= MAX_COORDINATE for value in sample):
             return True
         if not self.repairs.refused:
             if not isfinite(time):
-                where = f"its time is {time}"
+                reason = f"its time is {time}"
             else:
-                bad = next(i for i, value in enumerate(sample) if not -LARGEST <= value <= LARGEST)
-                where = f"{self._inputs[bad]} is {sample[bad]} at {time:.3f} s"
-            self.repairs.first_refused = where
+                bad = next(
+                    i for i, value in enumerate(sample) if not -MAX_COORDINATE <= value <= MAX_COORDINATE
+                )
+                reason = f"{self._inputs[bad]} is {sample[bad]} at {time:.3f} s"
+            self.repairs.first_refused = reason
         self.repairs.refused += 1
         return False
 
     def _use(self, time: float, sample: Sample) -> None:
-        """Go on to the next sample in time."""
+        """Extend the track to the next sample, or start a new track with it."""
         last, rules, repairs = self._last, self._rules, self.repairs
         elapsed = time - self._begin
         if last is None:
             self._start(time, sample)
             return
         gap = elapsed - self._elapsed
-        if gap > rules.longest_gap:
+        if gap > rules.max_gap:
             repairs.gaps += 1
             self._start(time, sample)
             return
-        if self._place is not None:
-            x, y = self._place
-            if hypot(sample[x] - last[x], sample[y] - last[y]) > rules.fastest * (gap + SLACK):
+        if self._xy is not None:
+            x, y = self._xy
+            if hypot(sample[x] - last[x], sample[y] - last[y]) > rules.max_speed * (gap + JUMP_TOLERANCE):
                 repairs.jumps += 1
                 self._start(time, sample)
                 return
-        if elapsed > rules.longest:
+        if elapsed > rules.max_duration:
             repairs.too_long += 1
             self._start(time, sample)
             return
-        if gap > 1 / rules.rate + SIMULTANEOUS:
+        if gap > 1 / rules.rate + SAME_TIME:
             repairs.bridged += 1
         at = self._next / rules.rate
-        while elapsed >= at - SIMULTANEOUS:
-            share = 1.0 if elapsed <= at else (at - self._elapsed) / gap
-            self._points.append(self._between(last, sample, share))
+        while elapsed >= at - SAME_TIME:
+            weight = 1.0 if elapsed <= at else (at - self._elapsed) / gap
+            self._points.append(self._interpolate(last, sample, weight))
             self._next += 1
             at = self._next / rules.rate
         self._last, self._elapsed = sample, elapsed
@@ -227,12 +237,44 @@ class Track:
     def _start(self, time: float, sample: Sample) -> None:
         self.number += 1
         self._begin, self._elapsed, self._last, self._next = time, 0.0, sample, 1
-        self._points, self._anew = [sample], True
+        self._points, self._is_new = [sample], True
 
-    def _between(self, start: Sample, end: Sample, share: float) -> Sample:
-        """As `resampling.between`, for one place."""
-        rest = 1 - share
+    def _interpolate(self, start: Sample, end: Sample, weight: float) -> Sample:
+        """As `resampling.interpolate`, for one point."""
+        rest = 1 - weight
         return tuple(
-            a + ((b - a + pi) % (2 * pi) - pi) * share if channel in self._angles else a * rest + b * share
+            a + ((b - a + pi) % (2 * pi) - pi) * weight if channel in self._angles else a * rest + b * weight
             for channel, (a, b) in enumerate(zip(start, end, strict=True))
         )
+
+
+class Clock:
+    """A clock that is robust to wrong time stamps.
+
+    A stamp at most `step` ahead of the latest one advances the clock. One further ahead or behind is an error
+    unless the next one is as far away; then there was a pause, or a recording starts again, and the clock
+    advances by one `step`. So a few wrong stamps do not advance it.
+    """
+
+    def __init__(self, step: float) -> None:
+        self.elapsed = 0.0
+        self._step = step
+        self._latest: float | None = None
+        self._outlier = False
+
+    def observe(self, time: float) -> None:
+        """Process one finite stamp."""
+        if self._latest is None:
+            self._latest = time
+        ahead = time - self._latest
+        if abs(ahead) <= self._step:
+            self._outlier = False
+            if ahead > 0:
+                self.elapsed += ahead
+                self._latest = time
+        elif self._outlier:
+            self._outlier = False
+            self.elapsed += self._step
+            self._latest = time
+        else:
+            self._outlier = True

@@ -16,8 +16,7 @@ from lcorpp.planning.evaluation.control_variates import estimate_value
 from lcorpp.planning.evaluation.mdp import mdp_value_bounds
 from lcorpp.planning.evaluation.occupancy import DiscountedOccupancy
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
-from lcorpp.planning.planner import check_same_model
-from lcorpp.planning.policy import Policy
+from lcorpp.planning.policy import Policy, check_same_model
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Belief, Interval
 

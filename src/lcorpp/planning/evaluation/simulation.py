@@ -14,8 +14,7 @@ from lcorpp.notebook import html_table
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.evaluation.rollout import BatchRollout
 from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
-from lcorpp.planning.planner import check_same_model
-from lcorpp.planning.policy import Policy
+from lcorpp.planning.policy import Policy, check_same_model
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array, Interval
 

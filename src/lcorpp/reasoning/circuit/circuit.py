@@ -202,8 +202,10 @@ class Circuit:
         _check_undefined(undefined)
         if self._has_table:
             return self._take_rows(self._table.find_rows(codes), undefined)
-        answers = {query: normalize_rows(weights) for query, weights in self._compute_weights(codes).items()}
-        answers = {query: self._check_rows(query, rows, undefined) for query, rows in answers.items()}
+        answers = {
+            query: self._check_rows(query, normalize_rows(weights), undefined)
+            for query, weights in self._compute_weights(codes).items()
+        }
         return answers[self.queries[0]] if self.single else answers
 
     def _take_rows(self, rows: Codes, undefined: str) -> Answers:
@@ -297,6 +299,5 @@ def _check_undefined(undefined: str) -> None:
 
 
 def _shorten(names: Sequence[str]) -> str:
-    if not names:
-        return "nothing"
-    return ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:5])}, ... {len(names) - 5} more"
+    shown = ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:5])}, ... {len(names) - 5} more"
+    return shown or "nothing"

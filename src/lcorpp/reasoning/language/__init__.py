@@ -1,1 +1,1 @@
-"""Text to syntax tree to checks: both dialects of P-log and the shorthand of the paper, in one language."""
+"""The P-log language: text -> tokens -> syntax tree -> plain statements -> checked program."""

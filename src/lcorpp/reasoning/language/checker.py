@@ -1,16 +1,24 @@
 """Static checks of a program: names, arities, sorts, labels, safety and sizes.
 
-`safety` checks variables and arithmetic.
+`conformance` checks terms and literals, `safety` variables and arithmetic.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from lcorpp.errors import expected_one_of
-from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.arithmetic import iter_variables
+from lcorpp.reasoning.language.conformance import (
+    check_attribute,
+    check_ground_literal,
+    check_intervention,
+    check_query,
+    check_random,
+    check_slots,
+)
 from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
-from lcorpp.reasoning.language.safety import check_order, check_slots, check_variables
+from lcorpp.reasoning.language.safety import check_variables
 from lcorpp.reasoning.language.signature import Signature, build_signature
 from lcorpp.reasoning.language.syntax import (
     Comparison,
@@ -19,7 +27,6 @@ from lcorpp.reasoning.language.syntax import (
     Literal,
     Number,
     Observation,
-    Place,
     Probability,
     Query,
     Rule,
@@ -27,10 +34,10 @@ from lcorpp.reasoning.language.syntax import (
     Statement,
     Term,
 )
-from lcorpp.reasoning.language.traversal import as_selection, iter_expressions, list_expressions
+from lcorpp.reasoning.language.traversal import as_selection, get_body, iter_expressions, list_expressions
 
 
-def check(statements: Sequence[Statement]) -> Signature:
+def check_statements(statements: Sequence[Statement]) -> Signature:
     """Check a program and return its signature.
 
     Raises:
@@ -52,23 +59,8 @@ def check(statements: Sequence[Statement]) -> Signature:
     return signature
 
 
-def check_statement(statement: Statement, signature: Signature) -> None:
-    """Check one statement against the declarations.
-
-    Raises:
-        SortMismatch: a term contradicts its declaration.
-        SourceIssue: another error.
-    """
-    selection = as_selection(statement)
-    if selection is not None:
-        _check_selection(selection, signature)
-    else:
-        _check_statement(statement, signature)
-
-
 def _check_statement(statement: Statement, signature: Signature) -> None:
     if isinstance(statement, CrRule):
-        assert isinstance(statement.statement, Rule)
         statement = statement.statement
     if isinstance(statement, Rule):
         if statement.head:
@@ -81,51 +73,19 @@ def _check_statement(statement: Statement, signature: Signature) -> None:
             statement.body,
             signature,
         )
+    elif isinstance(statement, Selection):
+        _check_selection(statement, signature)
     elif isinstance(statement, Probability):
         _check_probability(statement, signature)
     elif isinstance(statement, Query):
         check_query(statement, signature)
     elif isinstance(statement, Observation):
-        _check_ground(statement.literal, signature)
+        check_ground_literal(statement.literal, signature)
     elif isinstance(statement, Intervention):
-        _check_intervention(statement, signature)
-
-
-def check_query(query: Query, signature: Signature) -> None:
-    """Check a query against the declarations of a program.
-
-    Raises:
-        SourceIssue: the first error.
-    """
-    if query.subject:
-        _check_term(query.subject, signature)
-    for literal in (*query.literals, *(observation.literal for observation in query.observations)):
-        _check_ground(literal, signature)
-    for intervention in query.interventions:
-        _check_intervention(intervention, signature)
+        check_intervention(statement, signature)
 
 
 # terms and literals
-
-
-def check_attribute(term: Term, signature: Signature) -> None:
-    """Check the name and the number of arguments of an attribute term.
-
-    Raises:
-        SortMismatch: the number is wrong.
-        SourceIssue: the attribute is not declared.
-    """
-    attribute = signature.attributes.get(term.name)
-    if attribute is None:
-        what = "is a sort, not an attribute" if term.name in signature.sorts else "is not declared"
-        raise SourceIssue(term.at, f"{term.name!r} {what}; {expected_one_of(list(signature.attributes))}")
-    if len(term.arguments) != len(attribute.arguments):
-        shape = f"{term.name}({', '.join(attribute.arguments)})" if attribute.arguments else term.name
-        raise SortMismatch(
-            term.at,
-            f"{term.name} has {len(attribute.arguments)} arguments, not {len(term.arguments)};"
-            f" expected {shape}",
-        )
 
 
 def _check_body(body: Iterable[Literal | Comparison], signature: Signature) -> None:
@@ -138,34 +98,6 @@ def _check_body(body: Iterable[Literal | Comparison], signature: Signature) -> N
             raise SourceIssue(
                 literal.at, f"{literal.term.name} is a sort; expected {literal.term.name}(...) without value"
             )
-
-
-def _check_term(term: Term, signature: Signature) -> None:
-    check_attribute(term, signature)
-    for argument in term.arguments:
-        canonical_text(argument)
-    check_slots(signature.term_slots(term), signature)
-
-
-def _check_ground(literal: Literal, signature: Signature) -> None:
-    _check_term(literal.term, signature)
-    canonical_text(literal.value)
-    check_slots(signature.literal_slots(literal), signature)
-    check_order((literal,), {}, signature)
-
-
-def _check_intervention(intervention: Intervention, signature: Signature) -> None:
-    _check_ground(Literal(intervention.term, "=", intervention.value, at=intervention.at), signature)
-    _check_random(intervention.term, intervention.at, signature)
-
-
-def _check_random(term: Term, at: Place, signature: Signature) -> Sequence[Selection]:
-    selections = signature.selections.get(term.name, ())
-    if not selections:
-        raise SourceIssue(
-            at, f"{term.name} has no random selection; expected 'random({term}).' in the program"
-        )
-    return selections
 
 
 # statements
@@ -191,7 +123,7 @@ def _check_selection(selection: Selection, signature: Signature) -> None:
 def _check_probability(statement: Probability, signature: Signature) -> None:
     check_attribute(statement.term, signature)
     _check_body(statement.condition, signature)
-    selections = _check_random(statement.term, statement.at, signature)
+    selections = check_random(statement.term, statement.at, signature)
     if statement.label:
         label = statement.label
         named = [s.label for s in selections if s.label]
@@ -219,3 +151,63 @@ def _check_probability(statement: Probability, signature: Signature) -> None:
         signature,
         statement.number,
     )
+
+
+# lenient mode
+
+
+def drop_ill_sorted(statements: Sequence[Statement]) -> tuple[Statement, ...]:
+    """Return the statements that have instances (lenient mode).
+
+    A statement has no instance if its head or a positive body literal has a value or an argument outside of
+    its sort, or if a positive body literal has a wrong number of arguments. Other contradictions to
+    declarations remain errors: under `not`, in observations, interventions and queries, and in the number of
+    arguments of a head.
+
+    Raises:
+        SourceIssue: a statement has another error.
+    """
+    signature = build_signature(statements)
+    return tuple(statement for statement in statements if _has_instances(statement, signature))
+
+
+def _has_instances(statement: Statement, signature: Signature) -> bool:
+    try:
+        _check_statement(statement, signature)
+    except SortMismatch:
+        inner = statement.statement if isinstance(statement, CrRule) else statement
+        if isinstance(inner, Rule | Selection | Probability) and _has_no_instance(inner, signature):
+            return False
+        raise
+    return True
+
+
+def _has_no_instance(statement: Rule | Selection | Probability, signature: Signature) -> bool:
+    for literal in _iter_heads(statement):
+        check_attribute(literal.term, signature)
+        if not _is_well_sorted(literal, signature):
+            return True
+    needed = (part for part in get_body(statement) if isinstance(part, Literal) and not part.negated)
+    return any(not _is_well_sorted(literal, signature) for literal in needed)
+
+
+def _iter_heads(statement: Rule | Selection | Probability) -> Iterator[Literal]:
+    """Iterate over the heads of a statement; a selected term gets a relation without value slot."""
+    if isinstance(statement, Rule):
+        if statement.head:
+            yield statement.head
+    elif isinstance(statement, Probability):
+        yield Literal(statement.term, "=", statement.value)
+    else:
+        yield Literal(statement.term, "<", statement.term)
+
+
+def _is_well_sorted(literal: Literal, signature: Signature) -> bool:
+    if signature.is_sort(literal):
+        return True
+    try:
+        check_attribute(literal.term, signature)
+        check_slots(signature.literal_slots(literal), signature)
+    except SortMismatch:
+        return False
+    return True

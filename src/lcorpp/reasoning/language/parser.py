@@ -13,10 +13,10 @@ from typing import NoReturn, TypeVar
 
 from lcorpp.errors import ParseError, ProgramError
 from lcorpp.files import read_text
+from lcorpp.reasoning.language.checker import drop_ill_sorted
 from lcorpp.reasoning.language.desugar import desugar
 from lcorpp.reasoning.language.expressions import parse_value
 from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.lenient import drop_ill_sorted
 from lcorpp.reasoning.language.lexer import END, Cursor
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.queries import parse_question
@@ -53,7 +53,7 @@ def parse_plog(
             ``random(a, p)``, ``:+``), else 2009.
         strict: whether to reject what the public systems accept against their manual: a constant outside of
             its sort, a wrong number of arguments, an attribute with the name of a record. With
-            ``strict=False`` statements that therefore have no instance are removed; see `lenient`.
+            ``strict=False`` statements that therefore have no instance are removed; see `drop_ill_sorted`.
 
     Raises:
         ParseError: the text does not follow the grammar.

@@ -1,26 +1,31 @@
-"""A P-log program as a value: checked when it is made, never changed, equal to what its text parses to."""
+"""P-log programs: immutable values, checked when they are created."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from html import escape
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.language.checker import check, check_query
+from lcorpp.reasoning.language.checker import check_statements
+from lcorpp.reasoning.language.conformance import check_query
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import Attribute, Signature
 from lcorpp.reasoning.language.syntax import CrRule, Query, Semantics, SortDefinition, Statement, Term
 from lcorpp.reasoning.language.traversal import rename_query_terms
 
+SHOWN_STATEMENTS = 100
+"""Maximal number of statements that a notebook shows."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Program:
-    """A checked program.
+    """A checked program; `str` returns its text.
 
-    file: where it was read, for errors; it takes no part in equality.
+    file: the file name, for errors; equality ignores it.
     statements: the syntax tree.
-    semantics: what `do` and Condition 1 mean, "2009" or "2018"; see docs/plog.md.
-    signature: the declarations found in it.
+    semantics: the meaning of `do` and Condition 1, "2009" or "2018"; see docs/plog.md.
+    signature: its declarations.
 
     Raises:
         ProgramError: a statement is ill-formed; the message begins with file, line and column.
@@ -29,11 +34,11 @@ class Program:
     file: str = field(compare=False)
     statements: tuple[Statement, ...]
     semantics: Semantics = "2009"
-    signature: Signature = field(init=False, compare=False, repr=False)
+    signature: Signature = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
         try:
-            object.__setattr__(self, "signature", check(self.statements))
+            object.__setattr__(self, "signature", check_statements(self.statements))
         except SourceIssue as issue:
             raise ProgramError(str(issue)) from None
 
@@ -44,17 +49,17 @@ class Program:
 
     @property
     def queries(self) -> tuple[Query, ...]:
-        """The queries that stand in the program, in order."""
+        """The queries of the program in order."""
         return tuple(statement for statement in self.statements if isinstance(statement, Query))
+
+    @property
+    def has_cr_rules(self) -> bool:
+        """Whether the program has cr-rules, so that an observation can create possible worlds."""
+        return any(isinstance(statement, CrRule) for statement in self.statements)
 
     def is_random(self, term: Term) -> bool:
         """Whether the attribute of a term has a random selection."""
         return term.name in self.signature.selections
-
-    @property
-    def has_cr_rules(self) -> bool:
-        """Whether there are cr-rules, so that an observation can create possible worlds."""
-        return any(isinstance(statement, CrRule) for statement in self.statements)
 
     def resolve_query(self, query: Query) -> Query:
         """Return a query with resolved overloads after checking it against the program.
@@ -67,14 +72,30 @@ class Program:
         return query
 
     def __str__(self) -> str:
-        marked = any(isinstance(s, SortDefinition) and s.has_sort_expression for s in self.statements)
-        chosen = f"#semantics {self.semantics}.\n" if marked or self.semantics == "2018" else ""
-        return chosen + "".join(f"{statement}\n" for statement in self.statements)
+        return "".join(f"{line}\n" for line in self._lines())
+
+    def __repr__(self) -> str:
+        return (
+            f"<Program {self.file}: {len(self.attributes)} attributes, {len(self.statements)} statements,"
+            f" semantics of {self.semantics}>"
+        )
+
+    def _repr_html_(self) -> str:
+        lines = self._lines()
+        if len(lines) > SHOWN_STATEMENTS:
+            lines = [*lines[:SHOWN_STATEMENTS], f"% ... {len(lines) - SHOWN_STATEMENTS} more statements"]
+        return f"<pre>{escape(chr(10).join(lines))}</pre>"
 
     def __reduce__(self) -> tuple[type[Program], tuple[str, tuple[Statement, ...], Semantics]]:
-        return Program, (self.file, self.statements, self.semantics)  # mappings do not travel
+        return Program, (self.file, self.statements, self.semantics)  # mapping proxies cannot be pickled
+
+    def _lines(self) -> list[str]:
+        """One line per statement; a directive selects the semantics if the text alone would not."""
+        explicit = any(isinstance(s, SortDefinition) and s.has_sort_expression for s in self.statements)
+        directive = [f"#semantics {self.semantics}."] if explicit or self.semantics == "2018" else []
+        return [*directive, *map(str, self.statements)]
 
 
 def program_text(program: Program) -> str:
-    """A canonical text of the program, one statement a line, that parses to an equal program."""
+    """Return the canonical text of a program, one statement per line; it parses to an equal program."""
     return str(program)

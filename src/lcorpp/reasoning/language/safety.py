@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from lcorpp.errors import expected_one_of
-from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, canonical_text, is_integer, iter_variables
-from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
+from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, iter_variables
+from lcorpp.reasoning.language.conformance import check_integer, check_order, check_slots
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import Signature, Slot
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
@@ -77,20 +77,6 @@ def check_variables(
     for expression in scope:
         if expression is not number:
             _check_arithmetic(expression, bounds, sorts, signature)
-
-
-def check_slots(slots: Iterable[Slot], signature: Signature) -> None:
-    """Check that constants in slots are members of their sorts.
-
-    Raises:
-        SortMismatch: a constant is not.
-    """
-    for expression, sort in slots:
-        if not any(iter_variables(expression)):
-            value = canonical_text(expression)
-            if value not in signature.sorts[sort]:
-                known = expected_one_of(list(signature.sorts[sort]))
-                raise SortMismatch(expression.at, f"{value!r} is not a member of the sort {sort}; {known}")
 
 
 def variable_sorts(
@@ -175,42 +161,5 @@ def _check_arithmetic(
             _check_arithmetic(argument, bounds, sorts, signature)
     elif isinstance(expression, Arithmetic):
         for operand in (expression.left, expression.right):
-            _check_integer(operand, f"arithmetic in {expression}", sorts, signature)
+            check_integer(operand, f"arithmetic in {expression}", sorts, signature)
             _check_arithmetic(operand, bounds, sorts, signature)
-
-
-def check_order(
-    body: Iterable[Literal | Comparison], sorts: dict[str, list[str]], signature: Signature
-) -> None:
-    """Check that only integers are compared by order.
-
-    Raises:
-        SourceIssue: an operand is not an integer.
-    """
-    for literal in body:
-        if literal.relation in ("=", "!="):
-            continue
-        if isinstance(literal, Literal):
-            if signature.attributes[literal.term.name].range not in signature.integer_sorts:
-                raise SourceIssue(
-                    literal.at, f"{literal} orders values of {literal.term.name}, which are not integers"
-                )
-            sides: tuple[Expression, ...] = (literal.value,)
-        else:
-            sides = (literal.left, literal.right)
-        for side in sides:
-            _check_integer(side, f"the order in {literal}", sorts, signature)
-
-
-def _check_integer(
-    expression: Expression, what: str, sorts: dict[str, list[str]], signature: Signature
-) -> None:
-    if isinstance(expression, Term):
-        raise SourceIssue(expression.at, f"{what} needs integers, but {expression} is none")
-    if isinstance(expression, Variable):
-        for sort in sorts.get(expression.name, ()):
-            if sort not in signature.integer_sorts:
-                odd = next(m for m in signature.sorts[sort] if not is_integer(m))
-                raise SourceIssue(
-                    expression.at, f"{what} needs integers, but {expression} may be {odd} of the sort {sort}"
-                )

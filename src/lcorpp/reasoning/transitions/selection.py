@@ -231,17 +231,11 @@ def _check_condition_1(
         if alike and (here is there or (is_2018 and labels[0] == labels[1] and here.range == there.range)):
             continue
         after = " with other values of its variables" if here is there else ""
-        return ConditionViolation(
-            clause.statement,
-            ("Condition 1: ", " is also selected at random by the rule at"),
-            first.statement,
-            after,
-        )
+        message = "Condition 1: ", " is also selected at random by the rule at"
+        return ConditionViolation(clause.statement, message, first.statement, after)
     if is_2018 and derived:
-        return ConditionViolation(
-            first.statement,
-            ("Condition 1: ", " is selected at random while a rule derives it"),
-        )
+        message = "Condition 1: ", " is selected at random while a rule derives it"
+        return ConditionViolation(first.statement, message)
     return None
 
 
@@ -278,21 +272,13 @@ def assign_probabilities(
             raise ConditionViolation(statement, (f"the probability {number} is not between 0 and 1",))
         if value in numbers:
             same = statement_of[value] == statement
-            raise ConditionViolation(
-                statement,
-                ("Condition 2: ", f"={values[value]} also has a pr-atom at"),
-                statement_of[value],
-                " with other values of its variables" if same else "",
-            )
+            message = "Condition 2: ", f"={values[value]} also has a pr-atom at"
+            after = " with other values of its variables" if same else ""
+            raise ConditionViolation(statement, message, statement_of[value], after)
         if value not in possible:
             members = ", ".join(values[v] for v in possible)
-            raise ConditionViolation(
-                statement,
-                (
-                    "Condition 3: ",
-                    f"={values[value]} has a pr-atom outside of its dynamic range {{{members}}}",
-                ),
-            )
+            outside = f"={values[value]} has a pr-atom outside of its dynamic range {{{members}}}"
+            raise ConditionViolation(statement, ("Condition 3: ", outside))
         numbers[value], statement_of[value] = number, statement
     if not numbers:
         return [Fraction(1, len(possible))] * len(possible)
@@ -300,9 +286,7 @@ def assign_probabilities(
     n_unassigned = len(possible) - len(numbers)
     if total > 1 or (total != 1 and not n_unassigned):
         bound = "at most " if n_unassigned else ""
-        raise ConditionViolation(
-            min(statement_of.values()),
-            ("not unitary: the probabilities of ", f" sum to {total}, not {bound}1"),
-        )
+        message = "not unitary: the probabilities of ", f" sum to {total}, not {bound}1"
+        raise ConditionViolation(min(statement_of.values()), message)
     share = (1 - total) / n_unassigned if n_unassigned else Fraction(0)
     return [numbers.get(value, share) for value in possible]

@@ -1,13 +1,13 @@
 """Step 2: a program as a transition system; each step decides one component and updates the state.
 
-program -> grounding -> simplification -> elimination order -> transitions. `circuit.trellis` expands the
+ground program -> simplification -> elimination order -> transitions. `circuit.trellis` expands the
 result to all reachable states; `likelihood_weighting` samples paths of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
@@ -42,31 +42,31 @@ class TransitionSystem:
         )
 
 
-def build_transition_system(ground: GroundProgram, queried: Iterable[str] = ()) -> TransitionSystem:
-    """Simplify a ground program, order its components and build their transitions; drops the ground clauses.
+def build_transition_system(program: GroundProgram, queried: Iterable[str] = ()) -> TransitionSystem:
+    """Simplify a ground program, order its components and build their transitions.
 
     Args:
         queried: the terms whose outcomes queries read.
     """
     with gc_paused():
-        clauses, outcomes = simplify(ground)
+        clauses, outcomes = simplify(program)
+        program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
         components = order_components(clauses, outcomes)
-        order = _merge_deterministic_neighbours(ground, clauses, components)
-        term_numbers = {name: term for term, name in enumerate(ground.names)}
+        order = _merge_deterministic_neighbours(program, clauses, components)
+        term_numbers = {name: term for term, name in enumerate(program.names)}
         consistent = not any(c.term < 0 and not c.body for c in clauses)
         needed = {term_numbers[name] for name in queried if name in term_numbers}
-        transitions = build_transitions(ground, clauses, outcomes, order, needed)
+        transitions = build_transitions(program, clauses, outcomes, order, needed)
         if len(order) < len(components) and any(
             isinstance(transition.distribution, RecursiveComponent) for transition in transitions
         ):
             order = components  # a merged component is not stratified
-            transitions = build_transitions(ground, clauses, outcomes, order, needed)
-        ground.clauses = []  # the transitions contain what they need of the clauses
-        return TransitionSystem(ground, order, transitions, consistent, term_numbers)
+            transitions = build_transitions(program, clauses, outcomes, order, needed)
+        return TransitionSystem(program, order, transitions, consistent, term_numbers)
 
 
 def _merge_deterministic_neighbours(
-    ground: GroundProgram, clauses: Sequence[Clause], order: Sequence[tuple[int, ...]]
+    program: GroundProgram, clauses: Sequence[Clause], order: Sequence[tuple[int, ...]]
 ) -> Sequence[tuple[int, ...]]:
     """Merge each deterministic component of several terms with its deterministic neighbours in the order.
 
@@ -75,7 +75,7 @@ def _merge_deterministic_neighbours(
     """
     if all(len(terms) == 1 for terms in order):
         return order
-    random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | ground.do.keys()
+    random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
     merged: list[tuple[int, ...]] = []
     run: list[tuple[int, ...]] = []
 

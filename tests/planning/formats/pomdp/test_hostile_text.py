@@ -1,4 +1,4 @@
-"""Whatever stands in a .pomdp file ends in a model or in a typed error that says where."""
+"""Any .pomdp text gives a model or a typed error with a position."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WORDS = st.sampled_from(
 )
 
 
-def ends_well(text: str) -> None:
+def check_result(text: str) -> None:
     found: Pomdp | ParseError | ModelError
     try:
         found = parse_pomdp(text, file="soup.pomdp")
@@ -57,7 +57,7 @@ def ends_well(text: str) -> None:
 @example(HEAD + "startinclude: a\n" + BODY)
 @settings(max_examples=300, deadline=None)
 def test_any_text_ends_in_a_model_or_a_typed_error(text):
-    ends_well(text)
+    check_result(text)
 
 
 CUTS = st.lists(st.tuples(st.floats(0, 1), st.integers(0, 20), WORDS | st.text(max_size=2)), max_size=4)
@@ -79,4 +79,4 @@ def test_damaged_files_end_in_a_model_or_a_typed_error(text, cuts):
     for place, length, piece in cuts:
         at = int(place * len(text))
         text = text[:at] + piece + text[at + length :]
-    ends_well(text)
+    check_result(text)

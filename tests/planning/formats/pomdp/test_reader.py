@@ -55,7 +55,7 @@ def test_entries_rows_matrices_and_overrides():
     assert pomdp.observation.dense.tolist() == [[[0.25, 0.75], [0.5, 0.5]], [[0.25, 0.75], [0.1, 0.9]]]
 
 
-def test_rewards_are_folded():
+def test_rewards_become_expected_rewards():
     text = HEAD + "T: x\n0.25 0.75\n0 1\nT: y identity\nO: *\n0.5 0.5\n0.1 0.9\n"
     text += (
         "R: x : a : * : * 1\nR: x : a : b : * 2\nR: x : a : b : v 3\nR: y : a\n1 2\n3 4\nR: y : b : b\n5 6\n"
@@ -74,7 +74,7 @@ def test_costs_are_negated_once():
     assert not np.signbit(reward[1]).any()
 
 
-def test_rounding_of_the_file_is_taken_out():
+def test_rounding_errors_are_removed():
     pomdp = parse_pomdp(HEAD + "T: * uniform\nO: * 0.33333 0.66666 0.5 0.5\n")
     assert abs(pomdp.observation.row_sums() - 1).max() < 1e-15
 
@@ -145,19 +145,19 @@ def test_one_state():
         assert pomdp.transition.dense.tolist() == [[[1]], [[1]]]
 
 
-def test_the_start_belief_is_what_reset_goes_back_to():
+def test_reset_means_the_start_belief():
     text = HEAD + "start: 0.25 0.75\nT: * identity\nT: x : b reset\nO: * uniform\nT: y reset\n"
     transition = parse_pomdp(text).transition
     assert transition.dense.tolist() == [[[1, 0], [0.25, 0.75]], [[0.25, 0.75], [0.25, 0.75]]]
 
 
 @pytest.mark.parametrize("colon", [":", " :", ": ", " : ", " :#colon\n", "\n:\t"])
-def test_colons_stand_with_space_or_without(colon):
+def test_colons_with_and_without_space(colon):
     text = HEAD + BODY + "T: x : a : b 1\nT: x : a : a 0\nO: x : a 0.25 0.75\nR: y : b : a : v 3"
     assert same(parse_pomdp(text.replace(": ", colon)), parse_pomdp(text))
 
 
-def test_a_stray_colon_before_the_numbers_is_stepped_over():
+def test_a_stray_colon_before_the_numbers_is_skipped():
     text = (
         HEAD
         + BODY
@@ -168,7 +168,7 @@ def test_a_stray_colon_before_the_numbers_is_stepped_over():
     assert same(parse_pomdp(strayed), parse_pomdp(text))
 
 
-def test_names_that_are_declared_and_numbers_that_are_used():
+def test_declared_names_and_used_numbers():
     text = HEAD + BODY + "T: y : b : a 1\nT: y : b : b 0\nO: x : a : v 1\nO: x : a : u 0\nR: y : b : a : v 3"
     numbers = (
         HEAD + BODY + "T: 1 : 1 : 0 1\nT: 1 : 1 : 01 0\nO: 0 : 0 : 1 1\nO: 0 : 00 : 0 0\nR: 1 : 1 : 0 : 1 3"
@@ -176,7 +176,7 @@ def test_names_that_are_declared_and_numbers_that_are_used():
     assert same(parse_pomdp(numbers), parse_pomdp(text))
 
 
-def test_names_that_are_words_of_the_format():
+def test_keywords_as_names():
     text = HEAD.replace("a b", "uniform T").replace("x y", "reset O") + "start: uniform\n" + BODY
     pomdp = parse_pomdp(text + "T: reset : uniform : T 1\nT: reset : uniform : uniform 0\nR: O : T : * : * 1")
     assert pomdp.start.tolist() == [1, 0]
@@ -184,7 +184,7 @@ def test_names_that_are_words_of_the_format():
     assert pomdp.reward.tolist() == [[0, 0], [0, 1]]
 
 
-def test_a_wildcard_for_the_column_gives_a_whole_row():
+def test_a_wildcard_column_sets_a_whole_row():
     text = HEAD + "T: * : * : * 0\nT: * : * : b 1\nO: * : * : * 0.5\n"
     pomdp = parse_pomdp(text)
     assert pomdp.transition.dense.tolist() == [[[0, 1], [0, 1]]] * 2
@@ -193,7 +193,7 @@ def test_a_wildcard_for_the_column_gives_a_whole_row():
 
 
 def test_zeros_that_override_ones():
-    """light_maze: an identity, then entries that move its ones elsewhere."""
+    """As in light_maze: an identity, then entries that move its ones."""
     pomdp = read_pomdp(shared_model("light_maze.POMDP"))
     start, branch = pomdp.state_index("start-rewardright"), pomdp.state_index("branch-rewardright")
     columns, values = pomdp.transition.row(pomdp.action_index("forward"), start)
@@ -203,7 +203,7 @@ def test_zeros_that_override_ones():
 
 
 def test_errors_are_the_same_among_many_entries():
-    """Plain entries are read many at a time, the one that is wrong by itself."""
+    """Plain entries are read in batches, a wrong one by itself."""
     right = HEAD + BODY + "T: x : a : a 1\n" * 1000
     for line, column, message in (
         ("T: x : a : a 2", 14, "2 is no probability in transition entry"),
@@ -219,7 +219,7 @@ def test_errors_are_the_same_among_many_entries():
         assert (caught.value.line, caught.value.column) == (1008, column)
 
 
-def test_the_wrong_row_that_comes_first_in_the_text_is_told():
+def test_the_first_wrong_row_of_the_text_is_reported():
     text = HEAD + "O: * uniform\nT: x\n1 0\n0 1\nT: y : b\n1 .5\nT: y : a : * 0\nT: x : b 0 0\n"
     with pytest.raises(ParseError, match=r"transition row for 'y', 'b' sums to 1\.5, not 1") as caught:
         parse_pomdp(text)
@@ -233,7 +233,7 @@ def test_a_row_inside_a_matrix_is_located():
     assert (caught.value.line, caught.value.column) == (10, 1)
 
 
-def test_a_pomdpx_file_is_left_to_its_reader(monkeypatch):
+def test_a_pomdpx_file_is_passed_to_its_reader(monkeypatch):
     reader = ModuleType("lcorpp.planning.formats.pomdpx.reader")
     reader.read_pomdpx = lambda path: ("read", path)  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, reader.__name__, reader)

@@ -1,4 +1,4 @@
-"""Large files are read in the room of their text; what would be huge is refused by its size."""
+"""Memory is linear in the length of the text; too large models are refused."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def test_a_hundred_thousand_states():
     assert pomdp.transition.row(0, 50)[0].tolist() == [51]
     assert pomdp.transition.row(1, 50)[0].tolist() == [50]
     assert pomdp.reward[1].sum() == 2 * len(moved)
-    # one state goes to 1 and stays there; so it is with 51, but the reward depends on what is seen
+    # one state moves to 1 and stays there; so does 51, but its reward depends on the observation
     assert np.flatnonzero(pomdp.reward[0]).tolist() == [0, 1, 50, 51]
     assert pomdp.reward[0, [0, 1, 50, 51]].tolist() == [5, 5, 3.5, 3.5]
 
 
-def test_statements_that_are_repeated_take_no_room():
+def test_repeated_statements_need_no_memory():
     text = head(MANY, 2, 2) + "T: * identity\nO: * uniform\n" + "O: * : * : 0 0.5\nT: 1 identity\n" * 2000
     text += "R: * : * : * : * 1\nR: * : * : 7 : * 2\n" * 2000
     pomdp = parse_pomdp(text)
@@ -37,7 +37,7 @@ def test_statements_that_are_repeated_take_no_room():
     assert pomdp.reward[:, 6:9].tolist() == [[1, 2, 1]] * 2
 
 
-def test_what_is_overridden_takes_no_room():
+def test_overridden_statements_need_no_memory():
     wide = "".join(f"T: * : * : {s} 0.5\n" for s in range(2000))
     text = head(MANY, 1, 1) + wide + "T: * uniform\n" + wide + "T: * identity\nO: * uniform\n"
     assert len(parse_pomdp(text).transition.values) == MANY
@@ -64,13 +64,13 @@ def test_what_is_overridden_takes_no_room():
         ),
     ],
 )
-def test_what_is_too_large_is_refused_by_its_size(text, message):
+def test_too_large_models_are_refused(text, message):
     with pytest.raises(ModelError, match=message):
         parse_pomdp(text + ("" if "T:" in text else "\nT: * identity\nO: * uniform\n"))
 
 
 def test_rows_of_one_number_do_not_add_up(monkeypatch):
-    """A statement with ``*`` for the column is short however many columns there are."""
+    """A statement with ``*`` as its column is short, however many columns there are."""
     monkeypatch.setattr(pomdp_tables, "MAX_NUMBERS", 5000)
     text = head(1, 1, 1000) + "T: * identity\n" + "".join(f"O: * : * : * 0.{i}\n" for i in range(1, 9))
     with pytest.raises(ModelError, match=r"the observation table .* give 6000 numbers"):
@@ -104,13 +104,13 @@ def test_long_texts_end_in_one_error(rest, message):
 
 
 def test_a_matrix_that_cannot_fit_the_text():
-    """The numbers that are there are counted; no array for those that are promised is made."""
+    """The numbers of the text are counted; no array for the missing ones is allocated."""
     with pytest.raises(ParseError, match="needs 10000000000 numbers, found 3 before the end of the file"):
         parse_pomdp(head(MANY, 1, 1) + "T: 0\n0 0 1\n")
 
 
-def test_rewards_of_full_tables_are_folded():
-    """So many cases that a matrix product takes their place, against the sums written out."""
+def test_rewards_of_dense_tables():
+    """So many cases that a matrix product replaces the look-up, compared with explicit sums."""
     text = head(150, 1, 150) + "T: * uniform\nO: * uniform\nR: * : * : * : 0 3\nR: * : 7 : * : * 1\n"
     reward = parse_pomdp(text).reward
     expected = np.full(150, 3 / 150)

@@ -1,4 +1,4 @@
-"""Statements in any order give what writing them one after the other into full arrays gives."""
+"""Statements in any order give the same tables as writing them into dense arrays."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ START = np.array([0.25, 0.0, 0.75])
 
 @dataclass
 class Statement:
-    """keyword: T, O or R. indices: a prefix of them, None for all. body: what is given for the others."""
+    """keyword: T, O or R. indices: a prefix of them, None for all. body: values for the remaining axes."""
 
     keyword: str
     indices: tuple[int | None, ...]
@@ -88,9 +88,9 @@ def test_tables_are_what_the_statements_write(batch_size, given):
         read = read_all(given)
     tables, rows = dense_tables(given)
     for keyword, table in (("T", read.transition), ("O", read.observation)):
-        found, places = table.rows()
-        assert (found.dense == tables[keyword]).all()
-        assert ((places >= 0) == rows[keyword]).all()
+        rows_read, offsets = table.rows()
+        assert (rows_read.dense == tables[keyword]).all()
+        assert ((offsets >= 0) == rows[keyword]).all()
 
 
 @st.composite
@@ -107,8 +107,8 @@ def distributions(draw: st.DrawFn, N: int) -> np.ndarray:
 @pytest.mark.parametrize("batch_size", [1, 3, 10**6])
 @given(given=st.lists(statements("R"), max_size=10), T=distributions(S), Z=distributions(O))
 @settings(max_examples=60, deadline=None)
-def test_rewards_are_the_sums_written_out(batch_size, given, T, Z):
-    """With few cases at once, matrix products take the place of looking up all of them."""
+def test_expected_rewards_are_the_explicit_sums(batch_size, given, T, Z):
+    """With small chunks, matrix products replace looking up all cases."""
     expected = np.einsum("ast,ato,asto->as", T, Z, dense_tables(given)[0]["R"])
     with patch.object(pomdp_rewards, "CHUNK_CASES", batch_size):
         reward = expected_rewards(SparseTables.of(T), SparseTables.of(Z), read_all(given).rewards)
@@ -117,20 +117,20 @@ def test_rewards_are_the_sums_written_out(batch_size, given, T, Z):
 
 @given(given=st.lists(statements("TTOOR"), min_size=1, max_size=8), data=st.data())
 @settings(max_examples=60, deadline=None)
-def test_a_row_is_placed_at_the_last_statement_that_speaks_of_it(given, data):
+def test_the_offset_of_a_row_is_that_of_the_last_statement_about_it(given, data):
     read = read_all(given)
     text = read.tokens.text
     keyword = data.draw(st.sampled_from("TO"))
-    _, places = (read.transition if keyword == "T" else read.observation).rows()
+    _, offsets = (read.transition if keyword == "T" else read.observation).rows()
     for a in range(A):
         for s in range(S):
-            speaking = [
+            matching = [
                 number
                 for number, each in enumerate(given)
                 if each.keyword == keyword
                 and all(i in (None, own) for i, own in zip(each.indices, (a, s), strict=False))
             ]
-            if not speaking:
-                assert places[a, s] == -1
+            if not matching:
+                assert offsets[a, s] == -1
             else:
-                assert text[: places[a, s]].count("\n") == 6 + speaking[-1]
+                assert text[: offsets[a, s]].count("\n") == 6 + matching[-1]

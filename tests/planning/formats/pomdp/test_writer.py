@@ -25,7 +25,7 @@ def test_write_then_read_is_the_same(pomdp):
 
 @st.composite
 def sparse_pomdps(draw: st.DrawFn) -> Pomdp:
-    """Models of up to some hundred states with one to four entries in a row, numbers of any size."""
+    """Models of up to some hundred states with one to four entries in a row, numbers of any magnitude."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     S, A, count = draw(st.integers(1, 300)), draw(st.integers(1, 3)), draw(st.integers(1, 30))
 
@@ -53,7 +53,7 @@ def sparse_pomdps(draw: st.DrawFn) -> Pomdp:
 
 @given(sparse_pomdps())
 @settings(max_examples=40, deadline=None)
-def test_sparse_models_are_written_and_read_bit_for_bit(pomdp):
+def test_sparse_models_are_written_and_read_exactly(pomdp):
     back = parse_pomdp(format_pomdp(pomdp))
     assert same(back, pomdp)
     assert (back.states, back.actions, back.observations) == (pomdp.states, pomdp.actions, pomdp.observations)

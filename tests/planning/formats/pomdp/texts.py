@@ -1,4 +1,4 @@
-"""Texts that several tests of the formats share."""
+""".pomdp texts shared by several tests."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ PUBLISHED = sorted(path.name for path in SHARED.glob("*") if path.suffix.lower()
 
 
 def head(states: str | int, actions: str | int, observations: str | int) -> str:
-    """A head with names or counts."""
+    """A preamble with names or counts."""
     return (
         f"discount: 0.9\nvalues: reward\nstates: {states}\nactions: {actions}\nobservations: {observations}\n"
     )
 
 
 def same(left: Pomdp, right: Pomdp) -> bool:
-    """Whether two models are equal bit for bit."""
+    """Whether two models have the same bits."""
     return left.fingerprint == right.fingerprint and bool((left.start == right.start).all())

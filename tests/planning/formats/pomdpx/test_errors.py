@@ -1,11 +1,11 @@
-"""What is wrong with a file is said, and where: `@` marks the place that is told."""
+"""Errors in PomdpX files and their positions: `@` marks the expected position."""
 
 from __future__ import annotations
 
 import pytest
 
 from lcorpp.errors import ParseError
-from tests.planning.formats.pomdpx.texts import STAYS, TEXT, function, node, number, parsed, surely, template
+from tests.planning.formats.pomdpx.texts import STAYS, TEXT, function, node, number, parse, surely, template
 
 
 def swap(old: str, new: str) -> str:
@@ -136,7 +136,7 @@ BAD = [
 ]
 
 
-def changed(section: str, inner: str) -> str:
+def with_section(section: str, inner: str) -> str:
     """The rover with another section."""
     begin, end = f"<{section}>", f"</{section}>"
     return TEXT.replace(TEXT[TEXT.index(begin) : TEXT.index(end)], begin + inner)
@@ -144,7 +144,7 @@ def changed(section: str, inner: str) -> str:
 
 def diagram(inner: str, templates: str = "") -> str:
     """The rover with another decision diagram for its rock."""
-    return changed(
+    return with_section(
         "StateTransitionFunction",
         function("CondProb", "rover_1", "rover_0", STAYS.format("rover_1"))
         + function("CondProb", "rock_1", "action rock_0", inner, templates),
@@ -190,17 +190,17 @@ BAD_DIAGRAMS = [
         "is within itself",
     ),
     (
-        changed(
+        with_section(
             "RewardFunction", function("Func", "moving", "action rover_0", "@" + surely("action", "west"))
         ),
         "'deterministic' is for probabilities, not for rewards",
     ),
     (
-        changed("ObsFunction", function("CondProb", "sensor", "action", "@" + STAYS.format("sensor"))),
+        with_section("ObsFunction", function("CondProb", "sensor", "action", "@" + STAYS.format("sensor"))),
         "'persistent' needs the value before the action as a parent",
     ),
     (
-        changed(
+        with_section(
             "StateTransitionFunction",
             function("CondProb", "rover_1", "rock_1", '<SubDAG type="uniform" var="rover_1"/>')
             + function("CondProb", "rock_1", "rover_1", '<SubDAG type="uniform" var="rock_1"/>'),
@@ -213,7 +213,7 @@ BAD_DIAGRAMS = [
 @pytest.mark.parametrize(("text", "message"), BAD + BAD_DIAGRAMS, ids=[m[:50] for _, m in BAD + BAD_DIAGRAMS])
 def test_malformed_files(text, message):
     with pytest.raises(ParseError) as caught:
-        parsed(text.replace("@", ""))
+        parse(text.replace("@", ""))
     assert message in str(caught.value)
     if "@" in text:
         before = text[: text.index("@")]
@@ -221,9 +221,9 @@ def test_malformed_files(text, message):
         assert (caught.value.line, caught.value.column) == place
 
 
-def test_a_word_is_shown_where_it_stands():
+def test_the_caret_marks_the_word():
     with pytest.raises(ParseError) as caught:
-        parsed(swap("0.8 0.2 0.2 0.8", "0.8 0.2\n  0.2 much"))
+        parse(swap("0.8 0.2 0.2 0.8", "0.8 0.2\n  0.2 much"))
     assert str(caught.value) == (
         "rover.pomdpx:44:7: expected a number, found 'much'\n      0.2 much</ProbTable></Entry>\n          ^"
     )

@@ -1,4 +1,4 @@
-"""Files that mean harm, or were damaged on the way."""
+"""Malicious and damaged PomdpX files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.planning.formats.pomdpx.texts import (
     function,
     node,
     number,
-    parsed,
+    parse,
     surely,
     template,
 )
@@ -29,15 +29,15 @@ SUITE = settings(deadline=None, suppress_health_check=list(HealthCheck))
 def test_document_types_are_refused():
     bomb = '<?xml version="1.0"?><!DOCTYPE p [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><pomdpx>&b;</pomdpx>'
     with pytest.raises(ParseError, match="a document type declaration is refused"):
-        parsed(bomb)
+        parse(bomb)
     outside = '<!DOCTYPE p [<!ENTITY a SYSTEM "file:///etc/passwd">]><pomdpx>&a;</pomdpx>'
     with pytest.raises(ParseError, match="a document type declaration is refused"):
-        parsed(outside)
+        parse(outside)
 
 
 def test_nesting_is_bounded():
     with pytest.raises(ParseError, match="nested too deeply"):
-        parsed("<pomdpx>" + "<a>" * 5000)
+        parse("<pomdpx>" + "<a>" * 5000)
 
 
 def test_a_diagram_over_many_variables_is_not_too_deep():
@@ -58,7 +58,7 @@ def test_a_diagram_over_many_variables_is_not_too_deep():
       <InitialStateBelief>{starts}</InitialStateBelief>
       <StateTransitionFunction>{moves}</StateTransitionFunction>
       <RewardFunction>{reward}</RewardFunction></pomdpx>"""
-    assert flatten(parsed(text)).reward.tolist() == [[3.0]]
+    assert flatten(parse(text)).reward.tolist() == [[3.0]]
 
 
 def test_templates_that_multiply_are_bounded(monkeypatch):
@@ -82,9 +82,9 @@ def test_templates_that_multiply_are_bounded(monkeypatch):
       <StateTransitionFunction>{moves}</StateTransitionFunction>
       <RewardFunction>{reward}</RewardFunction></pomdpx>"""
     with pytest.raises(ParseError, match="the decision diagram has over 1000 branches"):
-        parsed(text)
+        parse(text)
     monkeypatch.undo()
-    assert set(flatten(parsed(text)).reward[0]) == {1.0}
+    assert set(flatten(parse(text)).reward[0]) == {1.0}
 
 
 def test_a_small_file_cannot_ask_for_much():
@@ -98,17 +98,17 @@ def test_a_small_file_cannot_ask_for_much():
     moves = text[text.index("<StateTransitionFunction>") : text.index("</StateTransitionFunction>")]
     greedy = function("CondProb", "rover_1", "rover_0 rock_0", number(1))
     with pytest.raises(ParseError, match="a table of 400000000 rows of 20000 numbers is too large"):
-        parsed(text.replace(moves, "<StateTransitionFunction>" + greedy))
+        parse(text.replace(moves, "<StateTransitionFunction>" + greedy))
     dense = function("CondProb", "rover_1", "rover_0", number(0.00005))
     with pytest.raises(ParseError, match="has over 67108864 numbers"):
-        parsed(text.replace(moves, "<StateTransitionFunction>" + dense))
+        parse(text.replace(moves, "<StateTransitionFunction>" + dense))
 
 
-def ends_well(data: str | bytes) -> None:
-    """A problem or an error that says where, never anything else."""
+def check_result(data: str | bytes) -> None:
+    """Check that the data gives a problem or an error with a position."""
     found: Factored | LcorppError
     try:
-        found = parsed(data)
+        found = parse(data)
     except LcorppError as error:
         found = error
     if isinstance(found, ParseError):
@@ -120,8 +120,8 @@ def ends_well(data: str | bytes) -> None:
 
 @settings(SUITE, max_examples=150)
 @given(st.randoms(use_true_random=False), st.sampled_from([TEXT, HEAD + DIAGRAMS]))
-def test_damaged_files_end_well(chance: random.Random, text: str):
-    """Cut, doubled and moved, and signs put between."""
+def test_damaged_files_give_a_problem_or_an_error(chance: random.Random, text: str):
+    """Parts are deleted, repeated and moved, and characters inserted."""
     damaged = list(text)
     for _ in range(chance.randint(1, 4)):
         at, begin = chance.randrange(len(damaged)), chance.randrange(len(damaged))
@@ -133,7 +133,7 @@ def test_damaged_files_end_well(chance: random.Random, text: str):
         else:
             source = at if kind == 2 else begin
             damaged[at:at] = damaged[source : source + chance.randint(1, 60)]
-    ends_well("".join(damaged))
+    check_result("".join(damaged))
 
 
 WORD = re.compile(r"[\w.]+|[*-]")
@@ -141,8 +141,8 @@ WORD = re.compile(r"[\w.]+|[*-]")
 
 @settings(SUITE, max_examples=200)
 @given(st.randoms(use_true_random=False), st.sampled_from([TEXT, HEAD + DIAGRAMS]))
-def test_words_in_wrong_places_end_well(chance: random.Random, text: str):
-    """Mostly still XML: values, names, numbers and signs where others should be."""
+def test_words_in_wrong_places_give_a_problem_or_an_error(chance: random.Random, text: str):
+    """Mostly valid XML with wrong values, names, numbers and signs."""
     begin = text.index("<Discount>")
     words = [
         *WORD.findall(text),
@@ -151,12 +151,12 @@ def test_words_in_wrong_places_end_well(chance: random.Random, text: str):
     for _ in range(chance.randint(1, 3)):
         spot = chance.choice(list(WORD.finditer(text, begin)))
         text = text[: spot.start()] + chance.choice(words) + text[spot.end() :]
-    ends_well(text)
+    check_result(text)
 
 
 @settings(SUITE, max_examples=80)
 @given(st.binary(max_size=60), st.integers(0, len(TEXT)))
-def test_any_bytes_end_well(noise, at):
+def test_any_bytes_give_a_problem_or_an_error(noise, at):
     data = TEXT.encode()
-    ends_well(noise)
-    ends_well(data[:at] + noise + data[at:])
+    check_result(noise)
+    check_result(data[:at] + noise + data[at:])

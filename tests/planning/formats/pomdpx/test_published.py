@@ -1,4 +1,4 @@
-"""The published .pomdpx files, against what is known of them."""
+"""The published .pomdpx files, compared with known facts about them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_tiger_is_the_same_in_both_formats(name):
 
 
 def test_tag_differs_from_the_other_file_in_a_few_moves():
-    """The target of the .pomdp file jumps in a few cells; and `yes` hides there where the robot is."""
+    """In the .pomdp file the target jumps in a few cells, and `yes` hides at the robot's place."""
     mine, theirs = read_pomdpx(shared_model("TagAvoid.pomdpx")), read_pomdp(shared_model("tag-avoid.pomdp"))
     assert mine.actions == theirs.actions
     differing = np.abs(np.asarray(mine.transition) - np.asarray(theirs.transition)) > 1e-6

@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from lcorpp.errors import FileError, ModelError
 from lcorpp.planning import Factored, cpt as table, flatten, format_pomdpx, parse_pomdpx, write_pomdpx
 from tests.planning.factored.models import factored_models, rover
-from tests.planning.formats.pomdpx.texts import parsed
+from tests.planning.formats.pomdpx.texts import parse
 from tests.planning.models import pomdps
 
 SUITE = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
@@ -44,14 +44,14 @@ def test_writing_and_reading_gives_the_same_problem(problem):
 
 @SUITE
 @given(pomdps())
-def test_a_flat_problem_comes_back_bit_for_bit(pomdp):
+def test_a_flat_problem_is_written_and_read_exactly(pomdp):
     back = flatten(parse_pomdpx(format_pomdpx(pomdp)))
     assert back.fingerprint == pomdp.fingerprint
     assert (back.start == pomdp.start).all()
 
 
 def test_long_rows_are_written_number_by_number():
-    """An exception to a rule then takes away the numbers of the rule."""
+    """An exception then also overrides the numbers of its rule with zeros."""
     size = 40
     moves = {"*": "0", "3": "7", "5": {"1": 0.5, "2": 0.5}}
     problem = Factored.of(
@@ -67,7 +67,7 @@ def test_long_rows_are_written_number_by_number():
     text = format_pomdpx(problem)
     assert "<Entry><Instance>* * 0</Instance><ProbTable>1.0</ProbTable></Entry>" in text
     assert "<Entry><Instance>* 3 0</Instance><ProbTable>0.0</ProbTable></Entry>" in text
-    assert parsed(text).equals(problem)
+    assert parse(text).equals(problem)
 
 
 NAMES = st.text(st.characters(exclude_categories=("C", "Z")), min_size=1, max_size=4).filter(
@@ -89,7 +89,7 @@ def test_any_word_may_be_a_name(words):
         reward={"reward": table([b], {(values[3],): 1})},
         discount=0.9,
     )
-    assert parsed(written(problem)).equals(problem)
+    assert parse(written(problem)).equals(problem)
 
 
 @pytest.mark.parametrize("names", [("x", "x_0"), ("x", "x_1"), ("x_0", "x_0_0"), ("x", "y"), ("x0", "x")])
@@ -103,7 +103,7 @@ def test_names_that_look_like_before_and_after(names, tmp_path):
         reward={"none": 0},
         discount=0.9,
     )
-    assert parsed(written(problem)).equals(problem)
+    assert parse(written(problem)).equals(problem)
     both = Factored.of(
         states={one: "a b", other: "c d"},
         actions="go",
@@ -112,7 +112,7 @@ def test_names_that_look_like_before_and_after(names, tmp_path):
         reward={"none": 0},
         discount=0.9,
     )
-    assert parsed(written(both)).equals(both)
+    assert parse(written(both)).equals(both)
 
 
 def test_what_cannot_be_written(tmp_path):

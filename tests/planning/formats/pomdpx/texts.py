@@ -1,10 +1,10 @@
-"""PomdpX texts that several tests share."""
+"""PomdpX texts shared by several tests."""
 
 from __future__ import annotations
 
 from lcorpp.planning import Factored, parse_pomdpx
 
-# The problem of tests/planning/factored/models.py, as PomdpX's documentation would have it.
+# The problem of tests/planning/factored/models.py in PomdpX.
 HEAD = """\
 <?xml version="1.0" encoding="ISO-8859-1"?>
 <pomdpx version="1.0" id="rover" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
@@ -69,7 +69,7 @@ TABLES = """\
 
 
 def node(var: str, **edges: str) -> str:
-    """A branching of a decision diagram."""
+    """An inner node of a decision diagram."""
     inner = "".join(f'<Edge val="{val}">{branch}</Edge>' for val, branch in edges.items())
     return f'<Node var="{var}">{inner}</Node>'
 
@@ -213,7 +213,7 @@ DIAGRAMS = f"""\
 TEXT = HEAD + TABLES
 
 
-def parsed(text: str | bytes) -> Factored:
+def parse(text: str | bytes) -> Factored:
     """The problem of a text."""
     return parse_pomdpx(text, file="rover.pomdpx")
 

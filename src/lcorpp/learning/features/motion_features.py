@@ -1,0 +1,178 @@
+"""Motion features: displacement, speed and directions of a person at each point of a track.
+
+Each feature depends on the track up to its point only. A direction is stored as cosine and sine, which do not
+jump as an angle does; it is (0, 0) if there is no direction: at the first point, and if the person stands
+still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lcorpp.errors import DataError, expected_one_of
+from lcorpp.values import CHANNELS, Array
+
+Pose = tuple[float, float, float]
+"""x and y in metres and heading in radians."""
+
+ANGLES = ("heading", "facing")
+"""The inputs that are angles, in radians, anticlockwise from the x axis of the tracks."""
+
+
+class TrackPoints:
+    """Consecutive points of tracks in the robot's frame.
+
+    now, before, first: (..., inputs, points) the points, the predecessor of each, and the first point of each
+        track; a first point is its own predecessor.
+    inputs: the names of the inputs. robot: the robot's pose in the frame of the tracks. rate: points per
+        second.
+    """
+
+    def __init__(
+        self, now: Array, before: Array, first: Array, *, inputs: Sequence[str], robot: Pose, rate: float
+    ) -> None:
+        self.now, self.before, self.first = now, before, first
+        self.robot, self.rate = robot, rate
+        self._row = {name: index for index, name in enumerate(inputs)}
+
+    def measured(self, name: str) -> Array | None:
+        """(..., points) one input; None if it is not measured."""
+        return self.now[..., self._row[name], :] if name in self._row else None
+
+    @cached_property
+    def displacement(self) -> Array:
+        """(2, ..., points) vector from the first point, in metres, along the robot's axes."""
+        return self._vector_from(self.first)
+
+    @cached_property
+    def increment(self) -> Array:
+        """(2, ..., points) vector from the previous point, in metres, along the robot's axes."""
+        return self._vector_from(self.before)
+
+    @cached_property
+    def position(self) -> Array:
+        """(2, ..., points) position relative to the robot: metres ahead of it and to its left."""
+        x, y = (self.now[..., self._row[name], :] for name in ("x", "y"))
+        return self._rotate(x - self.robot[0], y - self.robot[1])
+
+    @property
+    def heading(self) -> Array:
+        """(2, ..., points) direction of motion: measured, else that of the increment."""
+        angle = self.measured("heading")
+        return _normalize(self.increment) if angle is None else self._direction(angle)
+
+    @property
+    def facing(self) -> Array:
+        """(2, ..., points) measured direction of the body or head."""
+        angle = self.measured("facing")
+        assert angle is not None  # `check_features`
+        return self._direction(angle)
+
+    @property
+    def velocity(self) -> Array:
+        """(1, ..., points) speed, m/s: measured, else length of the increment times the rate."""
+        speed = self.measured("velocity")
+        return (np.hypot(*self.increment) * self.rate if speed is None else speed)[None]
+
+    def _vector_from(self, other: Array) -> Array:
+        x, y = self._row["x"], self._row["y"]
+        return self._rotate(self.now[..., x, :] - other[..., x, :], self.now[..., y, :] - other[..., y, :])
+
+    def _direction(self, angle: Array) -> Array:
+        relative = angle - self.robot[2]
+        return np.stack([np.cos(relative), np.sin(relative)])
+
+    def _rotate(self, x: Array, y: Array) -> Array:
+        """A vector in the frame of the tracks -> the same vector along the robot's axes."""
+        cosine, sine = np.cos(self.robot[2]), np.sin(self.robot[2])
+        return np.stack([cosine * x + sine * y, cosine * y - sine * x])
+
+
+@dataclass(frozen=True)
+class MotionFeature:
+    """One feature of motion.
+
+    rows: the names of its numbers.
+    compute: points -> (rows, ..., points).
+    needs: alternative sets of inputs; the feature needs all inputs of one of them.
+    """
+
+    rows: tuple[str, ...]
+    compute: Callable[[TrackPoints], Array]
+    needs: tuple[frozenset[str], ...]
+
+
+def _direction_feature(name: str, compute: Callable[[TrackPoints], Array], *needs: set[str]) -> MotionFeature:
+    return MotionFeature((f"{name}_cos", f"{name}_sin"), compute, tuple(map(frozenset, needs)))
+
+
+def _normalize(vector: Array) -> Array:
+    """(2, ...) scaled to length 1; a zero vector stays (0, 0)."""
+    length = np.hypot(vector[0], vector[1])
+    unit: Array = vector / np.where(length > 0, length, 1.0)
+    return unit
+
+
+def _relative(direction: Array, reference: Array) -> Array:
+    """A direction measured anticlockwise from a reference direction, both (2, ...) of length 1 or 0."""
+    (dx, dy), (rx, ry) = direction, reference
+    return np.stack([rx * dx + ry * dy, rx * dy - ry * dx])
+
+
+_XY = frozenset({"x", "y"})
+
+MOTION_FEATURES = {
+    "x": MotionFeature(("x",), lambda p: p.displacement[:1], (_XY,)),
+    "y": MotionFeature(("y",), lambda p: p.displacement[1:], (_XY,)),
+    "velocity": MotionFeature(("velocity",), lambda p: p.velocity, (frozenset({"velocity"}), _XY)),
+    "heading": _direction_feature("heading", lambda p: p.heading, {"heading"}, {"x", "y"}),
+    "facing": _direction_feature("facing", lambda p: p.facing, {"facing"}),
+    "approach": _direction_feature(
+        "approach", lambda p: _relative(p.heading, _normalize(-p.position)), {"x", "y"}
+    ),
+    "attention": _direction_feature(
+        "attention", lambda p: _relative(p.facing, _normalize(-p.position)), {"x", "y", "facing"}
+    ),
+    "distance": MotionFeature(("distance",), lambda p: np.hypot(*p.position)[None], (_XY,)),
+    "bearing": _direction_feature("bearing", lambda p: _normalize(p.position), {"x", "y"}),
+}
+"""The motion features by name; the docstring of `Motion` describes each."""
+
+
+def check_features(features: Sequence[str], inputs: Sequence[str]) -> None:
+    """Check that `features` can be computed from `inputs`.
+
+    Raises:
+        DataError: a name is unknown or repeated, a list is empty, or a feature lacks an input.
+    """
+    for kind, names, known in (("feature", features, tuple(MOTION_FEATURES)), ("input", inputs, CHANNELS)):
+        if isinstance(names, str) or not isinstance(names, Sequence) or not names:
+            raise DataError(
+                f"{kind}s must be a non-empty sequence of names, not {names!r}; {expected_one_of(known)}"
+            )
+        for name in names:
+            if name not in known:
+                raise DataError(f"unknown {kind} {name!r}; {expected_one_of(known)}")
+        if len(set(names)) < len(names):
+            raise DataError(f"the {kind}s are {', '.join(names)}; expected every name once")
+    for name in features:
+        needs = MOTION_FEATURES[name].needs
+        if not any(need <= set(inputs) for need in needs):
+            alternatives = " or ".join(" and ".join(n for n in CHANNELS if n in need) for need in needs)
+            raise DataError(
+                f"feature {name!r} needs the input {alternatives}; the inputs are {', '.join(inputs)}"
+            )
+
+
+def feature_rows(features: Sequence[str]) -> tuple[str, ...]:
+    """The names of the numbers that the features consist of, in order."""
+    return tuple(row for name in features for row in MOTION_FEATURES[name].rows)
+
+
+def compute_features(features: Sequence[str], points: TrackPoints) -> Array:
+    """(..., rows, points) the features of the points; rows as in `feature_rows`."""
+    return np.moveaxis(np.concatenate([MOTION_FEATURES[name].compute(points) for name in features]), 0, -2)

@@ -1,0 +1,99 @@
+"""LSTM trainer: its training set, configuration and protocol, and the compiled trainer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.learning.lstm.network import Floats, Weights, load_kernels
+from lcorpp.values import Array
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingSet:
+    """The training data.
+
+    inputs: (n, time points, channels) float32.
+    targets: (n,) int32, the class of each case, 0 to classes - 1.
+    weights: (n,) float32, the weight of each case in the loss.
+    classes: K.
+    """
+
+    inputs: Floats
+    targets: npt.NDArray[np.int32]
+    weights: Floats
+    classes: int
+
+    def __len__(self) -> int:
+        return len(self.inputs)
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """The hyperparameters; `LstmClassifier` describes them."""
+
+    units: int
+    dropout: float
+    epochs: int
+    batch_size: int
+    learning_rate: float
+    schedule: str
+
+
+@dataclass(frozen=True, eq=False)
+class EpochDraw:
+    """The random draws of one epoch over n cases.
+
+    order: (n,) int64 order of the cases.
+    dropout_mask: (n, units) which outputs of the LSTM are kept, in that order.
+    """
+
+    order: npt.NDArray[np.int64]
+    dropout_mask: npt.NDArray[np.bool_]
+
+
+class Trainer(Protocol):
+    """The state of a training: current weights and the moments of Adam."""
+
+    def run_epoch(self, draw: EpochDraw, rates: Array) -> None:
+        """Train on all cases once. rates: (batches,) the learning rate of each update."""
+
+    def weights(self) -> Weights:
+        """Return the current weights."""
+
+
+class CompiledTrainer:
+    """A `Trainer` in C++, see native/lstm/trainer.cpp.
+
+    Args:
+        instruction_set: one of `_kernels.instruction_sets()`; None selects the best.
+    """
+
+    def __init__(
+        self,
+        start: Weights,
+        training_set: TrainingSet,
+        config: TrainingConfig,
+        *,
+        instruction_set: str | None = None,
+    ) -> None:
+        self._trainer = load_kernels().Trainer(
+            **start.arrays(),
+            tracks=training_set.inputs,
+            targets=training_set.targets,
+            weights=training_set.weights,
+            batch=config.batch_size,
+            keep=1 - config.dropout,
+            instruction_set=instruction_set,
+        )
+
+    def run_epoch(self, draw: EpochDraw, rates: Array) -> None:
+        """As `Trainer.run_epoch`; Ctrl-C interrupts between two updates."""
+        self._trainer.epoch(draw.order, draw.dropout_mask, rates)
+
+    def weights(self) -> Weights:
+        """As `Trainer.weights`."""
+        return Weights(*self._trainer.weights())

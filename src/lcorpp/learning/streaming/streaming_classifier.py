@@ -1,0 +1,283 @@
+"""Streaming classifier: samples of many people in, the current prediction for each person out."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from math import isfinite
+from types import MappingProxyType
+from typing import Any, Self
+
+import numpy as np
+
+from lcorpp.errors import DataError
+from lcorpp.learning.classifiers.contract import name_of
+from lcorpp.learning.classifiers.trained import TrainedClassifier
+from lcorpp.learning.streaming.predictions import ConstantEstimator, Prediction, StreamReport
+from lcorpp.learning.streaming.state import make_state
+from lcorpp.learning.streaming.timeline import PrefixCalibration
+from lcorpp.learning.streaming.track import Clock, RepairCounts, Sample, StreamRules, TrackResampler
+from lcorpp.values import Array, freeze
+
+
+class _Person:
+    """One id: its track, its slot in the state, the clock time of its last sample, and its prediction."""
+
+    __slots__ = ("last_seen", "prediction", "probabilities", "slot", "track")
+
+    def __init__(self, track: TrackResampler, slot: int, name: Hashable) -> None:
+        self.track, self.slot, self.last_seen = track, slot, 0.0
+        self.probabilities: Array = np.empty(0)
+        self.prediction = Prediction(name, 0, 0, None, None)
+
+
+class StreamingClassifier:
+    """Classify people while they move, from samples of any number of people in any order.
+
+    The time stamps of the samples place a person's track on points at the fixed rate of the pipeline's
+    `Motion`, and every new point updates the prediction. The prediction equals `predict_proba` of the
+    pipeline for the whole track so far, resampled by `resample`. People do not affect each other's
+    predictions. For a classifier with `begin` and `advance` (the LSTM) the cost of a sample does not depend
+    on the length of the track; other classifiers predict again from the whole track at each point.
+
+    Before `min_points` points, which take (min_points - 1) / rate seconds, the prediction has no
+    probabilities. A robot that has to act then has the reasoner's prior, which is better than the class
+    frequencies of training data.
+
+    The rules for invalid samples; `report` counts all of them:
+
+    - not finite: refused; the report describes the first. The track continues with the next sample.
+    - out of order: sorted if at most `allowed_lateness` late, which delays predictions as much; older samples
+      are dropped. A second sample with the same stamp is dropped.
+    - missing: gaps up to `max_gap` are interpolated linearly. After a longer one a new track begins, and also
+      after a jump faster than `max_speed` (an id given to another person, or units other than metres), and if
+      the clock goes back by more than `max_gap`.
+    - without end: after `max_duration` a new track begins.
+    - vanished ids: removed `forget_after` seconds after their last sample, by the stamps of the others (see
+      `Clock` for wrong ones). An id that returns is a new person. So memory is bounded by the number of
+      people seen in that time.
+
+    Args:
+        pipeline: a fitted pipeline that begins with `Motion`; its `inputs` are the values of a sample.
+        allowed_lateness: seconds to wait for samples out of order; 0 if the tracker keeps the order.
+        max_gap: seconds without a sample that end a track.
+        max_duration: seconds, the maximal duration of a track.
+        max_speed: metres per second; faster motion is an error.
+        forget_after: seconds without a sample after which an id is removed.
+        min_points: points of a track before the first prediction.
+        window: use only the last `window` points, as if the track had begun with them: for classifiers of
+            tracks of one length, which have it as `min_points`, too. None uses all points.
+
+    Raises:
+        DataError: the pipeline does not begin with `Motion`, or an option is out of range.
+        NotFittedError: the pipeline is not fitted.
+    """
+
+    def __init__(
+        self,
+        pipeline: Any,
+        *,
+        allowed_lateness: float = 0.0,
+        max_gap: float = 1.0,
+        max_duration: float = 60.0,
+        max_speed: float = 12.0,
+        forget_after: float = 5.0,
+        min_points: int = 2,
+        window: int | None = None,
+    ) -> None:
+        if min_points < 2:
+            raise DataError(f"one point shows no motion: min_points must be 2 or more, not {min_points}")
+        if window is not None and window < min_points:
+            raise DataError(f"window must be at least min_points, {min_points}, not {window}")
+        self._motion, self._state = make_state(pipeline, min_points, window)
+        self._rules = StreamRules(
+            self._motion.rate, allowed_lateness, max_gap, max_duration, max_speed, forget_after
+        )
+        self._min_points, self._inputs = min_points, tuple(self._motion.inputs)
+        self._people: dict[Hashable, _Person] = {}  # in the order of their last samples
+        self._free: list[int] = []
+        self._slots = 0
+        self._clock = Clock(max_gap)
+        self._removed, self._removals = RepairCounts(), 0
+        self._trained = TrainedClassifier(pipeline)
+        self._prefix_calibration: PrefixCalibration | None = None
+        self.classes = self._trained.classes
+
+    def __repr__(self) -> str:
+        name = name_of(self._trained.estimator)
+        return f"<StreamingClassifier: {name}; classes {', '.join(self.classes)}; {len(self._people)} people>"
+
+    @classmethod
+    def from_trained(
+        cls,
+        trained: TrainedClassifier,
+        *,
+        prefix_calibration: PrefixCalibration | None = None,
+        **options: Any,
+    ) -> Self:
+        """Return a streaming classifier with the threshold and calibration of a trained classifier.
+
+        Args:
+            prefix_calibration: the calibration of early predictions, from `calibrate_prefixes`.
+            options: the keyword arguments of the class.
+        """
+        streams = cls(trained.estimator, **options)
+        streams._trained, streams._prefix_calibration = trained, prefix_calibration
+        return streams
+
+    def classifier(self, person: Hashable) -> TrainedClassifier:
+        """The current prediction for a person as a classifier for the decision loop.
+
+        Its label is the same for any instance. Its `soft()` gives likelihoods, calibrated for the number of
+        points if there is a prefix calibration. Otherwise calibration, threshold and confusion matrix are
+        those of whole tracks; for early decisions, validate on `truncate`.
+
+        Raises:
+            DataError: there is no prediction for the person yet.
+        """
+        prediction = self.predictions.get(person)
+        if prediction is None or prediction.probabilities is None:
+            reason = "has no samples" if prediction is None else f"has {prediction.points} points, too few"
+            raise DataError(f"there is no prediction for {person!r}, who {reason}")
+        calibration = self._trained.calibration
+        if self._prefix_calibration is not None:
+            calibration = self._prefix_calibration.at(prediction.points)
+        constant = ConstantEstimator(self.classes, prediction.probabilities)
+        return replace(self._trained, estimator=constant, calibration=calibration)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The names of the values of a sample, in order."""
+        return self._inputs
+
+    @property
+    def constant_cost(self) -> bool:
+        """Whether the cost of a sample does not depend on the length of the track."""
+        return self._state.constant_cost
+
+    @property
+    def predictions(self) -> Mapping[Hashable, Prediction]:
+        """The current predictions for all tracked people."""
+        return MappingProxyType({name: person.prediction for name, person in self._people.items()})
+
+    def push(self, time: float, person: Hashable, *values: float) -> Prediction:
+        """Process one sample and return the person's prediction.
+
+        Args:
+            time: seconds, on a clock that all people share.
+            person: the tracker's id.
+            values: as the pipeline's `inputs`: x and y in metres, ...
+
+        Raises:
+            DataError: the sample is malformed; numbers that are not finite are counted instead.
+        """
+        return self.push_many([(time, person, *values)])[person]
+
+    def push_many(self, samples: Iterable[Sequence[Any]]) -> dict[Hashable, Prediction]:
+        """Process samples (time, person, x, y, ...) and return the predictions for the people in them.
+
+        This is faster than `push` for each, because the classifier processes all people at once.
+
+        Raises:
+            DataError: a sample is malformed; then none of them is used. Or the classifier fails; then the
+                people in these samples are removed.
+        """
+        checked = [self._check(sample) for sample in samples]
+        updated = {name: self._add(time, name, sample) for time, name, sample in checked}
+        self._update(updated)
+        self._forget()
+        return {name: person.prediction for name, person in updated.items()}
+
+    def remove(self, person: Hashable) -> Prediction:
+        """Remove a person and return the final prediction, which includes delayed samples.
+
+        Raises:
+            DataError: the person is not tracked.
+        """
+        if person not in self._people:
+            raise DataError(f"there is no person {person!r}")
+        removed = self._people[person]
+        removed.track.flush()
+        self._update({person: removed})
+        self._drop(person)
+        return removed.prediction
+
+    def report(self) -> StreamReport:
+        """Return the counts of refused, dropped and interpolated samples, by person."""
+        people = {name: person.track.repairs.copy() for name, person in self._people.items()}
+        return StreamReport(MappingProxyType(people), self._removed.copy(), self._removals)
+
+    def _check(self, sample: Sequence[Any]) -> tuple[float, Hashable, Sample]:
+        try:
+            time, name, *values = sample
+            hash(name)
+            numbers = tuple(map(float, values))
+            if len(numbers) == len(self._inputs):
+                return float(time), name, numbers
+        except (TypeError, ValueError, OverflowError):
+            pass
+        raise DataError(f"sample {sample!r}; expected time, person, {', '.join(self._inputs)}")
+
+    def _add(self, time: float, name: Hashable, sample: Sample) -> _Person:
+        """Add a sample to the track of its person."""
+        if isfinite(time):
+            self._clock.observe(time)
+        person = self._people.pop(name, None) or self._create_person(name)
+        self._people[name] = person
+        person.last_seen = self._clock.elapsed
+        person.track.add(time, sample)
+        return person
+
+    def _create_person(self, name: Hashable) -> _Person:
+        if not self._free:
+            old, self._slots = self._slots, max(16, 2 * self._slots)
+            self._state.grow(self._slots)
+            self._free = list(range(self._slots - 1, old - 1, -1))
+        track = TrackResampler(self._rules, self._inputs, self._motion.angles)
+        return _Person(track, self._free.pop(), name)
+
+    def _update(self, people: Mapping[Hashable, _Person]) -> None:
+        """Update the predictions of some people with their new points."""
+        due = []
+        for person in people.values():
+            points, is_new = person.track.drain()
+            if is_new:
+                self._state.reset(np.array([person.slot]))
+            if points:
+                due.append((person, points))
+        try:
+            self._advance(due)
+        except BaseException:
+            for name in people:  # their state no longer matches their tracks
+                self._drop(name)
+            raise
+        for name, person in people.items():
+            track = person.track
+            if (track.number, track.count) != (person.prediction.track, person.prediction.points):
+                known = freeze(person.probabilities) if track.count >= self._min_points else None
+                person.prediction = Prediction(name, track.number, track.count, track.time, known)
+
+    def _advance(self, due: Sequence[tuple[_Person, Sequence[Sample]]]) -> None:
+        """Advance the state by the new points of people: the first point of each, then the second, ..."""
+        for turn in range(max((len(points) for _, points in due), default=0)):
+            batch = [(person, points[turn]) for person, points in due if len(points) > turn]
+            slots = np.array([person.slot for person, _ in batch])
+            now = np.array([point for _, point in batch])
+            probabilities = self._state.advance(slots, now)
+            for (person, _), row in zip(batch, probabilities, strict=True):
+                person.probabilities = row
+
+    def _forget(self) -> None:
+        """Remove people without recent samples; the oldest come first."""
+        while self._people:
+            name, person = next(iter(self._people.items()))
+            if self._clock.elapsed - person.last_seen <= self._rules.forget_after:
+                return
+            self._drop(name)
+
+    def _drop(self, name: Hashable) -> None:
+        person = self._people.pop(name)
+        self._state.reset(np.array([person.slot]))
+        self._free.append(person.slot)
+        self._removed.add(person.track.repairs)
+        self._removals += 1

@@ -1,0 +1,157 @@
+"""Predictions over the duration of tracks, and their calibration for each prefix length.
+
+A classifier trained on whole tracks is as confident after a second as at the end, and biased to one class. A
+calibration for each number of points, fitted to predictions for other people's prefixes of that length, gives
+weak evidence at first and stronger evidence later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from sklearn.metrics import roc_auc_score
+
+from lcorpp.errors import DataError, expected_one_of
+from lcorpp.learning.evaluation.calibration import Calibration, fit_calibration
+from lcorpp.values import Array, freeze
+
+
+@dataclass(frozen=True, eq=False)
+class PredictionTimeline:
+    """The predictions for recorded tracks after each of their samples.
+
+    probabilities: (cases, time points, K) after each sample, NaN before the first prediction.
+    points: (time points,) number of points at the fixed rate so far; predictions change only with it.
+    labels: (cases,) the true classes. classes: (K,). interval: seconds between two time points.
+    """
+
+    probabilities: Array
+    points: tuple[int, ...]
+    labels: tuple[str, ...]
+    classes: tuple[str, ...]
+    interval: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "probabilities", freeze(self.probabilities))
+
+    def __repr__(self) -> str:
+        cases, times, _ = self.probabilities.shape
+        aucs = ""
+        if len(self.classes) == 2:
+            quarter, half, whole = (self.auc_at(share) for share in (0.25, 0.5, 1.0))
+            aucs = f"; AUC {quarter:.2f}, {half:.2f}, {whole:.2f} at a quarter, half, end"
+        return f"<PredictionTimeline: {cases} tracks of {times * self.interval:.3g} s{aucs}>"
+
+    @property
+    def seconds(self) -> Array:
+        """(time points,) since the start of the track."""
+        return np.arange(self.probabilities.shape[1], dtype=np.float64) * self.interval
+
+    def probability_of(self, name: str) -> Array:
+        """(cases, time points) the probability of a class.
+
+        Raises:
+            DataError: the class is unknown.
+        """
+        if name not in self.classes:
+            raise DataError(f"unknown class {name!r}; {expected_one_of(self.classes)}")
+        return self.probabilities[:, :, self.classes.index(name)]
+
+    @property
+    def auc(self) -> Array:
+        """(time points,) the AUC of two classes, NaN before the first prediction.
+
+        Raises:
+            DataError: there are not two classes.
+        """
+        if len(self.classes) != 2:
+            raise DataError(f"an AUC needs two classes, not {len(self.classes)}")
+        is_second = np.array(self.labels) == self.classes[1]
+        auc = np.full(self.probabilities.shape[1], np.nan)
+        for time, scores in enumerate(self.probability_of(self.classes[1]).T):
+            if time and self.points[time] == self.points[time - 1]:
+                auc[time] = auc[time - 1]
+            elif np.isfinite(scores).all():
+                auc[time] = roc_auc_score(is_second, scores)
+        return auc
+
+    def auc_at(self, share: float) -> float:
+        """The AUC after the first `share` of the tracks, with the rounding of `truncate`."""
+        times = self.probabilities.shape[1]
+        return float(self.auc[max(1, min(times, round(share * times))) - 1])
+
+
+@dataclass(frozen=True, eq=False)
+class PrefixCalibration:
+    """One calibration per prefix length.
+
+    min_points: points of the shortest prefix with a prediction.
+    calibrations: for prefixes of `min_points` points, of one more, and so on; longer tracks use the last one.
+    """
+
+    min_points: int
+    calibrations: tuple[Calibration, ...]
+
+    def __post_init__(self) -> None:
+        if not self.calibrations:
+            raise DataError("there is no prediction to calibrate: the tracks are too short")
+
+    def __repr__(self) -> str:
+        last = self.min_points + len(self.calibrations) - 1
+        return f"<PrefixCalibration for {self.min_points} to {last} points>"
+
+    def at(self, points: int) -> Calibration:
+        """The calibration for prefixes of `points` points.
+
+        Raises:
+            DataError: there are no predictions for prefixes as short as that.
+        """
+        if points < self.min_points:
+            raise DataError(f"there is no prediction after {points} points; {self.min_points} are needed")
+        return self.calibrations[min(points - self.min_points, len(self.calibrations) - 1)]
+
+    def calibrate(self, timeline: PredictionTimeline) -> PredictionTimeline:
+        """Return the timeline with calibrated probabilities."""
+        calibrated = np.array(timeline.probabilities)
+        for column, points in enumerate(timeline.points):
+            if np.isfinite(calibrated[:, column]).all():
+                calibrated[:, column] = self.at(points).calibrate(calibrated[:, column])
+        return replace(timeline, probabilities=calibrated)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the parameters as plain values."""
+        return {"least": self.min_points, "calibrations": [each.to_json() for each in self.calibrations]}
+
+    @classmethod
+    def from_json(cls, numbers: Mapping[str, Any]) -> Self:
+        """Restore the calibration that `to_json` returned.
+
+        Raises:
+            DataError: the parameters do not match.
+        """
+        return cls(int(numbers["least"]), tuple(map(Calibration.from_json, numbers["calibrations"])))
+
+
+def calibrate_prefixes(timeline: PredictionTimeline) -> PrefixCalibration:
+    """Fit a calibration for each number of points to out-of-fold predictions.
+
+    Args:
+        timeline: the result of `cross_predict_over_time`.
+
+    Raises:
+        DataError: the timeline has no predictions.
+    """
+    columns = [
+        column
+        for column, points in enumerate(timeline.points)
+        if np.isfinite(timeline.probabilities[:, column]).all()
+        and (not column or points > timeline.points[column - 1])
+    ]
+    calibrations = [
+        fit_calibration(timeline.classes, timeline.probabilities[:, column], timeline.labels)
+        for column in columns
+    ]
+    return PrefixCalibration(timeline.points[columns[0]] if columns else 0, tuple(calibrations))

@@ -1,0 +1,153 @@
+"""Conformance: check ground terms, literals and queries against the signature of a program."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from lcorpp.errors import expected_one_of
+from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer, iter_variables
+from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
+from lcorpp.reasoning.language.signature import Signature, Slot
+from lcorpp.reasoning.language.syntax import (
+    Comparison,
+    Expression,
+    Intervention,
+    Literal,
+    Place,
+    Query,
+    Selection,
+    Term,
+    Variable,
+)
+
+
+def check_query(query: Query, signature: Signature) -> None:
+    """Check a query against the declarations of a program.
+
+    Raises:
+        SourceIssue: the first error.
+    """
+    if query.subject:
+        _check_ground_term(query.subject, signature)
+    for literal in (*query.literals, *(observation.literal for observation in query.observations)):
+        check_ground_literal(literal, signature)
+    for intervention in query.interventions:
+        check_intervention(intervention, signature)
+
+
+def check_intervention(intervention: Intervention, signature: Signature) -> None:
+    """Check the intervention, whose term needs a random selection.
+
+    Raises:
+        SourceIssue: the first error.
+    """
+    check_ground_literal(Literal(intervention.term, "=", intervention.value, at=intervention.at), signature)
+    check_random(intervention.term, intervention.at, signature)
+
+
+def check_random(term: Term, at: Place, signature: Signature) -> Sequence[Selection]:
+    """Return the random selections of an attribute.
+
+    Raises:
+        SourceIssue: the attribute has no random selection.
+    """
+    selections = signature.selections.get(term.name, ())
+    if not selections:
+        raise SourceIssue(
+            at, f"{term.name} has no random selection; expected 'random({term}).' in the program"
+        )
+    return selections
+
+
+def check_ground_literal(literal: Literal, signature: Signature) -> None:
+    """Check a literal without variables.
+
+    Raises:
+        SourceIssue: the first error.
+    """
+    _check_ground_term(literal.term, signature)
+    _check_ground((literal.value,))
+    check_slots(signature.literal_slots(literal), signature)
+    check_order((literal,), {}, signature)
+
+
+def _check_ground_term(term: Term, signature: Signature) -> None:
+    check_attribute(term, signature)
+    _check_ground(term.arguments)
+    check_slots(signature.term_slots(term), signature)
+
+
+def _check_ground(expressions: Iterable[Expression]) -> None:
+    for expression in expressions:
+        canonical_text(expression)  # raises for a variable
+
+
+def check_attribute(term: Term, signature: Signature) -> None:
+    """Check the name and the number of arguments of an attribute term.
+
+    Raises:
+        SortMismatch: the number is wrong.
+        SourceIssue: the attribute is not declared.
+    """
+    attribute = signature.attributes.get(term.name)
+    if attribute is None:
+        what = "is a sort, not an attribute" if term.name in signature.sorts else "is not declared"
+        raise SourceIssue(term.at, f"{term.name!r} {what}; {expected_one_of(list(signature.attributes))}")
+    if len(term.arguments) != len(attribute.arguments):
+        shape = f"{term.name}({', '.join(attribute.arguments)})" if attribute.arguments else term.name
+        raise SortMismatch(
+            term.at,
+            f"{term.name} has {len(attribute.arguments)} arguments, not {len(term.arguments)};"
+            f" expected {shape}",
+        )
+
+
+def check_slots(slots: Iterable[Slot], signature: Signature) -> None:
+    """Check that constants in slots are members of their sorts.
+
+    Raises:
+        SortMismatch: a constant is not.
+    """
+    for expression, sort in slots:
+        if not any(iter_variables(expression)):
+            value = canonical_text(expression)
+            if value not in signature.sorts[sort]:
+                known = expected_one_of(list(signature.sorts[sort]))
+                raise SortMismatch(expression.at, f"{value!r} is not a member of the sort {sort}; {known}")
+
+
+def check_order(
+    body: Iterable[Literal | Comparison], sorts: dict[str, list[str]], signature: Signature
+) -> None:
+    """Check that only integers are compared by order.
+
+    Raises:
+        SourceIssue: an operand is not an integer.
+    """
+    for literal in body:
+        if literal.relation in ("=", "!="):
+            continue
+        if isinstance(literal, Literal):
+            if signature.attributes[literal.term.name].range not in signature.integer_sorts:
+                raise SourceIssue(
+                    literal.at, f"{literal} orders values of {literal.term.name}, which are not integers"
+                )
+            sides: tuple[Expression, ...] = (literal.value,)
+        else:
+            sides = (literal.left, literal.right)
+        for side in sides:
+            check_integer(side, f"the order in {literal}", sorts, signature)
+
+
+def check_integer(
+    expression: Expression, what: str, sorts: dict[str, list[str]], signature: Signature
+) -> None:
+    if isinstance(expression, Term):
+        raise SourceIssue(expression.at, f"{what} needs integers, but {expression} is none")
+    if isinstance(expression, Variable):
+        for sort in sorts.get(expression.name, ()):
+            if sort not in signature.integer_sorts:
+                odd = next(m for m in signature.sorts[sort] if not is_integer(m))
+                raise SourceIssue(
+                    expression.at, f"{what} needs integers, but {expression} may be {odd} of the sort {sort}"
+                )

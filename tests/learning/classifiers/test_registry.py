@@ -1,0 +1,254 @@
+"""The table of learners, and learners of one's own: each keeps the contract, and what does not is told."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+from sklearn.base import BaseEstimator, clone
+from sklearn.linear_model import LogisticRegression, Perceptron, RidgeClassifier
+from sklearn.neighbors import NearestCentroid
+from sklearn.pipeline import make_pipeline
+
+from lcorpp.domains.sections.learning import CLASSIFIERS
+from lcorpp.errors import DataError
+from lcorpp.learning import (
+    LEARNERS,
+    Motion,
+    SummaryFeatures,
+    cross_validate,
+    learner,
+    train,
+    train_and_validate,
+)
+from lcorpp.learning.classifiers.contract import SigmoidScores, ensure_predict_proba, predict_proba
+from lcorpp.values import Dataset, Instance
+from tests.learning.walkers import walkers
+
+DATA = walkers(60)
+AEON = pytest.mark.skipif(
+    find_spec("aeon") is None, reason="aeon is not installed: pip install 'lcorpp[aeon]'"
+)
+MADE = [
+    ("lstm", {"epochs": 3}),
+    ("lstm-fast", {"epochs": 3}),
+    ("summaries", {}),
+    ("forest", {}),
+    pytest.param("minirocket", {}, marks=[AEON, pytest.mark.slow]),  # numba compiles it for a minute
+]
+
+
+@pytest.mark.parametrize(("name", "extra"), MADE)
+def test_each_learner_is_validated_alike(name, extra):
+    """Shows 6."""
+    data = walkers(60, points=304)  # ten seconds
+    estimator = learner(name, interval=data.interval, inputs=data.channels, seed=1, **extra)
+    if name == "forest":
+        estimator.set_params(forest__n_estimators=20)
+    trained, validation = train_and_validate(estimator, data, folds=2)
+    assert validation.classes == ("fast", "slow")
+    np.testing.assert_allclose(validation.probabilities.sum(axis=1), 1)
+    assert validation.confusion.counts.sum() == 60
+    if not extra:
+        assert validation.auc > 0.95
+    one = trained.classify(Instance(data.trajectories[7], {}))
+    assert [one] == trained.classify_many(data.trajectories[7:8])
+    said = trained.soft().classify(Instance(data.trajectories[7], {}))
+    assert said.values == ("fast", "slow")
+
+
+def test_a_domain_may_name_every_learner():
+    assert set(CLASSIFIERS) == {*LEARNERS, "channel"}
+
+
+def test_the_same_seed_is_the_same_classifier():
+    def probabilities(seed):
+        forest = learner("forest", seed=seed).set_params(forest__n_estimators=5)
+        return train(forest, DATA).probabilities(DATA.trajectories)
+
+    assert np.array_equal(probabilities(3), probabilities(3))
+    assert not np.array_equal(probabilities(3), probabilities(4))
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("fast", {}, "learner 'fast' is now called 'lstm-fast'"),
+        (
+            "lstn",
+            {},
+            "unknown learner 'lstn'; expected one of lstm, lstm-fast, summaries, forest, minirocket",
+        ),
+        ("forest", {"epochs": 3}, "'forest' makes no passes over the data; epochs are for lstm, lstm-fast"),
+        ("summaries", {"device": "cuda"}, "'summaries' runs on the cpu only"),
+        ("no_such_module_here:make", {}, "No module named 'no_such_module_here'"),
+        ("sklearn.svm:nothing", {}, "sklearn.svm has no function 'nothing'; expected one of"),
+        ("sklearn.svm:", {}, "expected MODULE:FUNCTION or FILE.py:FUNCTION"),
+        ("no_such_file.py:make", {}, "no_such_file.py: not a Python file"),
+        ("sklearn.metrics:accuracy_score", {}, "accuracy_score asks for 'y_true'; expected one of interval"),
+        ("sklearn.neighbors:NearestNeighbors", {}, "neither predict_proba nor decision_function"),
+        ("json:JSONDecoder", {}, "is no estimator; expected an object with fit"),
+    ],
+)
+def test_learners_that_there_are_not(name, options, words):
+    with pytest.raises(DataError, match=words):
+        learner(name, **options)
+
+
+@pytest.mark.skipif(find_spec("aeon") is not None, reason="aeon is installed")
+def test_without_aeon_it_is_said_how_to_get_it():
+    with pytest.raises(DataError, match=r"minirocket needs aeon, .* pip install 'lcorpp\[aeon\]'"):
+        learner("minirocket")
+
+
+OWN = '''
+from __future__ import annotations
+from dataclasses import dataclass
+import numpy as np
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.linear_model import SGDClassifier
+from sklearn.pipeline import make_pipeline
+from lcorpp.learning import Motion, SummaryFeatures
+
+@dataclass
+class Edge:
+    at: float
+
+class BySpeed(ClassifierMixin, BaseEstimator):
+    """Who gets farther is faster."""
+    def __init__(self, seed=0):
+        self.seed = seed
+    def fit(self, X, y):
+        self.classes_ = np.unique(y)
+        self.edge_ = Edge(float(np.median(self.way(X))))
+        return self
+    def way(self, X):
+        return np.hypot(*(X[:, :, -1] - X[:, :, 0]).T)
+    def predict_proba(self, X):
+        fast = 1 / (1 + np.exp(self.edge_.at - self.way(X)))
+        return np.stack([fast, 1 - fast], axis=1)
+
+def by_speed(seed):
+    return BySpeed(seed)
+
+def sgd(interval):
+    return make_pipeline(Motion(interval=interval), SummaryFeatures(), SGDClassifier())
+
+def broken():
+    raise ValueError("no luck")
+
+def list_of_them():
+    return [1, 2]
+'''
+
+
+@pytest.fixture
+def own(tmp_path):
+    (tmp_path / "mine.py").write_text(OWN)
+    return str(tmp_path / "mine.py")
+
+
+def test_a_classifier_from_a_file_of_ones_own(own):
+    estimator = learner(f"{own}:by_speed", seed=5)
+    assert estimator.seed == 5
+    assert cross_validate(estimator, DATA, jobs=2).accuracy > 0.9  # and the workers know its class
+
+
+def test_what_has_scores_only_is_given_probabilities(own):
+    estimator = learner(f"{own}:sgd", seed=5)
+    assert isinstance(estimator, SigmoidScores)
+    assert estimator.get_params()["classifier__sgdclassifier__random_state"] == 5  # it was left open
+    assert cross_validate(estimator, DATA, folds=3).auc > 0.9
+
+
+def test_what_is_set_has_to_be_asked_for(own):
+    with pytest.raises(DataError, match=r"epochs is set, but .*mine\.py:by_speed has no parameter of that"):
+        learner(f"{own}:by_speed", epochs=3)
+
+
+def test_mistakes_in_ones_own_file_are_located(own, tmp_path):
+    line = OWN.splitlines().index('    raise ValueError("no luck")') + 1
+    with pytest.raises(DataError, match=rf"mine\.py:{line}: broken\(\) failed: ValueError: no luck"):
+        learner(f"{own}:broken")
+    with pytest.raises(DataError, match=r"\[1, 2\] is no estimator"):
+        learner(f"{own}:list_of_them")
+    (tmp_path / "bad.py").write_text("x = 1\ndef f(:\n")
+    with pytest.raises(DataError, match=r"bad\.py:2: cannot be loaded: SyntaxError"):
+        learner(f"{tmp_path / 'bad.py'}:f")
+    (tmp_path / "worse.py").write_text("import sys\nsys.exit(3)\n")
+    with pytest.raises(DataError, match=r"worse\.py:2: cannot be loaded: SystemExit: 3"):
+        learner(f"{tmp_path / 'worse.py'}:f")
+
+
+@pytest.mark.parametrize("classifier", [Perceptron(), RidgeClassifier()])
+def test_scores_of_several_classes_become_distributions(classifier):
+    data = walkers(90, classes=3)
+    pipeline = make_pipeline(Motion(rate=15.0), SummaryFeatures(rate=15.0), ensure_predict_proba(classifier))
+    validation = cross_validate(pipeline, data, folds=3)
+    np.testing.assert_allclose(validation.probabilities.sum(axis=1), 1)
+    assert validation.accuracy > 0.6  # a third is chance
+
+
+class Odd(BaseEstimator):
+    """Breaks the contract in the way that is asked of it."""
+
+    def __init__(self, way="right"):
+        self.way = way
+
+    def fit(self, X, y):
+        if self.way == "fails":
+            raise ZeroDivisionError("by zero")
+        if self.way != "classless":
+            self.classes_ = np.unique(y) if self.way != "short" else np.unique(y)[:1]
+        return self
+
+    def predict_proba(self, X):
+        if self.way == "cannot":
+            raise IndexError("out of range")
+        given = np.full((len(X), 2), 0.5)
+        if self.way == "nan":
+            given[3, 1] = np.nan
+        if self.way == "sums":
+            given[2] = 0.7
+        return given[:, :1] if self.way == "narrow" else given
+
+
+@pytest.mark.parametrize(
+    ("way", "words"),
+    [
+        ("fails", "Odd failed in fit: ZeroDivisionError: by zero"),
+        ("cannot", "Odd failed in predict_proba: IndexError: out of range"),
+        ("classless", "Odd has no classes_ after fit"),
+        ("short", r"learnt \['fast'\], not \['fast', 'slow'\]"),
+        ("nan", r"gave \[0.5, nan\] for case 3 .*; expected a distribution"),
+        ("sums", r"gave \[0.7, 0.7\] for case 2"),
+        ("narrow", r"gave shape \(\d+, 1\); expected \(\d+, 2\)"),
+    ],
+)
+def test_estimators_that_break_the_contract_are_told(way, words):
+    with pytest.raises(DataError, match=words):
+        cross_validate(Odd(way), DATA, folds=2)
+
+
+def test_no_estimators_at_all():
+    for thing in (LogisticRegression, "lstm", None):
+        with pytest.raises(DataError, match="is no estimator"):
+            ensure_predict_proba(thing)
+    with pytest.raises(DataError, match="Motion has neither"):
+        ensure_predict_proba(Motion())
+    assert ensure_predict_proba(NearestCentroid()).get_params() is not None
+
+
+def test_a_trained_one_is_asked_once_for_many():
+    trained = clone(Odd()).fit(DATA.trajectories, DATA.labels)
+    assert predict_proba(trained, DATA.trajectories).shape == (60, 2)
+
+
+def test_tracks_with_more_channels():
+    tracks = np.concatenate([DATA.trajectories, np.ones((60, 1, 40))], axis=1)
+    data = Dataset(tracks, DATA.labels, DATA.groups, channels=("x", "y", "velocity"))
+    seen = learner("summaries", inputs=data.channels, features=("x", "y", "velocity"))
+    assert cross_validate(seen, data, folds=3).auc > 0.95
+    with pytest.raises(DataError, match="the inputs are x, y, but the tracks have 3 channels"):
+        cross_validate(learner("summaries"), data, folds=3)

@@ -1,0 +1,238 @@
+from __future__ import annotations
+
+import io
+import json
+from copy import deepcopy
+from dataclasses import replace
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+from sklearn.linear_model import LogisticRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+
+from lcorpp.errors import DataError, FileError
+from lcorpp.learning import (
+    DecisionThreshold,
+    TrainedClassifier,
+    learner,
+    load_classifier,
+    save_classifier,
+    train_and_validate,
+)
+from tests.learning.walkers import walkers
+
+pytest.importorskip("torch", reason="the LSTM needs torch: pip install 'lcorpp[torch]'")
+
+from lcorpp.learning import paper_pipeline
+
+skops = pytest.mark.skipif(find_spec("skops") is None, reason="skops is not installed")
+
+
+@pytest.fixture(scope="module")
+def forest() -> TrainedClassifier:
+    estimator = learner("forest").set_params(forest__n_estimators=5)
+    return train_and_validate(estimator, walkers(), folds=2)[0]
+
+
+@pytest.fixture(scope="module")
+def trained() -> TrainedClassifier:
+    pipeline = paper_pipeline(epochs=2, rate=4.0)
+    pipeline.set_params(lstm__units=5)
+    return train_and_validate(pipeline, walkers(), folds=2)[0]
+
+
+def test_what_is_loaded_classifies_as_what_was_saved(trained, tmp_path):
+    save_classifier(trained, tmp_path / "lstm.npz")
+    loaded = load_classifier(tmp_path / "lstm.npz")
+    tracks = walkers(30, seed=9).trajectories
+    assert np.array_equal(loaded.estimator.predict_proba(tracks), trained.estimator.predict_proba(tracks))
+    assert loaded.classify_many(tracks) == trained.classify_many(tracks)
+    assert loaded.confusion.classes == trained.confusion.classes
+    assert np.array_equal(loaded.confusion.counts, trained.confusion.counts)
+    assert {k: v for k, v in loaded.estimator.get_params().items() if "__" in k} == {
+        k: v for k, v in trained.estimator.get_params().items() if "__" in k
+    }
+    assert [path.name for path in tmp_path.iterdir()] == ["lstm.npz"]
+
+
+def test_calibration_and_cut_come_back(trained, tmp_path):
+    thresholded = replace(trained, threshold=DecisionThreshold("slow", 0.3))
+    save_classifier(thresholded, tmp_path / "c")
+    loaded = load_classifier(tmp_path / "c")
+    assert loaded.threshold == thresholded.threshold
+    tracks = walkers(30, seed=9).trajectories
+    said = [
+        (dict(a), dict(b))
+        for a, b in zip(*(c.soft().classify_many(tracks) for c in (loaded, thresholded)), strict=True)
+    ]
+    assert all(a == b for a, b in said)
+
+
+def test_the_baseline_is_stored_like_the_lstm(tmp_path):
+    data = walkers()
+    baseline = train_and_validate(learner("summaries"), data, folds=2)[0]
+    save_classifier(baseline, tmp_path / "c")
+    found = load_classifier(tmp_path / "c").probabilities(data.trajectories)
+    assert np.array_equal(found, baseline.probabilities(data.trajectories))
+
+
+@pytest.mark.skipif(find_spec("skops") is not None, reason="skops is installed")
+def test_without_skops_it_is_said_how_to_get_it(tmp_path):
+    other = TrainedClassifier(make_pipeline(LogisticRegression()))
+    with pytest.raises(DataError, match=r"LogisticRegression can be stored only with skops: pip install"):
+        save_classifier(other, tmp_path / "c")
+    assert not list(tmp_path.iterdir())
+
+
+@skops
+def test_a_forest_is_kept_by_skops(forest, tmp_path):
+    save_classifier(forest, tmp_path / "c")
+    tracks = walkers(30, seed=9).trajectories
+    assert np.array_equal(load_classifier(tmp_path / "c").probabilities(tracks), forest.probabilities(tracks))
+
+
+class Mine(LogisticRegression):
+    """Of a type that nobody knows."""
+
+
+@skops
+def test_unknown_types_are_not_kept(tmp_path):
+    mine = make_pipeline(FunctionTransformer(np.ravel), Mine())
+    with pytest.raises(DataError, match="cannot be stored safely: it holds"):
+        save_classifier(TrainedClassifier(make_pipeline(Mine())), tmp_path / "c")
+    with pytest.raises(DataError, match="cannot be stored"):
+        save_classifier(TrainedClassifier(mine), tmp_path / "c")
+    assert not list(tmp_path.iterdir())
+
+
+@skops
+def test_a_forged_forest_is_refused(forest, tmp_path):
+    """Links that lead out of a tree, and bytes of another type."""
+    from skops import io as skops_io
+
+    step = deepcopy(forest.estimator[-1])
+    state = step.estimators_[0].tree_.__getstate__()
+    state["nodes"]["left_child"][0] = 10**6
+    step.estimators_[0].tree_.__setstate__(state)
+    for content, words in [
+        (skops_io.dumps(step), "a tree in it is damaged"),
+        (skops_io.dumps(Mine()), "loaded"),
+    ]:
+        changed(
+            forest,
+            tmp_path / "c",
+            lambda head, arrays, c=content: arrays.update({"forest/skops": np.frombuffer(c, np.uint8)}),
+        )
+        with pytest.raises(DataError, match=words):
+            load_classifier(tmp_path / "c")
+
+
+def test_a_classifier_without_a_matrix(trained, tmp_path):
+    save_classifier(TrainedClassifier(trained.estimator), tmp_path / "c")
+    assert load_classifier(tmp_path / "c").confusion is None
+
+
+def test_progress_is_not_kept(trained, tmp_path):
+    told = []
+    trained.estimator.set_params(lstm__progress=told.append)
+    save_classifier(trained, tmp_path / "c")
+    trained.estimator.set_params(lstm__progress=None)
+    assert load_classifier(tmp_path / "c").estimator.get_params()["lstm__progress"] is None
+
+
+def test_what_cannot_be_stored_is_told(tmp_path):
+    with pytest.raises(DataError, match="only a pipeline can be stored, not LogisticRegression"):
+        save_classifier(TrainedClassifier(LogisticRegression()), tmp_path / "c")
+    with pytest.raises(DataError, match="step 'motion' is not trained"):
+        save_classifier(TrainedClassifier(paper_pipeline()), tmp_path / "c")
+    assert not list(tmp_path.iterdir())
+
+
+def test_every_damaged_byte_is_noticed_or_harmless(trained, tmp_path):
+    path = tmp_path / "c"
+    save_classifier(trained, path)
+    content = path.read_bytes()
+    tracks = walkers(9).trajectories
+    rng = np.random.default_rng(0)
+    for at in rng.integers(0, len(content), 60):
+        path.write_bytes(content[:at] + bytes([content[at] ^ 0xFF]) + content[at + 1 :])
+        try:
+            loaded = load_classifier(path)
+        except DataError:
+            continue
+        assert loaded.classify_many(tracks) == trained.classify_many(tracks)
+    for end in rng.integers(0, len(content), 20):
+        path.write_bytes(content[:end])
+        with pytest.raises(DataError):
+            load_classifier(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", b"PK\x03\x04", b"\x80\x04\x95", b"\x93NUMPY\x01\x00"])
+def test_a_foreign_file_is_refused(tmp_path, content):
+    (tmp_path / "c").write_bytes(content)
+    with pytest.raises(DataError, match="not a stored classifier"):
+        load_classifier(tmp_path / "c")
+
+
+def test_a_missing_file_is_told(tmp_path):
+    with pytest.raises(FileError, match="cannot be read"):
+        load_classifier(tmp_path / "nothing")
+
+
+def changed(trained: TrainedClassifier, path, change) -> None:
+    """Save with `change` applied to the head and the arrays."""
+    save_classifier(trained, path)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    head = json.loads(str(arrays.pop("classifier")))
+    change(head, arrays)
+    buffer = io.BytesIO()
+    np.savez(buffer, classifier=np.array(json.dumps(head)), **arrays)
+    path.write_bytes(buffer.getvalue())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda head, arrays: head.update(version=1), "version is 1; this lcorpp reads version 2"),
+        (lambda head, arrays: head.update(format="other"), "format is 'other'"),
+        (
+            lambda head, arrays: head["steps"][0].update(kind="os.system"),
+            "unknown kind 'os.system'; expected",
+        ),
+        (lambda head, arrays: head["steps"][0]["parameters"].update(extra=1), "damaged"),
+        (lambda head, arrays: head["steps"][2]["parameters"].update(units=7), "do not fit an LSTM of 7"),
+        (lambda head, arrays: arrays.pop("lstm/dense_bias"), "an LSTM has the weights"),
+        (lambda head, arrays: arrays.pop("scaling/mean"), "damaged"),
+        (lambda head, arrays: arrays["scaling/scale"].fill(0), "one positive deviation"),
+        (lambda head, arrays: arrays["lstm/dense_bias"].fill(np.nan), "finite weights"),
+        (lambda head, arrays: head["confusion"].update(counts=[[1]]), "cannot have shape"),
+        (
+            lambda head, arrays: head["confusion"].update(classes=["a", "b"]),
+            "classes of its last step are .*fast",
+        ),
+        (
+            lambda head, arrays: head["calibration"].update(classes=["a", "b"]),
+            "calibration or threshold is for others",
+        ),
+        (lambda head, arrays: head["calibration"].update(slope=-1), "slope above 0"),
+        (lambda head, arrays: head["calibration"].pop("shares"), "damaged"),
+        (lambda head, arrays: head.update(cut=["slowly", 0.5]), "calibration or threshold is for others"),
+        (lambda head, arrays: head.update(cut=["slow", 7]), "the threshold of slow is 7"),
+        (lambda head, arrays: head["steps"].pop(), "classes of its last step are missing"),
+        (lambda head, arrays: head["steps"].clear(), "damaged"),
+        (lambda head, arrays: head.clear(), "damaged"),
+    ],
+)
+def test_a_file_that_was_changed_is_refused(trained, tmp_path, change, words):
+    changed(trained, tmp_path / "c", change)
+    with pytest.raises(DataError, match=words):
+        load_classifier(tmp_path / "c")
+
+
+def test_a_pickle_inside_is_never_run(tmp_path):
+    np.savez(tmp_path / "c.npz", classifier=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(DataError, match="not a stored classifier"):
+        load_classifier(tmp_path / "c.npz")

@@ -1,0 +1,225 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.pipeline import make_pipeline
+
+from lcorpp.errors import DataError
+from lcorpp.learning import ChannelStandardizer, Motion
+
+ALL = ("x", "y", "velocity", "heading", "facing")
+TOLD = ("x", "y", "velocity", "heading", "facing", "approach", "attention", "distance", "bearing")
+SECOND = {"rate": 1.0, "interval": 0.5}
+"""Every second sample comes out."""
+
+
+def tracks(seed: int, cases: int = 4, channels: int = 2, points: int = 50) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(cases, channels, points)).cumsum(axis=2)
+
+
+def told(x, **parameters) -> dict[str, list[float]]:
+    """The rows of one case by name, rounded."""
+    motion = Motion(**{**SECOND, **parameters})
+    rows = motion.fit_transform(np.array([x], dtype=float))[0]
+    return dict(zip(motion.rows_, np.round(rows, 9).tolist(), strict=True))
+
+
+def test_every_second_point_relative_to_the_first():
+    assert told([[5.0, 6, 7, 8, 9], [1, 1, 2, 3, 5]]) == {"x": [0, 2, 4], "y": [0, 1, 4]}
+
+
+def test_points_between_are_interpolated():
+    assert told([[1.0, 3], [0, 4]], rate=4, interval=1)["y"] == [0, 1, 2, 3, 4]
+
+
+def test_the_papers_tracks_become_thirty_points():
+    assert Motion().fit_transform(tracks(0, points=304)).shape == (4, 2, 30)
+
+
+def test_speed_and_heading_of_a_walk_known_by_hand():
+    """One metre ahead, then two to the left, then standing: a second each, the last sample not reached."""
+    found = told([[0, 0.5, 1, 1, 1, 1, 1, 9], [0, 0, 0, 1, 2, 2, 2, 9]], features=("velocity", "heading"))
+    assert found == {"velocity": [0, 1, 2, 0], "heading_cos": [0, 1, 0, 0], "heading_sin": [0, 0, 1, 0]}
+
+
+def test_what_was_measured_is_taken_as_it_is():
+    east, west = [0.0] * 3, [np.pi] * 3
+    x = [[0, 1, 2], [0, 0, 0], [7.0, 7, 8], west, east]
+    found = told(x, inputs=ALL, features=("velocity", "heading", "facing"))
+    assert found["velocity"] == [7, 8]
+    assert found["heading_cos"] == [-1, -1]
+    assert found["facing_cos"] == [1, 1]
+
+
+def test_angles_are_interpolated_the_short_way():
+    """From 170 degrees to -170: half way is 180, not 0; the number of turns counted does not matter."""
+    for turns in (0, 2 * np.pi, -4 * np.pi):
+        x = [[0, 0], [0, 0], [np.deg2rad(170), np.deg2rad(-170) + turns]]
+        found = told(x, inputs=("x", "y", "facing"), features=("facing",), rate=2, interval=1)
+        assert found["facing_cos"] == pytest.approx([np.cos(np.deg2rad(170)), -1, np.cos(np.deg2rad(170))])
+        assert found["facing_sin"][1] == pytest.approx(0, abs=1e-9)
+
+
+def test_the_robot_sees_a_person_by_hand():
+    """A person three metres before a robot that looks along y comes on, looking to the robot's left."""
+    x = [[1, 1, 1], [5, 4.5, 4], [np.pi] * 3]
+    found = told(x, inputs=("x", "y", "facing"), features=TOLD, robot=(1.0, 2.0, np.pi / 2))
+    assert found == {
+        "x": [0, -1],
+        "y": [0, 0],
+        "velocity": [0, 1],
+        "heading_cos": [0, -1],
+        "heading_sin": [0, 0],
+        "facing_cos": [0, 0],
+        "facing_sin": [1, 1],
+        "approach_cos": [0, 1],
+        "approach_sin": [0, 0],
+        "attention_cos": [0, 0],
+        "attention_sin": [-1, -1],  # a quarter turn clockwise from the robot
+        "distance": [3, 2],
+        "bearing_cos": [1, 1],
+        "bearing_sin": [0, 0],
+    }
+
+
+def measured(seed: int, points: int = 50) -> np.ndarray:
+    x = tracks(seed, channels=5, points=points)
+    x[:, 2] = np.abs(x[:, 2])
+    return x
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6), rate=st.floats(0.7, 60), points=st.integers(2, 120))
+def test_interpolation_agrees_with_numpy(seed, rate, points):
+    interval = 3 / rate / (points - 1) * 1.01
+    x = tracks(seed, points=points)
+    at = np.arange(4) / rate
+    expected = np.array([[np.interp(at, np.arange(points) * interval, c) - c[0] for c in case] for case in x])
+    found = Motion(rate=rate, interval=interval).fit_transform(x)
+    np.testing.assert_allclose(found, expected, atol=1e-9)  # rounding of times, times the speed
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), rate=st.sampled_from([2.7, 3.0, 30.0, 1 / 0.033]), end=st.integers(16, 50))
+def test_the_beginning_of_a_track_gives_the_beginning_of_its_motion(seed, rate, end):
+    for inputs, x in ((ALL, measured(seed)), (("x", "y", "facing"), measured(seed)[:, [0, 1, 4]])):
+        motion = Motion(rate=rate, inputs=inputs, features=TOLD, robot=(1.0, -2.0, 0.3)).fit(x)
+        part = motion.transform(x[:, :, :end])
+        assert np.array_equal(part, motion.transform(x)[:, :, : part.shape[2]])
+        assert part.shape[2] >= 2
+        assert part.shape[2] == int((end - 1) * 0.033 * rate + 1e-6) + 1
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6), x=st.floats(-1e3, 1e3), y=st.floats(-1e3, 1e3))
+def test_place_does_not_matter(seed, x, y):
+    here = measured(seed)
+    there = here + np.array([x, y, 0, 0, 0])[:, None]
+    motion = Motion(inputs=ALL, features=ALL).fit(here)
+    np.testing.assert_allclose(motion.transform(here), motion.transform(there), atol=1e-9)  # kilometres
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6), x=st.floats(-50, 50), y=st.floats(-50, 50), turned=st.floats(-9, 9))
+def test_only_what_the_robot_sees_matters_not_the_frame_of_the_tracks(seed, x, y, turned):
+    here = measured(seed)
+    cosine, sine = np.cos(turned), np.sin(turned)
+    there = here + np.array([0, 0, 0, turned, turned])[:, None]
+    there[:, 0] = cosine * here[:, 0] - sine * here[:, 1] + x
+    there[:, 1] = sine * here[:, 0] + cosine * here[:, 1] + y
+    for inputs, rows in ((ALL, [0, 1, 2, 3, 4]), (("x", "y", "facing"), [0, 1, 4])):
+        parameters = {"inputs": inputs, "features": TOLD}
+        seen = Motion(robot=(0, 0, 0), **parameters).fit_transform(here[:, rows])
+        same = Motion(robot=(x, y, turned), **parameters).fit_transform(there[:, rows])
+        np.testing.assert_allclose(seen, same, atol=1e-6)  # a short step has a direction to 1e-7
+
+
+def test_scaling_knows_the_training_data_only():
+    train, other = tracks(1), 100 * tracks(2) + 7
+    scaling = ChannelStandardizer().fit(train)
+    scaled = scaling.transform(train)
+    np.testing.assert_allclose(scaled.mean(axis=(0, 2)), 0, atol=1e-12)
+    np.testing.assert_allclose(scaled.std(axis=(0, 2)), 1, atol=1e-12)
+    before = scaling.mean_.copy()
+    np.testing.assert_allclose(
+        scaling.transform(other), (other - train.mean((0, 2))[:, None]) / train.std((0, 2))[:, None]
+    )
+    assert np.array_equal(scaling.mean_, before)
+
+
+def test_a_constant_channel_becomes_zero():
+    x = np.concatenate([tracks(0), np.full((4, 1, 50), 3.0)], axis=1)
+    assert np.all(ChannelStandardizer().fit_transform(x)[:, 2] == 0)
+
+
+def test_it_stands_in_a_pipeline_and_is_cloned():
+    pipeline = clone(make_pipeline(Motion(rate=4.0, features=("x", "heading")), ChannelStandardizer()))
+    assert pipeline.fit_transform(tracks(0)).shape == (4, 3, 7)
+    assert pipeline.get_params()["motion__rate"] == 4.0
+    with pytest.raises(NotFittedError):
+        Motion().transform(tracks(0))
+
+
+@pytest.mark.parametrize(
+    ("x", "words"),
+    [
+        (np.zeros((4, 50)), r"shape \(cases, channels, time points\), not \(4, 50\)"),
+        (np.zeros((4, 2, 1)), "at least 2"),
+        (np.full((1, 2, 30), np.nan), "case 0, channel 0, time point 0"),
+        (np.zeros((1, 3, 30)), "trained on tracks of 2 channels, given 3"),
+    ],
+)
+def test_bad_tracks_are_told(x, words):
+    for step in (Motion(), ChannelStandardizer()):
+        with pytest.raises(DataError, match=words):
+            step.fit(tracks(0)).transform(x)
+
+
+def test_a_track_too_short_for_two_points_is_told():
+    words = r"10 time points .* last 0.297 s; motion at 3 points per second needs more than 0.333 s"
+    for use in (Motion().fit, Motion().fit(tracks(0)).transform):
+        with pytest.raises(DataError, match=words):
+            use(tracks(0)[:, :, :10])
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"rate": 0.0}, "a rate of 0.0 points per second; expected one above 0 and up to 1000"),
+        ({"rate": float("nan")}, "a rate of nan"),
+        ({"rate": 1e9}, "a rate of 1000000000.0"),
+        ({"interval": 0.0}, "the interval is 0.0 s"),
+        ({"interval": float("inf")}, "the interval is inf s"),
+        (
+            {"features": ("x", "z")},
+            "unknown feature 'z'; expected one of x, y, velocity, heading",
+        ),
+        ({"features": "x"}, "features must be a non-empty sequence of names, not 'x'"),
+        ({"features": ()}, r"a non-empty sequence of names, not \(\)"),
+        ({"features": ("x", "x")}, "features are x, x; expected every name once"),
+        ({"features": ("facing",)}, "feature 'facing' needs the input facing; the inputs are x, y"),
+        ({"features": ("attention",)}, "feature 'attention' needs the input x and y and facing"),
+        ({"inputs": ("x", "distance")}, "unknown input 'distance'; expected one of x, y, velocity, heading"),
+        ({"inputs": ("x",)}, "feature 'x' needs the input x and y; the inputs are x"),
+        (
+            {"inputs": ("x", "facing"), "features": ("velocity",)},
+            "feature 'velocity' needs the input velocity or x and y",
+        ),
+        ({"inputs": ("x", "y", "facing")}, "the inputs are x, y, facing, but the tracks have 2 channels"),
+        ({"robot": (0.0, 0.0)}, r"the robot's pose is \(0.0, 0.0\); expected x, y and heading"),
+        ({"robot": (0.0, 0.0, float("nan"))}, "the robot's pose"),
+    ],
+)
+def test_parameters_that_do_not_go_together_are_told(parameters, words):
+    with pytest.raises(DataError, match=words):
+        Motion(**parameters).fit(tracks(0))
+
+
+def test_what_was_stored_of_other_channels_is_refused():
+    stored = Motion(features=("x", "heading")).fit(tracks(0)).to_arrays()
+    assert Motion(features=("x", "heading")).from_arrays(stored).rows_ == ("x", "heading_cos", "heading_sin")
+    with pytest.raises(DataError, match="the features give x, y, not"):
+        Motion().from_arrays(stored)

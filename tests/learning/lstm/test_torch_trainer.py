@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lcorpp.errors import DataError
+from lcorpp.learning import LstmClassifier
+from lcorpp.learning.lstm import training
+
+from .noise import labels, tracks
+
+torch = pytest.importorskip("torch", reason="torch is not installed (lcorpp[torch])")
+
+from lcorpp.learning.lstm.torch_trainer import _Adam  # noqa: E402
+
+
+def test_adam_agrees_with_torch():
+    ours = [torch.linspace(-1, 1, 5).requires_grad_(), torch.ones(2, 2, requires_grad=True)]
+    theirs = [p.detach().clone().requires_grad_() for p in ours]
+    mine, other = _Adam(ours), torch.optim.Adam(theirs, lr=0.03)
+    for _ in range(20):
+        for parameters in (ours, theirs):
+            for p in parameters:
+                p.grad = None
+            ((parameters[0] ** 4).sum() + (parameters[1] - 3).abs().sum()).backward()
+        mine.step(0.03)
+        other.step()
+    for a, b in zip(ours, theirs, strict=True):
+        torch.testing.assert_close(a, b)
+
+
+def test_torch_keeps_its_random_state_and_its_threads(monkeypatch):
+    monkeypatch.setattr(training, "load_kernels", lambda: None)
+    x = tracks()
+    before, threads = torch.get_rng_state(), torch.get_num_threads()
+    LstmClassifier(units=4, epochs=2).fit(x, labels(x))
+    assert torch.equal(torch.get_rng_state(), before)
+    assert torch.get_num_threads() == threads
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="a GPU is here")
+def test_a_missing_gpu_is_told():
+    with pytest.raises(DataError, match="'cuda' is not available here: torch sees no GPU; expected cpu"):
+        LstmClassifier(device="cuda").fit(tracks(), labels(tracks()))
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
+def test_a_gpu_agrees_with_the_cpu():
+    x = tracks()
+    first, second = (
+        LstmClassifier(units=4, epochs=2, device=device).fit(x, labels(x)).predict_proba(x)
+        for device in ("cpu", "cuda")
+    )
+    np.testing.assert_allclose(first, second, atol=1e-4)  # float32 added in another order
