@@ -31,7 +31,7 @@ help:
 	@echo "make clean       remove the environment and what was made"
 
 demo: $(VENV)/.runtime
-	$(BIN)/lcorpp explain intention --fact time=afternoon --fact location=classroom --label zero
+	$(BIN)/lcorpp explain intention --fact time=afternoon --fact location=classroom --label zero --truth interested --answers pos,pos,pos
 	$(BIN)/lcorpp run intention --trials 1000 --out out/demo $(if $(TRAINED),--classifier $(TRAINED),--learner lstm-fast)
 
 test: $(VENV)/.dev

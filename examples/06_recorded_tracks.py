@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.errors import LcorppError
-from lcorpp.learning import check_leakage, read_recording, to_dataset
-from lcorpp.learning.data.tracks import count_repairs
+from lcorpp.learning import check_leakage, count_repairs, read_recording, to_dataset
 
 rng = np.random.default_rng(0)
 lines = ["track,time,x,y,label"]

@@ -1,4 +1,4 @@
-"""A run of Algorithm 1 goes on from its store and checkpoint, whatever became of either."""
+"""A run of Algorithm 1 resumes from its store and checkpoint, whatever the state of either."""
 
 import json
 import shutil
@@ -65,7 +65,7 @@ def path(tmp_path):
 
 @pytest.fixture
 def opened(path):
-    """Open the run store again and again, each time as a run with some settings would."""
+    """Return a function that closes the run store and opens it again with some settings."""
     run_stores = []
 
     def open_again(data: Dataset = DATA, **settings: object) -> RunStore:
@@ -145,7 +145,7 @@ def test_a_classifier_in_the_soft_way(opened):
 
 
 def test_a_classifier_that_cannot_be_stored_is_trained_once_more(opened, path):
-    """On what it had been trained on, not on the decisions since: a run without a crash had it so."""
+    """On its own training data, without the decisions since, as in a run without a crash."""
 
     class Odd:
         def classify(self, instance):

@@ -1,4 +1,4 @@
-"""A new confusion matrix gives a new reasoner."""
+"""Confusion matrices as pr-atoms of a program."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ MATRIX = ConfusionMatrix(CLASSES, [[75, 25], [28, 71]])
 
 def test_rates_go_into_the_rules_exactly() -> None:
     new = with_classifier(PROGRAM, "classifier", "intention", MATRIX, LABELS)
-    said = Enumeration(new).exact("classifier", {"intention": "interested"})
-    assert said == {"one": Fraction(151, 202), "zero": Fraction(51, 202)}
-    said = Enumeration(new).exact("classifier", {"intention": "not_interested"})
-    assert said == {"one": Fraction(57, 200), "zero": Fraction(143, 200)}
+    rates = Enumeration(new).exact("classifier", {"intention": "interested"})
+    assert rates == {"one": Fraction(151, 202), "zero": Fraction(51, 202)}
+    rates = Enumeration(new).exact("classifier", {"intention": "not_interested"})
+    assert rates == {"one": Fraction(57, 200), "zero": Fraction(143, 200)}
     assert Enumeration(new).exact("identity", {}) == Enumeration(PROGRAM).exact("identity", {})
 
 

@@ -1,4 +1,4 @@
-"""What `explain` says of an answer."""
+"""Explanations of answers: conditions, worlds and fired rules."""
 
 from __future__ import annotations
 

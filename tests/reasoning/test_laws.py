@@ -1,4 +1,4 @@
-"""Random programs against worlds counted in plain Python, their own text read back, and text that is none."""
+"""Laws on random programs: worlds counted in plain Python, round trips of texts, errors of invalid texts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every program in tests/plog carries its answers: ``% expect: query = value``, decimals to 6 digits."""
+"""The programs in tests/plog with their answers: ``% expect: query = value``, decimals to 6 digits."""
 
 from __future__ import annotations
 

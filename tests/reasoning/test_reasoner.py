@@ -1,4 +1,4 @@
-"""The reasoner: which engine answers, and what it says when it is not the compiled one."""
+"""The reasoner: choice of the method, warnings, caches and errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ GOLDEN = {"time": "afternoon", "location": "classroom", "classifier": "zero"}
 
 @pytest.fixture
 def small(monkeypatch):
-    """An engine that finds every program too large."""
+    """Make every program too large for compilation."""
     monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (1,))
 
 
@@ -39,14 +39,16 @@ def test_posterior_by_reasoner_and_enumeration():
 
 
 def test_answers_are_kept_until_there_are_many(monkeypatch):
-    engine = Reasoner(LCORPP)
-    first = engine.posterior("intention", GOLDEN)
-    assert engine.posterior("intention", GOLDEN) is first
-    assert engine.posterior("intention", dict(reversed(GOLDEN.items())))["interested"] == first["interested"]
+    reasoner = Reasoner(LCORPP)
+    first = reasoner.posterior("intention", GOLDEN)
+    assert reasoner.posterior("intention", GOLDEN) is first
+    assert (
+        reasoner.posterior("intention", dict(reversed(GOLDEN.items())))["interested"] == first["interested"]
+    )
     monkeypatch.setattr("lcorpp.reasoning.reasoner.CACHE_SIZE", 1)
     for value in ("morning", "afternoon", "evening"):
-        engine.posterior("intention", {"time": value})
-    assert engine.posterior("intention", GOLDEN)["interested"] == first["interested"]
+        reasoner.posterior("intention", {"time": value})
+    assert reasoner.posterior("intention", GOLDEN)["interested"] == first["interested"]
 
 
 def test_doing_is_not_seeing():
@@ -82,8 +84,8 @@ def test_doing_is_not_seeing():
     ],
 )
 def test_wrong_questions(arguments, words):
-    engine = Reasoner(LCORPP)
-    for ask in (engine.posterior, engine.exact):
+    reasoner = Reasoner(LCORPP)
+    for ask in (reasoner.posterior, reasoner.exact):
         with pytest.raises(ProgramError, match=words):
             ask(*arguments)
 
@@ -109,13 +111,13 @@ def test_impossible_evidence():
 
 
 def test_ask_for_a_distribution_or_a_conjunction():
-    engine = Reasoner(LCORPP)
+    reasoner = Reasoner(LCORPP)
     query = parse_query("?{identity=student, not time!=morning} | obs(location!=library)", LCORPP)
-    assert engine.ask(query, exact=True) == Enumeration(LCORPP).ask(query) != 0
-    assert engine.ask(query) == pytest.approx(float(Enumeration(LCORPP).ask(query)), abs=1e-12)
+    assert reasoner.ask(query, exact=True) == Enumeration(LCORPP).ask(query) != 0
+    assert reasoner.ask(query) == pytest.approx(float(Enumeration(LCORPP).ask(query)), abs=1e-12)
     query = parse_query("identity | obs(time=morning)", LCORPP)
-    assert engine.ask(query, exact=True) == Enumeration(LCORPP).ask(query)
-    assert list(engine.ask(query)) == ["student", "professor", "visitor"]
+    assert reasoner.ask(query, exact=True) == Enumeration(LCORPP).ask(query)
+    assert list(reasoner.ask(query)) == ["student", "professor", "visitor"]
 
 
 def test_ask_what_never_holds():
@@ -136,48 +138,48 @@ def test_a_query_of_another_program():
 
 def test_cr_rules_are_enumerated():
     assert HEART.has_cr_rules
-    reference, engine = Enumeration(HEART), Reasoner(HEART)
+    reference, reasoner = Enumeration(HEART), Reasoner(HEART)
     for text in ("?{active} | obs(slow)", "?{unusual}"):
         query = parse_query(text, HEART)
-        assert engine.ask(query, exact=True) == reference.ask(query)
-        assert engine.ask(query) == float(reference.ask(query))
-    assert engine.posterior("active", {"slow": "true"})["true"] == pytest.approx(40 / 43)
-    assert engine.exact("active", {"slow": "true"})["true"] == Fraction(40, 43)
-    assert engine.sample(np.random.default_rng(0), {"slow": "true"})["unusual"] == "true"
+        assert reasoner.ask(query, exact=True) == reference.ask(query)
+        assert reasoner.ask(query) == float(reference.ask(query))
+    assert reasoner.posterior("active", {"slow": "true"})["true"] == pytest.approx(40 / 43)
+    assert reasoner.exact("active", {"slow": "true"})["true"] == Fraction(40, 43)
+    assert reasoner.sample(np.random.default_rng(0), {"slow": "true"})["unusual"] == "true"
     with pytest.raises(ProgramError, match="cr-rules cannot be compiled"):
-        engine.compile([], "active")
+        reasoner.compile([], "active")
 
 
-def test_too_large_is_said_and_estimated(small):
-    engine = Reasoner(LCORPP, samples=4000)
+def test_too_large_warns_and_estimates(small):
+    reasoner = Reasoner(LCORPP, samples=4000)
     with pytest.warns(
         ReasoningWarning, match=r"more than 1 edges in the circuit: estimated from 4000 worlds"
     ):
-        found = engine.posterior("intention", GOLDEN)
+        found = reasoner.posterior("intention", GOLDEN)
     assert found.samples == 4000
     exact = Enumeration(LCORPP).exact("intention", GOLDEN)
     for p, (value, estimated), error in zip(exact.values(), found, found.errors, strict=True):
         assert abs(estimated - float(p)) < 5 * error, value
     assert found.probabilities.sum() == pytest.approx(1)
     with pytest.warns(ReasoningWarning):
-        asked = engine.ask(parse_query("intention | obs(time=morning)", LCORPP))
+        asked = reasoner.ask(parse_query("intention | obs(time=morning)", LCORPP))
     exact = Enumeration(LCORPP).exact("intention", {"time": "morning"})
     for value, estimate in asked.items():
         assert 0 < estimate.error < 0.02
         assert abs(estimate - float(exact[value])) < 5 * estimate.error
     with pytest.warns(ReasoningWarning):
-        asked = engine.ask(parse_query("?{intention=interested, time=morning}", LCORPP))
+        asked = reasoner.ask(parse_query("?{intention=interested, time=morning}", LCORPP))
     assert isinstance(asked, float)
     assert 0 < asked.error < 0.02
 
 
 def test_too_large_for_what_must_be_exact(small):
-    engine = Reasoner(LCORPP)
+    reasoner = Reasoner(LCORPP)
     for answer in (
-        lambda: engine.exact("intention", {}),
-        lambda: engine.compile([], "intention"),
-        lambda: engine.ask(parse_query("intention", LCORPP), exact=True),
-        lambda: engine.sample(np.random.default_rng(0)),
+        lambda: reasoner.exact("intention", {}),
+        lambda: reasoner.compile([], "intention"),
+        lambda: reasoner.ask(parse_query("intention", LCORPP), exact=True),
+        lambda: reasoner.sample(np.random.default_rng(0)),
     ):
         with pytest.raises(TooLargeError, match=r"lcorpp\.plog: more than 1 edges in the circuit"):
             answer()
@@ -207,20 +209,20 @@ def test_large_programs_are_refused(monkeypatch):
         Reasoner(program).compile([], "c(1)")
 
 
-def test_nothing_is_said_when_all_is_well():
+def test_no_warning_without_reason():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Reasoner(LCORPP).posterior("intention", GOLDEN)
 
 
 def test_worlds_are_drawn_by_their_probability():
-    engine, draws, rng = Reasoner(LCORPP), 3000, np.random.default_rng(7)
+    reasoner, draws, rng = Reasoner(LCORPP), 3000, np.random.default_rng(7)
     for given in ({}, {"classifier": "one"}):
-        counts = Counter(engine.sample(rng, given)["intention"] for _ in range(draws))
-        p = float(engine.exact("intention", given)["interested"])
+        counts = Counter(reasoner.sample(rng, given)["intention"] for _ in range(draws))
+        p = float(reasoner.exact("intention", given)["interested"])
         assert abs(counts["interested"] - draws * p) <= 5 * sqrt(draws * p * (1 - p))
     with pytest.raises(ProgramError, match="'noon' is not a value of time"):
-        engine.sample(rng, {"time": "noon"})
+        reasoner.sample(rng, {"time": "noon"})
     with pytest.raises(UndefinedError):
         Reasoner(parse_plog("p : boolean. random(p). :- p.")).sample(rng, {"p": "true"})
 
@@ -281,12 +283,12 @@ def test_empty_sorts_are_refused():
         "x : n. random(x). pr(x=V) = 1/2.",
     ],
 )
-def test_a_broken_condition_is_told_in_the_same_words_by_both_engines(text):
+def test_both_reasoners_report_a_violated_condition_in_the_same_words(text):
     """A range such as {3} must not be taken for the place of a statement."""
     program = parse_plog(f"n = {{1..3}}. {text}")
     with pytest.raises(ProgramError) as counted:
         Enumeration(program).posterior("x", {})
     with pytest.raises(ProgramError) as compiled:
         Reasoner(program).posterior("x")
-    told, also_told = (str(error.value).partition(", in the world ")[0] for error in (counted, compiled))
-    assert told == also_told
+    first, second = (str(error.value).partition(", in the world ")[0] for error in (counted, compiled))
+    assert first == second

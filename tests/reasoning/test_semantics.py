@@ -1,4 +1,4 @@
-"""The two semantics where they differ, and cr-rules against sets of rules tried one by one."""
+"""Differences between the two semantics, and cr-rules against brute force over sets of rules."""
 
 from __future__ import annotations
 

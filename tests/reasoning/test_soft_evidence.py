@@ -1,4 +1,4 @@
-"""Soft evidence: against all worlds weighed one by one, and against hard evidence."""
+"""Soft evidence against weighted worlds, and against hard evidence."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def ask(
         ),
     ] = False,
 ) -> None:
-    """Answer a query to a P-log program: a probability or a distribution."""
+    """Answer a query to a P-log program."""
     from lcorpp.reasoning.language.parser import parse_query, read_plog
     from lcorpp.reasoning.reasoner import Reasoner
 

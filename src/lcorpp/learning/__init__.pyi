@@ -10,9 +10,16 @@ from .classifiers.trained import (
 )
 from .data.authors import read_authors as read_authors
 from .data.dataset import check_trainable as check_trainable, split as split
+from .data.fetching import fetch_authors as fetch_authors
 from .data.npz import load_dataset as load_dataset, save_dataset as save_dataset
+from .data.plots import plot_tracks as plot_tracks
 from .data.reading import read_data as read_data, read_recording as read_recording
-from .data.tracks import Recording as Recording, Track as Track
+from .data.tracks import (
+    Recording as Recording,
+    Repair as Repair,
+    Track as Track,
+    count_repairs as count_repairs,
+)
 from .data.windows import to_dataset as to_dataset
 from .data.writing import write_recording as write_recording
 from .evaluation.calibration import (
@@ -48,7 +55,15 @@ from .features.motion import ChannelStandardizer as ChannelStandardizer, Motion 
 from .features.resampling import resample as resample
 from .features.summaries import SummaryFeatures as SummaryFeatures
 from .lstm import LstmClassifier as LstmClassifier, LstmState as LstmState
-from .store import NewTrack as NewTrack, Store as Store, TrackSchema as TrackSchema, read_store as read_store
+from .store import (
+    LabelRecord as LabelRecord,
+    NewTrack as NewTrack,
+    Snapshot as Snapshot,
+    Store as Store,
+    StoredTrack as StoredTrack,
+    TrackSchema as TrackSchema,
+    read_store as read_store,
+)
 from .streaming import (
     Prediction as Prediction,
     PredictionTimeline as PredictionTimeline,

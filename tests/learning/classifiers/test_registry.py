@@ -86,7 +86,11 @@ def test_the_same_seed_is_the_same_classifier():
         ("sklearn.svm:nothing", {}, "sklearn.svm has no function 'nothing'; expected one of"),
         ("sklearn.svm:", {}, "expected MODULE:FUNCTION or FILE.py:FUNCTION"),
         ("no_such_file.py:make", {}, "no_such_file.py: not a Python file"),
-        ("sklearn.metrics:accuracy_score", {}, "accuracy_score asks for 'y_true'; expected one of interval"),
+        (
+            "sklearn.metrics:accuracy_score",
+            {},
+            "accuracy_score needs the argument 'y_true'; expected one of interval",
+        ),
         ("sklearn.neighbors:NearestNeighbors", {}, "neither predict_proba nor decision_function"),
         ("json:JSONDecoder", {}, "is no estimator; expected an object with fit"),
     ],

@@ -5,6 +5,7 @@ import json
 from copy import deepcopy
 from dataclasses import replace
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -57,7 +58,33 @@ def test_what_is_loaded_classifies_as_what_was_saved(trained, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["lstm.npz"]
 
 
-def test_calibration_and_cut_come_back(trained, tmp_path):
+STORED = {
+    "lstm": (0.4182388578871293, 0.5529081906260833, 0.5462184441825706, 0.4318028885930398),
+    "summaries": (0.0946499028696845, 0.10497635240525151, 0.07211092743885812, 0.9266068985297264),
+}
+"""Probabilities of the first class, by the version that wrote the files in stored/ (before the renames)."""
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_a_file_of_an_earlier_version_is_read(name):
+    loaded = load_classifier(Path(__file__).parent / "stored" / f"{name}.npz")
+    found = loaded.probabilities(walkers(6, seed=9).trajectories)[:4, 0]
+    np.testing.assert_allclose(found, STORED[name], atol=1e-6)  # float32 in the LSTM, other instruction sets
+    assert loaded.threshold == DecisionThreshold("slow", 0.3)
+    assert loaded.estimator[0].features[0] == "x"
+    assert repr(loaded).startswith("<TrainedClassifier: ")
+
+
+def test_the_names_in_the_file_do_not_change(tmp_path):
+    for name in STORED:
+        stored = Path(__file__).parent / "stored" / f"{name}.npz"
+        save_classifier(load_classifier(stored), tmp_path / "again.npz")
+        with np.load(stored) as before, np.load(tmp_path / "again.npz") as after:
+            assert json.loads(str(before["classifier"])) == json.loads(str(after["classifier"]))
+            assert before.files == after.files
+
+
+def test_calibration_and_threshold_come_back(trained, tmp_path):
     thresholded = replace(trained, threshold=DecisionThreshold("slow", 0.3))
     save_classifier(thresholded, tmp_path / "c")
     loaded = load_classifier(tmp_path / "c")

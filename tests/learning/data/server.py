@@ -11,7 +11,7 @@ TAG = '"first"'
 
 
 class Web:
-    """What the server has and does, to be changed between requests, and what it was asked.
+    """State of the server, to be changed between requests, and a record of the requests.
 
     content: the file. cut: bytes after which each answer is cut, None sends all. ranges: whether it knows
     parts. tag: the ETag. status: an answer other than the file. asked: Range and If-Range of each request.
@@ -27,7 +27,7 @@ class Web:
 
 @contextmanager
 def serving(content: bytes) -> Iterator[Web]:
-    """A server on this machine as long as the context lasts."""
+    """Run a server on this machine while the context is active."""
     web = Web(content)
 
     class Handler(BaseHTTPRequestHandler):

@@ -114,7 +114,7 @@ def test_the_real_data_is_what_is_known_of_it():
 
 
 @real
-def test_the_real_data_leaks_and_it_is_said():
+def test_a_note_reports_the_leak_of_the_real_data():
     data = read_data(REAL, labels=LABELS)
     end, duration, sampling = check_leakage(data, divisions=2)
     assert end.auc.estimate >= 0.98

@@ -27,11 +27,11 @@ def web(monkeypatch):
 
 
 def test_a_file_comes_whole_and_only_once(web, tmp_path):
-    told = []
-    file = fetch(web.url, tmp_path / "new", sha256=DIGEST, progress=lambda *at: told.append(at))
+    reports = []
+    file = fetch(web.url, tmp_path / "new", sha256=DIGEST, progress=lambda *at: reports.append(at))
     assert file == tmp_path / "new" / "people here.csv"
     assert file.read_bytes() == CONTENT
-    assert told[-1] == (300_000, 300_000)
+    assert reports[-1] == (300_000, 300_000)
     assert fetch(web.url, tmp_path / "new", sha256=DIGEST.upper()) == file
     assert web.asked == [(None, None)]
     assert [path.name for path in file.parent.iterdir()] == [file.name]
@@ -137,7 +137,7 @@ def test_what_the_server_refuses(web, tmp_path):
 
 def test_offline(tmp_path, monkeypatch):
     monkeypatch.setenv("NO_PROXY", "*")
-    with socket.socket() as taken:  # bound, but nobody listens
+    with socket.socket() as taken:  # bound, but not listening
         taken.bind(("127.0.0.1", 0))
         url = f"http://127.0.0.1:{taken.getsockname()[1]}/a.csv"
         with pytest.raises(FileError, match=r"cannot be reached, .*refused.* is this machine online\?"):

@@ -1,4 +1,4 @@
-"""Pictures of tracks: every class has its panel, and nothing is left out without a word."""
+"""Plots of tracks: every class has its panel, and omitted tracks are counted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every format is known by its content, and the same walk comes out of each."""
+"""Every format is detected by its content, and the same walk is read from each."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_one_label_for_an_id_of_two_people_is_refused_or_left_out(tmp_path):
 
 def test_what_labels_mean(tmp_path):
     file = written(tmp_path, GOOD.replace("in", "1"))
-    recording = read_recording(file, labels={"1": "in", "0": "out"})  # "out" stands for itself
+    recording = read_recording(file, labels={"1": "in", "0": "out"})  # "out" is a class
     assert recording.labels == ("in", "out")
 
 
@@ -202,15 +202,17 @@ def test_arguments_out_of_range(tmp_path):
 def test_batches_do_not_show(tmp_path, monkeypatch):
     whole = read_recording(written(tmp_path, GOOD + rows("a", "in", start=2.0)))
     monkeypatch.setattr("lcorpp.learning.data.csv_reader.BATCH_LINES", 5)
-    told = []
-    parts = read_recording(tmp_path / "people.csv", progress=lambda done, total: told.append((done, total)))
+    reports = []
+    parts = read_recording(
+        tmp_path / "people.csv", progress=lambda done, total: reports.append((done, total))
+    )
     for one, other in zip(whole.tracks, parts.tracks, strict=True):
         assert (one.id, one.label) == (other.id, other.label)
         np.testing.assert_array_equal(one.times, other.times)
         np.testing.assert_array_equal(one.positions, other.positions)
     size = (tmp_path / "people.csv").stat().st_size
-    assert told[-1] == (size, size)
-    assert sorted(told) == told
+    assert reports[-1] == (size, size)
+    assert sorted(reports) == reports
 
 
 cells = st.one_of(

@@ -1,4 +1,4 @@
-"""Each fault is refused with its place, and repaired when its repair is asked for: never anything else."""
+"""Each fault is an error with its place, and is repaired only if its repair is requested."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ def test_parts_of_a_track_in_another_order_are_disorder_not_another_person(tmp_p
     assert [len(track) for track in read(tmp_path, text, repair=["order"]).tracks] == [160]
 
 
-def test_a_line_without_an_end_that_is_whole_is_read_and_said(tmp_path):
+def test_a_line_without_an_end_that_is_whole_is_read_with_a_note(tmp_path):
     recording = read(tmp_path, GOOD[:-1])
     assert [len(track) for track in recording.tracks] == [12, 12]
     assert recording.notes == ("the last line has no line end: its last number may have been cut",)

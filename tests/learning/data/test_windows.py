@@ -1,4 +1,4 @@
-"""The same seconds of every track: known values, and the rule for those that are too short."""
+"""Windows of equal duration: known values, and the rule for short tracks."""
 
 from __future__ import annotations
 

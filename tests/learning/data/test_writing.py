@@ -1,4 +1,4 @@
-"""What is written is read again: to four decimals as CSV, exactly as Parquet."""
+"""Written recordings are read again: to four decimals from CSV, exactly from Parquet."""
 
 from __future__ import annotations
 

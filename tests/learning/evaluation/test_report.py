@@ -47,6 +47,16 @@ def test_a_report_says_what_the_validation_says(two):
     assert [(t.goal, t.prevalence) for t in costly.thresholds][-1] == ("cost", 0.1)
 
 
+def test_notebooks_show_short_texts_and_tables(two, three):
+    for validation in (two, three):
+        report = build_report(validation, learner="summaries")
+        for value in (validation, report, report.classes[0], report.calibration):
+            assert len(repr(value).splitlines()) <= 10
+            assert len(repr(value)) < 600
+        assert "predicted slow" in validation._repr_html_()
+        assert "expected calibration error, calibrated" in report._repr_html_()
+
+
 def test_three_classes_are_told_one_by_one(three, tmp_path):
     found = build_report(three)
     assert [one.name for one in found.classes] == ["fast", "fastest", "slow"]

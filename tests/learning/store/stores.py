@@ -15,12 +15,12 @@ SCHEMA = TrackSchema(("x", "y"), 0.033, CLASSES)
 
 
 def walk(row: int, points: int = 4) -> np.ndarray:
-    """(2, points) a walk that no other row has."""
+    """(2, points) a walk, different for each row."""
     return np.arange(2.0 * points).reshape(2, points) / 100 + row
 
 
 def track(row: int, points: int = 4, **others: object) -> NewTrack:
-    """The row-th track: every third is labelled by a person, every seventh has no label."""
+    """Return track number `row`: every third is labelled by a person, every seventh has no label."""
     label = None if row % 7 == 6 else CLASSES[row % 2]
     facts = {
         "source": "person" if row % 3 == 2 else "robot",
@@ -34,7 +34,7 @@ def track(row: int, points: int = 4, **others: object) -> NewTrack:
 
 
 def filled(path: Path, rows: int, schema: TrackSchema = SCHEMA, points: int = 4) -> bytes:
-    """Make a store of the first tracks; its bytes."""
+    """Write a store of the first tracks and return its bytes."""
     with Store(path, schema) as store:
         store.extend([track(row, points) for row in range(rows)], durable=False)
     return path.read_bytes()

@@ -43,7 +43,7 @@ def edit(path, *statements):
 
 
 def read_rows(path):
-    """Read the store; check that each row is as it was written or is reported. The rows and the snapshot."""
+    """Read the store, check that each row is unchanged or reported; return the rows and the snapshot."""
     snapshot = read_store(path)
     rows = [stored.extra["row"] for stored in snapshot]
     assert rows == sorted(set(rows))
@@ -60,7 +60,7 @@ def read_rows(path):
 
 
 def append_anew(path, rows):
-    """Open the store for writing and add a track; what was readable is still there."""
+    """Open the store for writing and add a track; all readable records remain."""
     with Store(path, SCHEMA) as store:
         store.append(track(99, POINTS), durable=False)
     snapshot = read_store(path)

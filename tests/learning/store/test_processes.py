@@ -30,7 +30,7 @@ def path(tmp_path):
 
 @pytest.fixture
 def started(path):
-    """Start a process that runs some lines, with `path` as `sys.argv[1]`; it is killed in the end."""
+    """Start a process that runs some lines, with `path` as `sys.argv[1]`; it is killed after the test."""
     processes = []
 
     def start(lines: str) -> subprocess.Popen:
@@ -98,22 +98,22 @@ def test_readers_see_whole_records_while_they_are_written(path, started):
         "        store.append(track(row, points=40), durable=row % 10 == 0)\n"
     )
     assert writer.stdout.readline() == "open\n"
-    seen, reading = 0, read_store(path)
+    count, reading = 0, read_store(path)
     while len(reading) < 400:
         ended = writer.poll() is not None
         reading = read_store(path)
-        assert len(reading) >= seen
+        assert len(reading) >= count
         assert not reading.damage
-        new = reading.tracks[seen:]
-        assert [stored.extra["row"] for stored in new] == list(range(seen, len(reading)))
+        new = reading.tracks[count:]
+        assert [stored.extra["row"] for stored in new] == list(range(count, len(reading)))
         for stored, numbers in zip(new, reading.trajectories(new), strict=True):
             assert np.array_equal(numbers, walk(stored.extra["row"], 40))
-        seen = len(reading)
-        assert not ended or seen == 400
+        count = len(reading)
+        assert not ended or count == 400
 
 
 def test_many_readers_at_once(path, started):
-    """Eight threads of readers; none opens the file for writing, so none needs the lock."""
+    """Eight threads of readers beside a writer; none needs the lock."""
     filled(path, 50)
     counts = []
     with Store(path, SCHEMA) as store:

@@ -1,9 +1,9 @@
-"""Feeds the parser inputs that atheris makes: each must end in a program or a typed error, within a second.
+"""Fuzz the parser with atheris: each input must give a program or a typed error within a second.
 
     python tests/reasoning/language/fuzz_parser.py -runs=1000000
 
 Other options are libFuzzer's. An input is text, or, after the byte 255, one token for each byte. Without
-atheris (`pip install atheris`) it says so and does nothing.
+atheris (`pip install atheris`) it prints a note and exits.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ with atheris.instrument_imports(include=["lcorpp.reasoning"]):
     from lcorpp.reasoning.language.parser import parse_plog, parse_query
 
 LONGEST = 1.0
-"""Seconds of CPU time that one input may take."""
+"""Maximal CPU seconds for one input."""
 
 WORDS = """
 s a b p q f X Y _ 0 1 2 7 2.5 99999 2147483648 .. . , : ; :- :+ +- = == != <> < <= > >= ( ) { } [ ] | & ! ? -
@@ -54,7 +54,7 @@ PROGRAM = parse_plog("s={a,b}. n={0..3}. p:boolean. f:s->n. random(p). random(f(
 
 
 def text_of(data: bytes) -> str:
-    """The text that some bytes stand for."""
+    """Decode bytes to a text."""
     if data[:1] == b"\xff":
         return " ".join(TOKENS[byte % len(TOKENS)] for byte in data[1:])
     return data.decode("utf-8", errors="replace")

@@ -1,4 +1,4 @@
-"""The words and places of the errors in programs."""
+"""Messages and places of errors in programs."""
 
 from __future__ import annotations
 

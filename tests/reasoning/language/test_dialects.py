@@ -1,4 +1,4 @@
-"""What the dialects of plog 1.0 and plog 2.0 say, and that it means what the plain statements mean."""
+"""The dialects of plog 1.0 and plog 2.0 against equivalent plain statements."""
 
 from __future__ import annotations
 

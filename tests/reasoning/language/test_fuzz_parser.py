@@ -1,4 +1,4 @@
-"""A million inputs that atheris makes, in a process of its own."""
+"""Fuzzing with atheris, a million inputs in a separate process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A learner of the user's own: a function in a module or a file that returns a classifier."""
+"""Learner plug-ins: functions in the user's modules or files that return a classifier."""
 
 from __future__ import annotations
 
@@ -12,50 +12,50 @@ from typing import Any
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.user_code import describe_failure, load_file
 
-try:  # joblib's own copy, where it has one: what is registered with another one would not count
+try:  # joblib's own copy, if it has one, because joblib ignores modules registered with another
     from joblib.externals.cloudpickle import register_pickle_by_value
 except ModuleNotFoundError:
     from cloudpickle import register_pickle_by_value
 
 
-def load_learner_plugin(name: str, arguments: Mapping[str, Any], wanted: Collection[str] = ()) -> Any:
-    """What the function returns.
+def load_learner_plugin(name: str, arguments: Mapping[str, Any], required: Collection[str] = ()) -> Any:
+    """Call the user's function and return its result.
 
     Args:
         name: ``module:function``, the module importable, or ``path/to/file.py:function``.
-        arguments: what the function may ask for; it is given those that are among its parameters.
-        wanted: those that it has to ask for, as the user has set them.
+        arguments: the arguments available; the function receives those that are among its parameters.
+        required: arguments that must be among its parameters, because the user has set them.
 
     Raises:
-        DataError: the module or file is not there or fails, it has no such function, the function fails,
-            asks for something else or does not ask for what is wanted.
+        DataError: the module or file does not exist or fails, it has no such function, the function fails,
+            needs another argument, or lacks a required parameter.
     """
     place, _, function_name = name.rpartition(":")
     if not place or not function_name:
         raise DataError(f"learner {name!r}: expected MODULE:FUNCTION or FILE.py:FUNCTION")
-    module = _file(Path(place)) if place.endswith(".py") else _module(place)
+    module = _load_file(Path(place)) if place.endswith(".py") else _import_module(place)
     function = getattr(module, function_name, None)
     if not callable(function):
         known = [key for key, value in vars(module).items() if callable(value) and not key.startswith("_")]
         raise DataError(f"{place} has no function {function_name!r}; {expected_one_of(known)}")
     parameters = inspect.signature(function).parameters.values()
-    needed = [
+    mandatory = [
         p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
     ]
-    for key in needed:
+    for key in mandatory:
         if key not in arguments:
-            raise DataError(f"{name} asks for {key!r}; {expected_one_of(list(arguments))}")
-    given = {p.name: arguments[p.name] for p in parameters if p.name in arguments}
-    for key in wanted:
-        if key not in given:
+            raise DataError(f"{name} needs the argument {key!r}; {expected_one_of(list(arguments))}")
+    passed = {p.name: arguments[p.name] for p in parameters if p.name in arguments}
+    for key in required:
+        if key not in passed:
             raise DataError(f"{key} is set, but {name} has no parameter of that name")
     try:
-        return function(**given)
+        return function(**passed)
     except (Exception, SystemExit) as error:
         raise DataError(describe_failure(error, place, module, f"{function_name}() failed")) from error
 
 
-def _module(name: str) -> ModuleType:
+def _import_module(name: str) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
@@ -66,7 +66,7 @@ def _module(name: str) -> ModuleType:
         ) from error
 
 
-def _file(path: Path) -> ModuleType:
+def _load_file(path: Path) -> ModuleType:
     """Load a file as a module that is pickled by value: worker processes cannot import it by name."""
     module = load_file(path, f"lcorpp_learner_{path.stem}", DataError, importable=True)
     register_pickle_by_value(module)

@@ -166,10 +166,10 @@ class NumpyNetwork:
 def load_kernels() -> Any:
     """Import the compiled kernels; None if there was no compiler at installation."""
     try:
-        from lcorpp.learning.lstm import _kernels
+        import lcorpp.learning.lstm._kernels as kernels
     except ImportError:
         return None
-    return _kernels
+    return kernels
 
 
 def _glorot(rows: int, columns: int, rng: np.random.Generator) -> Floats:

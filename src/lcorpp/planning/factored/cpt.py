@@ -77,7 +77,7 @@ def build_table(scope: Scope, spec: Spec, children: tuple[str, ...], what: str) 
             reader.add(key, row)
     else:
         reader.add((EACH,) * len(parents), rows)
-    return reader.cells.build()
+    return reader.builder.build()
 
 
 class _RowReader:
@@ -87,7 +87,7 @@ class _RowReader:
         self.scope, self.what = scope, what
         self.parents, self.children = parents, children
         try:
-            self.cells = TableBuilder(scope, parents, children)
+            self.builder = TableBuilder(scope, parents, children)
         except ModelError as error:
             raise ModelError(f"{what}: {error}") from None
 
@@ -124,8 +124,8 @@ class _RowReader:
             self._put_outcomes(place, {row: 1.0})
         elif row == UNIFORM:
             count = int(np.prod([len(self.scope[child].values) for child in self.children]))
-            loose = [ALL if selector == EACH else selector for selector in place]
-            self.cells.put([*loose, *(ALL for _ in self.children)], 1.0 / count)
+            broadcast = [ALL if selector == EACH else selector for selector in place]
+            self.builder.put([*broadcast, *(ALL for _ in self.children)], 1.0 / count)
         elif row == SAME:
             self._put_same(place)
         else:
@@ -140,16 +140,18 @@ class _RowReader:
                 raise ModelError(f"{SAME!r} needs {name!r} among the variables it depends on")
         axes = [self.parents.index(name) for name in before]
         axis_values = [
-            np.arange(self.cells.sizes[axis]) if isinstance(place[axis], str) else np.array([place[axis]])
+            np.arange(self.builder.sizes[axis]) if isinstance(place[axis], str) else np.array([place[axis]])
             for axis in axes
         ]
         values_before = [index.reshape(-1) for index in np.meshgrid(*axis_values, indexing="ij")]
-        loose = [ALL if selector == EACH else selector for selector in place]
+        broadcast = [ALL if selector == EACH else selector for selector in place]
         for axis in axes:
-            loose[axis] = EACH if isinstance(place[axis], str) else place[axis]
-        parents = [values_before[axes.index(axis)] for axis, selector in enumerate(loose) if selector == EACH]
-        self.cells.put_entries(
-            [*loose, *(EACH for _ in self.children)],
+            broadcast[axis] = EACH if isinstance(place[axis], str) else place[axis]
+        parents = [
+            values_before[axes.index(axis)] for axis, selector in enumerate(broadcast) if selector == EACH
+        ]
+        self.builder.put_entries(
+            [*broadcast, *(EACH for _ in self.children)],
             [*parents, *values_before],
             np.ones(len(values_before[0])),
         )
@@ -157,10 +159,10 @@ class _RowReader:
     def _put_outcomes(self, place: Sequence[Selector], row: Mapping[str, float]) -> None:
         """Put the probabilities of some outcomes."""
         outcomes = [self._outcome(key) for key in row]
-        loose = [ALL if selector == EACH else selector for selector in place]
+        broadcast = [ALL if selector == EACH else selector for selector in place]
         index = [np.array(axis) for axis in zip(*outcomes, strict=True)] or [np.zeros(0)] * len(self.children)
-        self.cells.put_entries(
-            [*loose, *(EACH for _ in self.children)], index, _check_finite(list(row.values()))
+        self.builder.put_entries(
+            [*broadcast, *(EACH for _ in self.children)], index, _check_finite(list(row.values()))
         )
 
     def _outcome(self, key: Words) -> tuple[int, ...]:
@@ -175,11 +177,11 @@ class _RowReader:
             raise ModelError(f"expected a number, found {row!r}")
         array = _check_finite(row)
         names = (*self.parents, *self.children)
-        axes = [(names[i], self.cells.sizes[i]) for i, selector in enumerate(place) if selector == EACH]
+        axes = [(names[i], self.builder.sizes[i]) for i, selector in enumerate(place) if selector == EACH]
         if array.shape != tuple(n for _, n in axes):
             wanted = " by ".join(f"{n} (the values of {name!r})" for name, n in axes)
             raise ModelError(f"expected {wanted or 'one'} numbers, found the shape {array.shape}")
-        self.cells.put(place, array)
+        self.builder.put(place, array)
 
 
 def _check_finite(numbers: npt.ArrayLike) -> npt.NDArray[np.float64]:

@@ -24,8 +24,10 @@ VISIT_STEPS = 200
 MAX_LABEL_LINES = 2
 """An arrow's label names at most this many observations and sums up the others."""
 
-LINES = tuple(INK if colour == COLOURS[4] else colour for colour in COLOURS)  # yellow is invisible on white
-STYLES = ("-", "--", ":", "-.")
+ARROW_COLOURS = tuple(
+    INK if colour == COLOURS[4] else colour for colour in COLOURS
+)  # yellow is invisible on white
+LINE_STYLES = ("-", "--", ":", "-.")
 
 
 @with_style
@@ -45,8 +47,8 @@ def draw_graph(
     if nodes < 1 or arrows < 0:
         raise ModelError(f"a figure needs at least 1 node, not {nodes}, and at least 0 arrows, not {arrows}")
     all_arrows = graph.edges_by_nodes()
-    kept, drawn_arrows = _select_most_visited(graph, list(all_arrows), nodes, arrows)
-    number = {node: place for place, node in enumerate(kept)}
+    selected, drawn_arrows = _select_most_visited(graph, list(all_arrows), nodes, arrows)
+    number = {node: place for place, node in enumerate(selected)}
     missing = {source for source, _ in all_arrows.keys() - set(drawn_arrows)}
     boxes = [
         Node(
@@ -56,7 +58,7 @@ def draw_graph(
             first=node == 0,
             cut=node in missing or not graph.complete[node],
         )
-        for node in kept
+        for node in selected
     ]
     lines = [
         _arrow(
@@ -65,9 +67,10 @@ def draw_graph(
         for source, target in drawn_arrows
     ]
     caption = []
-    if len(kept) < len(graph) or len(lines) < len(all_arrows):
+    if len(selected) < len(graph) or len(lines) < len(all_arrows):
         caption.append(
-            f"the most visited {len(kept)} of {len(graph)} nodes and {len(lines)} of {len(all_arrows)} arrows"
+            f"the most visited {len(selected)} of {len(graph)} nodes"
+            f" and {len(lines)} of {len(all_arrows)} arrows"
         )
     if any(box.cut for box in boxes):
         caption.append("nodes with a dashed frame have more arrows")
@@ -104,16 +107,18 @@ def _select_most_visited(
     return sorted(nodes), sorted(selected)
 
 
-def _arrow(graph: PolicyGraph, source: int, target: int, edges: Sequence[int], whole: bool) -> Arrow:
+def _arrow(graph: PolicyGraph, source: int, target: int, edges: Sequence[int], complete: bool) -> Arrow:
     """Return all edges from one node to another as one arrow."""
     total = float(graph.probabilities[edges].sum())
     width = 0.8 + 1.6 * total
     if len(edges) > 1:
-        covers_all = whole and len(edges) == np.count_nonzero(graph.sources == graph.sources[edges[0]])
+        covers_all = complete and len(edges) == np.count_nonzero(graph.sources == graph.sources[edges[0]])
         return Arrow(source, target, ["any"] if covers_all else _label_lines(graph, edges), MUTED, "-", width)
     number = int(graph.observations[edges[0]])
-    style = STYLES[number // len(LINES) % len(STYLES)]
-    return Arrow(source, target, _label_lines(graph, edges), LINES[number % len(LINES)], style, width)
+    style = LINE_STYLES[number // len(ARROW_COLOURS) % len(LINE_STYLES)]
+    return Arrow(
+        source, target, _label_lines(graph, edges), ARROW_COLOURS[number % len(ARROW_COLOURS)], style, width
+    )
 
 
 def _label_lines(graph: PolicyGraph, edges: Sequence[int]) -> list[str]:
@@ -121,8 +126,8 @@ def _label_lines(graph: PolicyGraph, edges: Sequence[int]) -> list[str]:
     likely = sorted(edges, key=lambda edge: -graph.probabilities[edge])
     lines = []
     for edge in likely[:MAX_LABEL_LINES] if len(likely) > MAX_LABEL_LINES + 1 else likely:
-        name, chance = graph.observation_names[graph.observations[edge]], graph.probabilities[edge]
-        lines.append(name if chance > 0.9995 else f"{name}: {chance:.2g}")
+        name, probability = graph.observation_names[graph.observations[edge]], graph.probabilities[edge]
+        lines.append(name if probability > 0.9995 else f"{name}: {probability:.2g}")
     rest = likely[len(lines) :]
     if rest:
         lines.append(f"{len(rest)} others: {graph.probabilities[rest].sum():.2g}")

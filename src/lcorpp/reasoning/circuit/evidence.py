@@ -42,17 +42,17 @@ class EvidenceEncoder:
         Raises:
             ProgramError: a name is not an input, or occurs twice.
         """
-        found: dict[str, _Column] = {}
+        canonical: dict[str, _Column] = {}
         for name, value in evidence.items():
             try:
                 own = name if name in self.columns else canonical_text(resolve_term(self._program, name))
             except ProgramError:
                 own = name
             self.check_names((own,))
-            if own in found:
+            if own in canonical:
                 raise ProgramError(f"the evidence names {own} twice")
-            found[own] = value
-        return found
+            canonical[own] = value
+        return canonical
 
     def check_names(self, evidence: Iterable[object]) -> None:
         """Check that all names are inputs.

@@ -100,15 +100,15 @@ class AcyclicTerm:
 
     def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:
         """Return the outcomes of the term for each state of the bits."""
-        found = {}
+        by_state = {}
         group, cache = self._group, self._cache
         for state in states:
             true = self._list_true_groups(state)
             outcomes = cache.get((group, true))
             if outcomes is None:
                 outcomes = cache[group, true] = self._compute_outcomes(true)
-            found[state] = outcomes
-        return found
+            by_state[state] = outcomes
+        return by_state
 
     def _list_true_groups(self, state: int) -> tuple[int, ...]:
         """The clause groups whose bits are set; a term may have thousands of groups of which few are true."""

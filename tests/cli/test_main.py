@@ -1,0 +1,204 @@
+"""The program as a whole: help, version, interrupts, and checks of outputs before long work."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from tests.cli.test_bad_input import INTENTION, ROOMS, refused
+from tests.planning.models import shared_model
+
+COMMANDS = ("run", "explain", "ask", "solve", "simulate", "show", "learn", "check", "data")
+SMALL = ("--tracks", 40, "--jobs", 1, "--learner", "summaries")
+
+
+def test_help_fits_into_80_columns(lcorpp, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    for option in ("-h", "--help"):
+        ended = lcorpp(option)
+        assert ended.code == 0
+        assert "..." not in ended.out.replace("COMMAND [ARGS]...", "")
+        assert max(map(len, ended.out.splitlines())) <= 80
+        assert all(f"  {name} " in ended.out for name in COMMANDS)
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "data make", "data plot"])
+def test_every_command_has_short_help(lcorpp, command):
+    ended = lcorpp(*command.split(), "-h")
+    assert ended.code == 0
+    assert "Show this message and exit." in ended.out
+
+
+def test_version(lcorpp):
+    from lcorpp import __version__
+
+    assert lcorpp("--version").out == f"lcorpp {__version__}\n"
+
+
+def test_learn_states_its_default_number_of_tracks_once(lcorpp):
+    out = " ".join(lcorpp("learn", "-h").out.split())
+    assert "Simulated training tracks before the first batch. [default: 100; x>=20]" in out
+    assert "the domain's number" not in out
+
+
+def test_an_unknown_option_is_one_message(lcorpp):
+    refused(lcorpp("run", "--speed", 3), "No such option: --speed")
+    refused(lcorpp("fly"), "No such command 'fly'")
+
+
+def interrupt(*_, **__):
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("function", "command", "words"),
+    [
+        (
+            "classifier_training.train_and_validate",
+            ("run", *SMALL),
+            "training and cross-validating summaries",
+        ),
+        (
+            "comparison.evaluate_exactly",
+            ("run", "--exact", "--classifier", "channel"),
+            "enumerating people and answers",
+        ),
+        ("comparison.run_trials", ("run", "--classifier", "channel"), "simulating trials"),
+    ],
+)
+def test_ctrl_c_names_the_step(lcorpp, monkeypatch, function, command, words):
+    monkeypatch.setattr(f"lcorpp.experiments.{function}", interrupt)
+    ended = lcorpp(*command)
+    assert ended.code == 130
+    assert f"lcorpp: interrupted while {words}; nothing is kept" in ended.err
+
+
+def test_ctrl_c_in_the_first_training_of_learn(lcorpp, monkeypatch, tmp_path):
+    monkeypatch.setattr("lcorpp.experiments.active_learning.train_and_validate", interrupt)
+    ended = lcorpp("learn", ROOMS, *SMALL)
+    assert (ended.code, ended.err) == (130, "interrupted: no batch is complete\n")
+    ended = lcorpp("learn", ROOMS, *SMALL, "--store", tmp_path / "s.tracks")
+    assert "no batch is complete; every decision is kept in" in ended.err
+
+
+def test_ctrl_c_elsewhere_is_not_silent(lcorpp, monkeypatch):
+    monkeypatch.setattr("lcorpp.domains.load_domain", interrupt)
+    ended = lcorpp("check", INTENTION)
+    assert (ended.code, ended.err) == (130, "lcorpp: interrupted\n")
+
+
+def test_outputs_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
+    def fail(*_, **__):
+        raise AssertionError("work before the check")
+
+    for name in ("classifier_training.train_and_validate", "comparison.solve_domain"):
+        monkeypatch.setattr(f"lcorpp.experiments.{name}", fail)
+    monkeypatch.setattr("lcorpp.experiments.active_learning.train_and_validate", fail)
+    (tmp_path / "file").write_text("")
+    for out in (tmp_path / "file", tmp_path / "file" / "below"):
+        refused(lcorpp("run", *SMALL, "--out", out), "is a file")
+        refused(lcorpp("learn", *SMALL, "--out", out), "is a file")
+    refused(lcorpp("data", "make", "-o", tmp_path / "no" / "a.csv"), "cannot be written")
+
+
+def test_a_classifier_that_cannot_be_saved_is_reported_before_the_training(lcorpp, monkeypatch, tmp_path):
+    monkeypatch.setattr("lcorpp.experiments.classifier_training.train_and_validate", interrupt)
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "from sklearn.base import BaseEstimator, ClassifierMixin\n"
+        "class Mine(ClassifierMixin, BaseEstimator):\n"
+        "    def fit(self, X, y):\n        return self\n"
+        "    def predict_proba(self, X):\n        return None\n"
+        "def mine():\n    return Mine()\n"
+    )
+    ended = lcorpp("run", "--tracks", 40, "--learner", f"{file}:mine", "--out", tmp_path / "out")
+    assert ended.code == 130
+    assert "note: the classifier will not be saved: " in ended.out
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_search_that_has_not_converged_is_reported(lcorpp, monkeypatch):
+    from lcorpp.experiments import setup
+    from lcorpp.planning import solve
+
+    def stop_early(pomdp, beliefs):
+        solution = solve(pomdp, beliefs)
+        return replace(solution, reason="time limit", upper=solution.lower + 0.25)
+
+    monkeypatch.setattr(setup, "solve", stop_early)
+    for command in (("run", "--exact", "--strategy", "P"), ("explain", "--label", "zero")):
+        ended = lcorpp(*command, "--preset", "authors")
+        assert ended.code == 0
+        assert "SARSOP has not converged (time limit): a gap of 0.25 remains" in ended.err
+
+
+def test_the_paper_s_trial(lcorpp):
+    """PAPER.md, section 2: prior [.22, .78]; after pos, pos, pos the robot reports interested."""
+    facts = ("--fact", "time=afternoon", "--fact", "location=classroom", "--label", "zero")
+    ended = lcorpp("explain", *facts, "--truth", "interested", "--answers", "pos,pos,pos")
+    assert ended.code == 0
+    actions = [line for line in ended.out.splitlines() if "observes" in line]
+    assert [line.split()[1] for line in actions] == ["move_forward", "move_forward", "greet"]
+    for words in ("0.220250", "0.779750", "0.717686", "0.958123", "0.989191", "7  report_interested"):
+        assert words in ended.out
+    assert ended.out.rstrip().endswith("intention = interested (correct)")
+    refused(lcorpp("explain", *facts, "--answers", "pos"), "--answers has 1 answers", "move_forward")
+    refused(lcorpp("explain", "--answers", "maybe"), "expected one of pos, neg, none")
+    refused(lcorpp("explain", "--truth", "bored"), "expected one of interested, not_interested")
+    refused(lcorpp("explain", "--truth", "interested", "--interactive"), "--interactive has none")
+
+
+def test_the_table_precedes_the_classifier_s_evaluation(lcorpp):
+    out = lcorpp("run", *SMALL, "--trials", 100).out
+    assert out.index("LCORPP") < out.index("accuracy 0.") < out.index("Brier")
+    assert "±" not in out
+
+
+def test_figures_in_other_formats(lcorpp, tmp_path):
+    options = ("run", "--classifier", "channel", "--trials", 100, "--strategy", "L", "--out", tmp_path)
+    assert lcorpp(*options, "--format", "svg").code == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"results.csv", "results.json", "results.svg"}
+    assert lcorpp(*options).code == 0
+    assert (tmp_path / "results.png").exists()
+    assert (tmp_path / "results.pdf").read_bytes().startswith(b"%PDF")
+    refused(lcorpp(*options, "--format", "gif"), "gif")
+
+
+def test_simulate_explains_a_mean_beyond_the_bounds(lcorpp, tiger, tmp_path):
+    policy = tmp_path / "tiger.policy"
+    assert lcorpp("solve", tiger, "-o", policy).code == 0
+    explained = 0
+    for seed in range(4):
+        ended = lcorpp("simulate", tiger, policy, "--trials", 1000, "--seed", seed)
+        assert "policy's lower bound     19.371" in ended.out
+        explained += "by sampling error: the interval contains the value" in ended.out
+        explained += "as one interval in 20 does by chance" in ended.out
+    assert explained == 4  # the bounds are 1e-6 apart: no mean lies between them
+
+
+def test_progress_has_a_total_or_a_spinner(tmp_path):
+    """No step displays `0/?`."""
+    code = "from lcorpp.cli.main import main; main()"
+    ours, theirs = os.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
+    command = [sys.executable, "-c", code, "run", "--classifier", "channel", "--trials", "300", "--jobs", "1"]
+    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=theirs, env=environment)
+    os.close(theirs)
+    drawn = b""
+    try:
+        while part := os.read(ours, 4096):
+            drawn += part
+    except OSError:  # Linux: the other end is closed
+        pass
+    os.close(ours)
+    assert running.wait() == 0
+    assert b"/300" in drawn
+    assert b"/?" not in drawn
+
+
+def test_bad_models_end_in_one_message(lcorpp, tmp_path):
+    model = shared_model("tiger.aaai.pomdp")
+    refused(lcorpp("simulate", model, tmp_path / "no.policy"), "cannot be read")
+    refused(lcorpp("show", tmp_path), "cannot be read")
