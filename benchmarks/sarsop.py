@@ -1,10 +1,10 @@
-"""How wide the bounds are after how much CPU time, on published models, beside APPL's `pomdpsol`.
+"""Gap between the bounds over CPU time on published models, compared with APPL's `pomdpsol`.
 
     python benchmarks/sarsop.py MODEL... [--seconds 10] [--appl-seconds 60] [--out TABLE.md]
 
-`pomdpsol` (https://github.com/AdaCompNUS/sarsop) takes part where it is on the PATH. Each solver has a
-process of its own for each model, and its time is the CPU time of that process, without reading the model:
-APPL's is what it prints, lcorpp's is taken at each change of a bound.
+`pomdpsol` (https://github.com/AdaCompNUS/sarsop) is included if it is on the PATH. Each solver runs in a
+process of its own for each model. Times are CPU times of that process without reading the model: APPL prints
+them, those of lcorpp are measured at each change of a bound.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from rich.console import Console
 from lcorpp.files import make_folder, write_atomically
 
 MARKS = (1.0, 10.0)
-"""Seconds of CPU time at which gaps are compared."""
+"""CPU times in seconds at which the table shows gaps."""
 
 PRECISION = 1e-3
 
-OURS = """
+LCORPP_SCRIPT = """
 import json, sys, time
 from lcorpp.planning import read_pomdp, solve
 pomdp = read_pomdp(sys.argv[1])
-solve(read_pomdp(sys.argv[2]), precision=1.0)  # what is imported when first used is imported
+solve(read_pomdp(sys.argv[2]), precision=1.0)  # load all lazily imported modules
 history, began = [], time.process_time()
 def note(now):
     if not history or (now.lower, now.upper) != (history[-1][1], history[-1][2]):
@@ -49,7 +49,7 @@ sizes = [len(pomdp.states), len(pomdp.actions), len(pomdp.observations)]
 print(json.dumps({"sizes": sizes, "history": history}))
 """
 
-_ROW = re.compile(
+_APPL_ROW = re.compile(
     r"^\s*([\d.e+-]+)\s+\d+\s+\d+\s+([\d.e+-]+)\s+([\d.e+-]+)\s+[\d.e+-]+\s+\d+\s+\d+\s*$", re.M
 )
 
@@ -61,7 +61,7 @@ def main(
     models: Annotated[list[Path], typer.Argument(help="Model files.")],
     seconds: Annotated[float, typer.Option(help="CPU time for lcorpp.")] = 10.0,
     appl_seconds: Annotated[float, typer.Option(help="CPU time for APPL.")] = 60.0,
-    out: Annotated[Path, typer.Option(help="The table; the plot goes beside it.")] = Path(
+    out: Annotated[Path, typer.Option(help="The table; the plot is written beside it.")] = Path(
         "benchmarks/results/sarsop.md"
     ),
 ) -> None:
@@ -69,29 +69,29 @@ def main(
     console = Console(stderr=True)
     appl = shutil.which("pomdpsol")
     if not appl:
-        console.print("pomdpsol is not on the PATH: lcorpp alone is measured")
+        console.print("pomdpsol is not on the PATH: measuring lcorpp only")
     found: dict[str, dict[str, History]] = {}
     sizes: dict[str, Sequence[int]] = {}
     for model in models:
         console.print(f"{model.name} ...")
-        own = _ours(model, seconds)
+        own = _run_lcorpp(model, seconds)
         if own is None:
-            console.print(f"{model.name}: lcorpp refuses it")
+            console.print(f"{model.name}: lcorpp rejects it")
             continue
         sizes[model.name], found[model.name] = own["sizes"], {"lcorpp": own["history"]}
         if appl:
-            found[model.name]["APPL"] = _appl(appl, model, appl_seconds)
+            found[model.name]["APPL"] = _run_appl(appl, model, appl_seconds)
     if not found:
-        raise SystemExit("nothing was measured")
+        raise SystemExit("no model was measured")
     make_folder(out.parent)
     write_atomically(out, _table(found, sizes, seconds, appl_seconds))
     _plot(found, out.with_suffix(".png"))
     console.print(f"wrote {out} and {out.with_suffix('.png')}")
 
 
-def _ours(model: Path, seconds: float) -> dict[str, History] | None:
+def _run_lcorpp(model: Path, seconds: float) -> dict[str, History] | None:
     warm = Path(__file__).parents[1] / "src/lcorpp/domains/intention/authors.pomdp"
-    command = [sys.executable, "-c", OURS, str(model), str(warm), str(PRECISION), str(seconds)]
+    command = [sys.executable, "-c", LCORPP_SCRIPT, str(model), str(warm), str(PRECISION), str(seconds)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         print(done.stderr.strip().splitlines()[-1], file=sys.stderr)
@@ -99,8 +99,8 @@ def _ours(model: Path, seconds: float) -> dict[str, History] | None:
     return json.loads(done.stdout)
 
 
-def _appl(command: str, model: Path, seconds: float) -> History:
-    """What APPL prints; its output file is thrown away. Empty where it refuses the model."""
+def _run_appl(command: str, model: Path, seconds: float) -> History:
+    """Parse what APPL prints. Empty if it rejects the model."""
     done = subprocess.run(
         [
             command,
@@ -116,17 +116,17 @@ def _appl(command: str, model: Path, seconds: float) -> History:
         text=True,
         check=False,
     )
-    return [(float(t), float(low), float(high)) for t, low, high in _ROW.findall(done.stdout)]
+    return [(float(t), float(low), float(high)) for t, low, high in _APPL_ROW.findall(done.stdout)]
 
 
-def _at(history: History, seconds: float) -> tuple[float, float] | None:
-    """The bounds at a time."""
+def _bounds_at(history: History, seconds: float) -> tuple[float, float] | None:
+    """The bounds at a time, None before the first."""
     known = [(low, high) for t, low, high in history if t <= seconds]
     return known[-1] if known else None
 
 
-def _until(history: History, gap: float) -> float | None:
-    """When the gap was first at most this wide."""
+def _time_of_gap(history: History, gap: float) -> float | None:
+    """The first time at which the gap was at most this wide."""
     return next((t for t, low, high in history if high - low <= gap), None)
 
 
@@ -150,11 +150,11 @@ def _table(
         ours, theirs = histories["lcorpp"], histories.get("APPL", [])
         cells = [model, ", ".join(map(str, sizes[model]))]
         for mark in MARKS:
-            cells += [_gap(_at(ours, mark)), _gap(_at(theirs, mark))]
+            cells += [_gap(_bounds_at(ours, mark)), _gap(_bounds_at(theirs, mark))]
         cells += [_bounds(ours), _bounds(theirs)]
         if theirs:
             gap = max(theirs[-1][2] - theirs[-1][1], PRECISION)
-            mine, other = _until(ours, gap), _until(theirs, gap)
+            mine, other = _time_of_gap(ours, gap), _time_of_gap(theirs, gap)
             ratio = other / max(mine, 1e-4) if mine is not None and other is not None else None
             if ratio:
                 ratios.append(ratio)

@@ -1,4 +1,4 @@
-"""Kernels of both kinds, and models to try them on."""
+"""Both implementations of the kernels, and random models for their tests."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ needs_native = pytest.mark.skipif(NATIVE is None, reason=WITHOUT)
 BOTH = [pytest.param(NATIVE, id="native", marks=needs_native), pytest.param(numpy_kernels, id="numpy")]
 
 SECONDS = 60.0
-"""Time that no test should need: what is compared must not have been cut short."""
+"""A time limit that no test reaches, so that comparisons are of complete searches."""
 
 
 def random_model(
@@ -40,12 +40,12 @@ def random_model(
     absorbing: bool = False,
     discount: float = 0.9,
 ) -> Pomdp:
-    """A model without ties, its numbers drawn at random; its state has a part that is always seen.
+    """A random model without ties, with a fully observed part of the state.
 
     Args:
-        seen, hidden: how many values the two parts have; every value of the first is a block, or several.
-        signals: observations of the hidden part. certain: they follow from the state.
-        absorbing: the last state is never left; it goes on paying.
+        seen, hidden: numbers of values of the two parts; every value of the first is one or more blocks.
+        signals: number of observations of the hidden part. certain: whether the state determines them.
+        absorbing: whether the last state is absorbing, with rewards.
     """
     rng = np.random.default_rng(seed)
     S = seen * hidden
@@ -72,7 +72,7 @@ def random_model(
 
 
 def random_models(**given: Any) -> st.SearchStrategy[Pomdp]:
-    """Models of all the kinds that `random_model` makes."""
+    """A strategy for all kinds of models of `random_model`."""
     drawn = {
         "seen": st.integers(1, 3),
         "hidden": st.integers(1, 4),
@@ -87,7 +87,7 @@ def random_models(**given: Any) -> st.SearchStrategy[Pomdp]:
 
 
 def bounds(kernels: Kernels, model: Any, tolerance: float = 1e-7) -> tuple[Any, Any, Any]:
-    """Blind policies, MDP and fast informed bound, to within a tolerance."""
+    """Blind policies, MDP bound and fast informed bound."""
     blind = kernels.blind_policies(model, tolerance, SECONDS)
     above = kernels.mdp_bound(model, tolerance, SECONDS)
     return blind, above, kernels.fast_informed_bound(model, above, tolerance, SECONDS)
@@ -101,12 +101,12 @@ def make_tree(kernels: Kernels, pomdp: Pomdp) -> tuple[Any, Any, Any]:
 
 
 PRUNE = (1e-3, 3.0, 1.3)
-"""Radius, cap and growth, as the solver has them."""
+"""Radius, ratio and growth of pruning, as in `bounded_search`."""
 
 
 def search(tree: Any, predictor: Any, root: int, trials: int, run: Any = None) -> list[tuple[Any, ...]]:
-    """Trials towards half of the gap; after each how long it was and what there is then."""
-    found = []
+    """Sample paths that aim at half of the gap; lengths and sizes of the tree after each."""
+    sizes = []
     for i in range(trials):
         gap = tree.upper_bound(root) - tree.lower_bound(root)
         if gap <= 1e-3:
@@ -114,8 +114,8 @@ def search(tree: Any, predictor: Any, root: int, trials: int, run: Any = None) -
         arguments = predictor, root, max(0.5 * gap, 5e-4), 50, SECONDS, i % 2 == 1
         steps = run(tree, *arguments) if run else tree.sample(*arguments)
         tree.prune([root], *PRUNE)
-        found.append((steps, tree.node_count, tree.vector_count, tree.point_count))
-    return found
+        sizes.append((steps, tree.node_count, tree.vector_count, tree.point_count))
+    return sizes
 
 
 def close(numbers: Any) -> Any:

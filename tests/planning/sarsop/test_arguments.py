@@ -1,4 +1,4 @@
-"""Bad arguments raise, in both kernels; the compiled ones never read beyond an array."""
+"""Both kernels reject invalid arguments; the compiled kernels never read beyond an array."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ BAD_MODELS: list[dict[str, Any]] = [
     *({"reward": np.array([[r, -1], [-10, 5]])} for r in (nan, inf, -inf)),
     *({"reward": np.zeros(shape)} for shape in ((2, 3), (4, 1), (1, 4))),
     *({"discount": discount} for discount in (0.0, 1.0, -0.5, nan, inf)),
-    # as little as it takes for nothing to be asked of a table
+    # the smallest arguments with consistent sizes
     {
         "actions": -1,
         "states": 1,
@@ -74,14 +74,14 @@ BAD_MODELS: list[dict[str, Any]] = [
 
 @pytest.mark.parametrize("kernels", BOTH)
 @pytest.mark.parametrize("change", BAD_MODELS, ids=lambda change: " ".join(map(str, change.items()))[:60])
-def test_tables_that_are_no_model(kernels, change):
+def test_invalid_models(kernels, change):
     assert kernels.Model(*GOOD.values()).blocks().tolist() == [0, 0]
-    with pytest.raises((ValueError, TypeError)):  # the other where it has another number of axes
+    with pytest.raises((ValueError, TypeError)):  # TypeError for a different number of axes
         kernels.Model(*(GOOD | change).values())
 
 
-def tree_of(kernels: Any) -> Any:
-    """A tree of the tiger with one node, looked at, whose children are known for one action."""
+def make_small_tree(kernels: Any) -> Any:
+    """A tree of the tiger problem with one node and one expanded action."""
     model = build_model(kernels, parse_pomdp(TIGER))
     blind, _, informed = bounds(kernels, model, 1e-3)
     tree = kernels.Tree(model, informed, blind)
@@ -123,7 +123,7 @@ OUT_OF_RANGE: list[tuple[str, tuple[Any, ...]]] = [
         ("add_child", which)
         for which in ((1, 0, 0), (-1, 0, 0), (0, 3, 0), (0, -1, 0), (0, 0, 2), (0, 0, 2**31))
     ),
-    ("add_child", (0, 1, 0)),  # an action that was not looked at has no children yet
+    ("add_child", (0, 1, 0)),  # an action that is not expanded has no children
     ("vectors", (2,)),
     ("add_vectors", (2, vectors([0, 0]), np.zeros(1, i4))),
     *(("add_vectors", (0, vectors([0, 0]), np.array([a], i4))) for a in (3, -1)),
@@ -131,7 +131,7 @@ OUT_OF_RANGE: list[tuple[str, tuple[Any, ...]]] = [
     ("prune", ([-1], 1e-3, 3.0, 1.3)),
 ]
 
-NO_NUMBERS: list[tuple[str, tuple[Any, ...]]] = [
+INVALID_ARRAYS: list[tuple[str, tuple[Any, ...]]] = [
     *(
         ("add_node", (np.array(belief),))
         for belief in ([1.0], [0.5, 0.25, 0.25], [nan, 1], [inf, 0], [1.5, -0.5])
@@ -176,27 +176,27 @@ NO_NUMBERS: list[tuple[str, tuple[Any, ...]]] = [
 @pytest.mark.parametrize(
     "number", range(len(OUT_OF_RANGE)), ids=lambda n: " ".join(map(str, OUT_OF_RANGE[n]))[:50]
 )
-def test_numbers_of_nothing(kernels, number):
+def test_numbers_out_of_range(kernels, number):
     name, arguments = OUT_OF_RANGE[number]
     with pytest.raises(IndexError):
-        getattr(tree_of(kernels), name)(*arguments)
+        getattr(make_small_tree(kernels), name)(*arguments)
 
 
 @pytest.mark.parametrize("kernels", BOTH)
 @pytest.mark.parametrize(
-    "number", range(len(NO_NUMBERS)), ids=lambda n: " ".join(map(str, NO_NUMBERS[n]))[:50]
+    "number", range(len(INVALID_ARRAYS)), ids=lambda n: " ".join(map(str, INVALID_ARRAYS[n]))[:50]
 )
-def test_arrays_that_do_not_fit(kernels, number):
-    name, arguments = NO_NUMBERS[number]
-    tree = tree_of(kernels)
+def test_invalid_arrays(kernels, number):
+    name, arguments = INVALID_ARRAYS[number]
+    tree = make_small_tree(kernels)
     before = tree.vector_count, tree.point_count, tree.upper_bound(0)
     with pytest.raises(ValueError):  # noqa: PT011
         getattr(tree, name)(*arguments)
-    assert (tree.vector_count, tree.point_count, tree.upper_bound(0)) == before  # nothing was taken by halves
+    assert (tree.vector_count, tree.point_count, tree.upper_bound(0)) == before  # nothing was added
 
 
 @pytest.mark.parametrize("kernels", BOTH)
-def test_other_numbers_that_cannot_be(kernels):
+def test_invalid_bounds_and_limits(kernels):
     model = kernels.Model(*GOOD.values())
     good = np.zeros((2, 2))
     for bad in (np.zeros((2, 3)), np.zeros((4, 1)), np.full((2, 2), nan), np.full((2, 2), -inf)):
@@ -221,8 +221,8 @@ def test_other_numbers_that_cannot_be(kernels):
 
 
 @pytest.mark.parametrize("kernels", BOTH)
-def test_a_trial_that_cannot_be(kernels):
-    tree, predictor = tree_of(kernels), make_predictor(kernels)
+def test_invalid_samples(kernels):
+    tree, predictor = make_small_tree(kernels), make_predictor(kernels)
     for root in (1, -1):
         with pytest.raises(IndexError):
             tree.sample(predictor, root, 0.1, 10, 1.0, False)
@@ -233,13 +233,13 @@ def test_a_trial_that_cannot_be(kernels):
     for target, seconds in ((nan, 1.0), (-1.0, 1.0), (0.1, nan)):
         with pytest.raises(ValueError):  # noqa: PT011
             tree.sample(predictor, 0, target, 10, seconds, False)
-    assert tree.sample(predictor, 0, 0.1, 0, 1.0, False) == 1  # the root at least is backed up
-    assert tree.sample(predictor, 0, 0.1, 10, -1.0, False) == 1  # and no time is no error
+    assert tree.sample(predictor, 0, 0.1, 0, 1.0, False) == 1  # at least the root is backed up
+    assert tree.sample(predictor, 0, 0.1, 10, -1.0, False) == 1  # no time is not an error
 
 
 @needs_native
-def test_types_that_the_compiled_kernels_refuse():
-    """Numbers of states are not converted: one beyond 32 bits would come to stand for another."""
+def test_compiled_kernels_reject_other_types():
+    """Indices are not converted: a number beyond 32 bits would become another one."""
     for change in (
         {"transition_columns": GOOD["transition_columns"].astype(i8)},
         {"transition_columns": GOOD["transition_columns"].astype(float)},
@@ -254,7 +254,7 @@ def test_types_that_the_compiled_kernels_refuse():
     ):
         with pytest.raises(TypeError):
             NATIVE.Model(*(GOOD | change).values())
-    tree, predictor = tree_of(NATIVE), make_predictor(NATIVE)
+    tree, predictor = make_small_tree(NATIVE), make_predictor(NATIVE)
     for call in (
         lambda: NATIVE.mdp_bound(None, 1e-3, 1.0),
         lambda: NATIVE.Tree(None, np.zeros((2, 2)), np.zeros((2, 2))),
@@ -273,8 +273,8 @@ def test_types_that_the_compiled_kernels_refuse():
 
 
 @needs_native
-def test_numbers_of_another_kind_are_converted():
-    """Where nothing is lost: single precision, every other one of an array, whole numbers for a belief."""
+def test_lossless_conversions():
+    """Of single precision, strided arrays and integers."""
     apart = np.repeat(GOOD["observation_values"], 2)[::2]
     model = NATIVE.Model(
         *(
@@ -288,8 +288,8 @@ def test_numbers_of_another_kind_are_converted():
 
 
 @needs_native
-def test_what_a_tree_gives_outlives_it():
-    tree = tree_of(NATIVE)
+def test_arrays_outlive_their_tree():
+    tree = make_small_tree(NATIVE)
     lasting = [tree.belief(0), tree.q_upper(0), tree.vectors(0)[1], tree.points()[0]]
     copies = [array.copy() for array in lasting]
     model_stays = tree.select_action(0, True)

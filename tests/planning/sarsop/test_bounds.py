@@ -1,4 +1,4 @@
-"""Where the search starts: blocks, one step of the model, and the three bounds."""
+"""Blocks, belief updates and the three initial bounds."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ models = pomdps() | random_models()
 
 
 def ring(size: int) -> Pomdp:
-    """A ring with a goal at 0, steps that may fail and the parity of the place seen."""
+    """A ring with a goal at 0, steps that may fail and observed parity."""
     step = 0.9 * np.roll(np.eye(size), 1, axis=1) + 0.1 * np.eye(size)
     parity = np.eye(2)[np.arange(size) % 2]
     reward = np.zeros((2, size))
@@ -38,7 +38,7 @@ def ring(size: int) -> Pomdp:
 
 
 def blocks_by_definition(pomdp: Pomdp) -> list[int]:
-    """States that one action reaches and one observation follows are together, and what is with them."""
+    """Merge the blocks of states that one action reaches and one observation follows."""
     block = list(range(len(pomdp.states)))
     for a in range(len(pomdp.actions)):
         reached = pomdp.transition[a].max(axis=0) > 0
@@ -95,7 +95,7 @@ def test_both_kernels_have_the_same_bounds(pomdp):
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
 @settings(max_examples=40, deadline=None)
-def test_bounds_are_in_order_and_near_what_they_stand_for(kernels, pomdp):
+def test_bounds_are_ordered_and_close_to_exact_values(kernels, pomdp):
     gamma, S = pomdp.discount, len(pomdp.states)
     blind, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1e-6)
     T = np.asarray(pomdp.transition)
@@ -115,8 +115,8 @@ def test_bounds_are_in_order_and_near_what_they_stand_for(kernels, pomdp):
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
 @settings(max_examples=20, deadline=None)
-def test_the_informed_bound_is_above_seeing_one_step_late(kernels, pomdp):
-    """Its fixed point by plain sweeps, as the definition says."""
+def test_the_informed_bound_is_close_to_its_fixed_point(kernels, pomdp):
+    """The fixed point by plain value iteration."""
     gamma = pomdp.discount
     _, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1e-6)
     T, Z = np.asarray(pomdp.transition), np.asarray(pomdp.observation)
@@ -131,8 +131,8 @@ def test_the_informed_bound_is_above_seeing_one_step_late(kernels, pomdp):
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
 @settings(max_examples=20, deadline=None)
-def test_a_sweep_more_is_never_worse(kernels, pomdp):
-    """Any stop is a bound: at once, soon and late, each inside the one before."""
+def test_more_sweeps_are_never_worse(kernels, pomdp):
+    """Every sweep yields a bound that is at least as tight as the one before."""
     model = build_model(kernels, pomdp)
     rounding = 1e-9 * max(1.0, float(np.abs(pomdp.reward).max()))
     ladder = [(1e9, 0.0), (1.0, 60.0), (1e-2, 60.0), (1e-4, 60.0)]
@@ -151,13 +151,13 @@ def test_a_sweep_more_is_never_worse(kernels, pomdp):
 
 @pytest.mark.parametrize("kernels", BOTH)
 def test_a_slow_discount_takes_few_sweeps(kernels):
-    """All values change alike, so that the shift does at once what sweeps would take 1 / (1 - gamma) for."""
+    """All values change by similar amounts: the shift replaces 1 / (1 - gamma) sweeps."""
     n = 30
     T = np.full((2, n, n), 1 / n)
     reward = np.linspace(-1, 1, 2 * n).reshape(2, n)
     names = tuple(map(str, range(n)))
     pomdp = Pomdp(names, ("a", "b"), ("o",), T, np.ones((2, n, 1)), reward, 1 - 1e-9, np.full(n, 1 / n))
-    # from a discount so slow no sweep by itself would arrive within the time of any test
+    # without the shift, the sweeps would not converge within the time of any test
     blind, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1.0)
     best = reward[1].mean() * 1e9
     assert blind[1].mean() == pytest.approx(best, rel=1e-6)
@@ -167,7 +167,7 @@ def test_a_slow_discount_takes_few_sweeps(kernels):
 
 @pytest.mark.parametrize("kernels", BOTH)
 def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
-    """Nine digits of a third: summed for ever, what is missing would be larger than the gap."""
+    """Nine digits of a third: over an infinite horizon, the missing probability would exceed the gap."""
     third = np.full((2, 3, 3), 0.333333333)
     reward = np.array([[1.0, 1, 1], [0, 0, 0]])
     names = ("a", "b", "c")
@@ -178,7 +178,7 @@ def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
     assert above.max() == pytest.approx(1000, abs=1e-6)
 
 
-def test_the_twin_finds_rows_of_rows():
+def test_row_entries():
     rows = SparseTables.of(np.array([[[0.5, 0.5], [0, 1.0]], [[1, 0], [0.25, 0.75]]]))
     index, owner = row_entries(rows, np.array([3, 1, 0]))
     assert rows.values[index].tolist() == [0.25, 0.75, 1.0, 0.5, 0.5]
@@ -187,8 +187,8 @@ def test_the_twin_finds_rows_of_rows():
 
 @given(st.integers(0, 10**6))
 @settings(max_examples=10, deadline=None)
-def test_many_blocks_stay_apart(seed):
-    """A state that is seen is a block by itself, and so much is kept of its vectors."""
+def test_vectors_are_stored_by_block(seed):
+    """An observed state is a block of its own."""
     pomdp = random_model(seed, seen=5, hidden=1, signals=1)
     tree, _, _ = make_tree(numpy_kernels, pomdp)
     assert tree.group_count == 6

@@ -37,10 +37,10 @@ def test_pruned_vectors_are_kept_while_others_depend_on_them(kernels):
     table, actions = tree.dependencies(0)
     assert table.shape == (len(actions), 5)
     assert len(actions) > 10
-    held = tree.vectors(0)[1]
+    remaining = tree.vectors(0)[1]
     for vector in table:  # otherwise a remaining vector replaces it
-        assert not (held >= vector - 1e-12).all(axis=1).any()
-    better = np.repeat(held.max(axis=0)[None] + 1, 200, axis=0)  # dominates all others
+        assert not (remaining >= vector - 1e-12).all(axis=1).any()
+    better = np.repeat(remaining.max(axis=0)[None] + 1, 200, axis=0)  # dominates all others
     tree.add_vectors(0, better, np.zeros(200, dtype=np.int32))
     tree.prune([root], 0.0, 1.0, 0.0)
     assert len(tree.dependencies(0)[1]) == 0

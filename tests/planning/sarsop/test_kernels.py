@@ -1,4 +1,4 @@
-"""Which kernels serve, and what happens where the compiled ones are missing."""
+"""Selection of the kernels, with and without compiled ones."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.planning.sarsop.kernels import BOTH, NATIVE, needs_native
 
 @pytest.fixture
 def no_compiler(monkeypatch):
-    """As if nothing had been built."""
+    """Hide the compiled kernels."""
     monkeypatch.delattr(lcorpp.planning, "_native", raising=False)
     monkeypatch.setitem(sys.modules, "lcorpp.planning._native", None)
     module._load_best.cache_clear()
@@ -28,25 +28,25 @@ def no_compiler(monkeypatch):
 
 
 @needs_native
-def test_the_compiled_kernels_serve_where_they_are():
+def test_the_compiled_kernels_are_the_default():
     assert load_kernels() is NATIVE
 
 
-def test_numpy_serves_when_asked():
+def test_numpy_on_request():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert load_kernels(numpy=True) is numpy_kernels
 
 
-def test_numpy_serves_without_a_compiler_and_says_so_once(no_compiler):
+def test_numpy_without_a_compiler_with_one_warning(no_compiler):
     message = r"C\+\+ kernels of the planner are missing.*pip install"
-    with pytest.warns(SlowKernelsWarning, match=message) as told:
-        found = [load_kernels(), load_kernels(), load_kernels(numpy=True)]
-    assert found == [numpy_kernels] * 3
-    assert len(told) == 1
+    with pytest.warns(SlowKernelsWarning, match=message) as warnings_:
+        loaded = [load_kernels(), load_kernels(), load_kernels(numpy=True)]
+    assert loaded == [numpy_kernels] * 3
+    assert len(warnings_) == 1
 
 
-def test_a_solve_without_a_compiler(no_compiler):
+def test_solving_without_a_compiler(no_compiler):
     with pytest.warns(SlowKernelsWarning):
         solution = solve(parse_pomdp(TIGER), precision=1.0)
     assert solution.lower <= 19.372
@@ -74,7 +74,7 @@ def test_solving_with_either(kernels):
 
 @pytest.mark.parametrize("kernels", BOTH)
 def test_a_model_keeps_its_sparse_tables(kernels):
-    """100,000 states in a ring: nothing of the size of their square may be made."""
+    """100,000 states: a dense table would not fit into memory."""
     n = 100_000
     states = np.arange(n)
     begins = np.arange(n + 1)

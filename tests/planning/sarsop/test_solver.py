@@ -69,7 +69,7 @@ def test_bounds_agree_with_those_of_appl(name, least, most, gap):
 
 
 def brute_force(pomdp: Pomdp, belief, steps: int) -> float:
-    """The best expected reward of `steps` steps, over all belief trees; belief may be unnormalised."""
+    """The optimal expected reward of `steps` steps by enumeration; the belief may be unnormalised."""
     if steps == 0:
         return 0.0
     values = []
@@ -88,7 +88,7 @@ def test_brute_force_is_between_the_bounds(pomdp):
     steps = 4
     exact = brute_force(pomdp, pomdp.start, steps)
     tail = pomdp.discount**steps / (1 - pomdp.discount)
-    # what comes after the last step earns between the least and the largest reward for ever
+    # later rewards are between the smallest and the largest reward in every step
     assert solution.upper >= exact + tail * pomdp.reward.min() - 1e-9
     assert solution.lower <= exact + tail * pomdp.reward.max() + 1e-9
 
@@ -96,7 +96,7 @@ def test_brute_force_is_between_the_bounds(pomdp):
 @given(pomdps())
 @settings(max_examples=25, deadline=None)
 def test_vectors_are_achievable(pomdp):
-    """No vector promises more in a state than is earned there by someone who sees the state."""
+    """No vector exceeds the value of the fully observable problem."""
     solution = solve(pomdp, precision=1e-2, time_limit=1)
     value = np.full(len(pomdp.states), pomdp.reward.max() / (1 - pomdp.discount))
     for _ in range(400):
@@ -104,8 +104,8 @@ def test_vectors_are_achievable(pomdp):
     assert (solution.policy.vectors <= value + 1e-6).all()  # 400 sweeps at .95 leave 1e-9 of the start
 
 
-def test_simulation_earns_what_is_promised():
-    """Following the policy for 200 steps, over all that may be heard, earns the lower bound."""
+def test_the_policy_earns_its_lower_bound():
+    """By enumeration of all observations of 200 steps."""
     tiger = parse_pomdp(TIGER)
     policy = solve(tiger, precision=1e-2).policy
     reached, earned = {(0.5, 0.5): 1.0}, 0.0
@@ -120,10 +120,10 @@ def test_simulation_earns_what_is_promised():
                 after = tuple(np.round(weights / weights.sum(), 9).tolist())
                 following[after] = following.get(after, 0.0) + chance * float(weights.sum())
         reached = following
-    assert earned >= policy.value(tiger.start) - 0.01  # .95^200 * 20, what comes later, is below .001
+    assert earned >= policy.value(tiger.start) - 0.01  # later rewards are below .95^200 * 20 < .001
 
 
-def test_several_starts_are_all_served():
+def test_several_starts_all_reach_the_precision():
     starts = np.array([[0.5, 0.5, 0, 0, 0], [0.9, 0.1, 0, 0, 0], [0, 0, 0.2, 0.8, 0]])
     solution = solve(lcorpp, starts, precision=0.1)
     assert solution.reason == "precision reached"
@@ -144,43 +144,43 @@ def test_an_interrupt_returns_the_best_so_far():
     assert seen[-1].lower == solution.lower
 
 
-def test_no_time_is_a_result():
+def test_a_tiny_time_limit_returns_a_result():
     solution = solve(lcorpp, time_limit=1e-9)
     assert solution.reason == "time limit"
     assert solution.lower <= 51.657 <= solution.upper
 
 
-def test_bounds_only_tighten_at_the_top():
+def test_the_upper_bound_never_rises():
     history = solve(parse_pomdp(TIGER), precision=0.1).history
     assert all(a[2] >= b[2] for a, b in pairwise(history))
 
 
-def test_an_absorbing_state_that_keeps_paying():
+def test_an_absorbing_state_with_costs():
     text = "discount: 0.9\nvalues: cost\nstates: a end\nactions: stay go\nobservations: o\nstart: a\n"
     text += "O: * uniform\n"
     text += (
         "T: stay identity\nT: go 0 1 0 1\nR: stay : a : * : * 3\nR: go : a : * : * 5\nR: * : end : * : * 1\n"
     )
     solution = solve(parse_pomdp(text), precision=1e-6)
-    # going costs 5 and then 1 for ever, 5 + .9 * 10; staying costs 30
+    # going costs 5 and then 1 in every step, 5 + .9 * 10; staying costs 30
     assert solution.lower == pytest.approx(-14)
     assert solution.upper == pytest.approx(-14)
     assert "precision reached" in solution.summary()
 
 
 @pytest.mark.parametrize("start", [[1.0], [0.5] * 5, [[[0.2] * 5]]])
-def test_a_start_that_is_no_belief(start):
+def test_invalid_starts(start):
     with pytest.raises(ModelError):
         solve(lcorpp, start)
 
 
-def test_a_precision_of_zero_is_refused():
+def test_a_precision_of_zero_is_an_error():
     with pytest.raises(ModelError, match="must be positive"):
         solve(lcorpp, precision=0)
 
 
 def corridor(length: int = 6) -> Pomdp:
-    """A place that is seen, a side that is hidden: go to the end, look, then open a door."""
+    """An observed place and a hidden side: go to the end, look, then open a door."""
     places, sides = range(length), range(2)
     S = 2 * length + 1
     done = S - 1
@@ -217,19 +217,19 @@ def corridor(length: int = 6) -> Pomdp:
     )
 
 
-def test_what_is_always_seen_makes_pieces():
+def test_observed_parts_split_the_vectors():
     pomdp = corridor()
     solution = solve(pomdp, precision=1e-3)
     assert solution.reason == "precision reached"
     policy = solution.policy
-    # one piece for each place, one for being done, and one for beliefs over several
+    # one set per place, one for the end, and one for beliefs over several places
     assert [len(piece.states) for piece in policy.vector_sets] == [2] * 6 + [1, 13]
     assert policy.value(pomdp.start) == pytest.approx(solution.lower)
     assert policy.action(pomdp.start) == 0
     rng = np.random.default_rng(0)
     for _ in range(50):
         belief = rng.dirichlet(np.full(13, 0.3))
-        # what a piece does not speak of counts as the worst that there is: still below the upper bound
+        # states outside a set count with the floor, still below the upper bound
         assert (policy.vectors @ belief).max() <= policy.value(belief) + 1e-9
         assert policy.gap(belief) >= 0
     beliefs = rng.dirichlet(np.full(13, 0.3), 20)
@@ -248,7 +248,7 @@ def test_a_start_over_several_places():
     assert here.lower > there.upper  # some of the way is behind it
 
 
-def test_what_is_known_is_used_for_another_start():
+def test_a_previous_solution_is_used_for_another_start():
     starts = np.random.default_rng(1).dirichlet(np.ones(4), 20)
     starts = np.column_stack([starts, np.zeros(20)])
     first = solve(lcorpp, starts, precision=1e-2)
@@ -264,7 +264,7 @@ def test_what_is_known_is_used_for_another_start():
         solve(parse_pomdp(TIGER), previous=first)
 
 
-def test_a_policy_from_elsewhere_has_no_gap():
+def test_a_policy_without_upper_bound_has_no_gap():
     policy = solve(lcorpp, precision=0.1).policy
     assert policy.gap(lcorpp.start) <= 0.1
     with pytest.raises(PolicyError, match="no upper bound; solve the model"):
@@ -272,7 +272,7 @@ def test_a_policy_from_elsewhere_has_no_gap():
 
 
 def test_an_interrupt_reaches_the_kernels():
-    """The signal comes while compiled code runs; the search ends with what it has."""
+    """The signal arrives while compiled code runs; the search returns its result so far."""
     pomdp = read_pomdp(shared_model("tag-avoid.pomdp"))
 
     def soon(now: Progress) -> None:
@@ -291,8 +291,8 @@ def test_an_interrupt_reaches_the_kernels():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(file.name for file in SHARED.glob("*.pomdp*")) or ["tag-avoid.pomdp"])
-def test_the_policy_earns_what_is_claimed(name):
-    """Checked from scratch: what vectors were made from and is pruned goes with the policy."""
+def test_the_certificate_confirms_the_policy(name):
+    """The policy contains the pruned vectors that its vectors depend on."""
     pomdp = read_pomdp(shared_model(name))
     found = certificate(solve(pomdp, time_limit=4), max_nodes=20_000)
     assert found.verdict == "confirmed", found.text

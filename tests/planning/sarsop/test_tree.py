@@ -1,4 +1,4 @@
-"""The tree and its two bounds: both kernels do the same, and what they say is true."""
+"""The tree and its two bounds: both kernels agree, and the bounds are valid."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from tests.planning.sarsop.kernels import (
 
 
 def assert_same(left: Any, right: Any, actions: int) -> None:
-    """Every node, vector and point of two trees."""
+    """Compare every node, vector and point of two trees."""
     counts = [(t.node_count, t.vector_count, t.point_count, t.group_count, t.discount) for t in (left, right)]
     assert counts[0] == counts[1]
     for n in range(left.node_count):
@@ -77,7 +77,7 @@ CALLS = st.lists(
 
 
 def call(tree: Any, predictor: Any, pomdp: Pomdp, name: str, number: int) -> Any:
-    """One call, the same on trees that are the same; what it gave."""
+    """Make a call that depends only on the tree and the number; return its result."""
     rng = np.random.default_rng(number)
     node = int(rng.integers(tree.node_count))
     below = bool(rng.integers(2))
@@ -97,14 +97,14 @@ def call(tree: Any, predictor: Any, pomdp: Pomdp, name: str, number: int) -> Any
         return tree.sample(predictor, node, 0.1, 8, SECONDS, below)
     if name == "prune":
         return tree.prune([0, node], 1e-3, 2.0, 0.0)
-    if name == "vectors":  # worse than what is there, and enough of them that pruning has work
+    if name == "vectors":  # dominated vectors, enough for pruning
         group = int(rng.integers(tree.group_count))
         states, vectors, _ = tree.vectors(group)
         if not len(vectors):
             return None
         worse = vectors[rng.integers(len(vectors), size=80)] - rng.exponential(size=(80, len(states)))
         return tree.add_vectors(group, worse, rng.integers(2, size=80).astype(np.int32) % len(pomdp.actions))
-    if name == "points":  # as high as what is known there
+    if name == "points":  # a point at the current upper bound
         belief = tree.belief(node)
         inside = np.flatnonzero(belief).astype(np.int32)
         return tree.add_points(
@@ -116,7 +116,7 @@ def call(tree: Any, predictor: Any, pomdp: Pomdp, name: str, number: int) -> Any
 @needs_native
 @given(random_models(), CALLS)
 @settings(max_examples=40, deadline=None)
-def test_any_calls_do_the_same_to_both(pomdp, calls):
+def test_any_sequence_of_calls_has_the_same_effect(pomdp, calls):
     trees = [make_tree(kernels, pomdp)[:2] for kernels in (NATIVE, numpy_kernels)]
     for tree, _ in trees:
         tree.add_node(pomdp.start)
@@ -128,8 +128,8 @@ def test_any_calls_do_the_same_to_both(pomdp, calls):
 
 @needs_native
 @pytest.mark.parametrize("seed", range(6))
-def test_the_search_is_one_in_three_ways(seed):
-    """Compiled, in Python on the compiled tree, and in numpy: node for node."""
+def test_three_implementations_of_the_search_agree(seed):
+    """Compiled, in Python on the compiled tree, and in numpy, node by node."""
     pomdp = random_model(seed, seen=1 + seed % 3, hidden=4, actions=3, signals=2, absorbing=seed % 2 == 1)
     ways = [(NATIVE, None), (NATIVE, sample), (numpy_kernels, None)]
     trees, found = [], []
@@ -138,13 +138,13 @@ def test_the_search_is_one_in_three_ways(seed):
         found.append(search(tree, predictor, tree.add_node(pomdp.start), 12, run))
         trees.append(tree)
     assert found[0] == found[1] == found[2]
-    assert found[0][-1][1] >= 5  # or there would be little to compare
+    assert found[0][-1][1] >= 5  # enough nodes to compare
     for tree in trees[1:]:
         assert_same(trees[0], tree, 3)
 
 
 @needs_native
-def test_a_prediction_answers_the_same():
+def test_value_predictors_agree():
     answers = []
     for kernels in (NATIVE, numpy_kernels):
         tree, predictor, _ = make_tree(kernels, random_model(3, hidden=5))
@@ -158,7 +158,7 @@ def test_a_prediction_answers_the_same():
 
 
 @pytest.mark.parametrize("kernels", BOTH)
-def test_what_a_prediction_has_not_met_may_be_worth_its_upper_bound(kernels):
+def test_the_prediction_for_an_empty_bin_is_the_upper_bound(kernels):
     tree, predictor, _ = make_tree(kernels, parse_pomdp(TIGER))
     sure, unsure = tree.add_node(np.array([1.0, 0])), tree.add_node(np.array([0.5, 0.5]))
     tree.refresh(sure)
@@ -181,7 +181,7 @@ def test_known_values_are_between_the_bounds(kernels, text, least, most):
 
 
 def value_of(pomdp: Pomdp, belief: Any, steps: int) -> float:
-    """The best expected reward of `steps` steps from an unnormalised belief, and the most after them."""
+    """An upper bound on the value by enumeration of `steps` steps from an unnormalised belief."""
     if steps == 0:
         return float(belief.sum() * pomdp.reward.max() / (1 - pomdp.discount))
     return max(
@@ -197,8 +197,8 @@ def value_of(pomdp: Pomdp, belief: Any, steps: int) -> float:
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=pomdps(discounts=(0.3,)) | random_models(hidden=2, actions=2, signals=2, discount=0.3))
 @settings(max_examples=10, deadline=None)
-def test_bounds_hold_the_truth(kernels, pomdp):
-    """At every belief that was met; the truth by trying all that can be done in four steps."""
+def test_bounds_contain_the_value(kernels, pomdp):
+    """The value by enumeration of four steps."""
     tree, predictor, _ = make_tree(kernels, pomdp)
     search(tree, predictor, tree.add_node(pomdp.start), 5)
     tail = 0.3**4 / 0.7 * float(np.ptp(pomdp.reward))
@@ -230,7 +230,7 @@ def test_bounds_never_cross_and_the_upper_one_never_rises(kernels, pomdp):
 
 @pytest.mark.parametrize("kernels", BOTH)
 def test_vectors_survive_where_they_are_best(kernels):
-    """Pruning drops what is worse everywhere, and no node that counts loses its value."""
+    """Pruning drops dominated vectors, and no relevant node loses its value."""
     pomdp = random_model(5, hidden=4)
     tree, predictor, _ = make_tree(kernels, pomdp)
     root = tree.add_node(pomdp.start)
@@ -244,15 +244,15 @@ def test_vectors_survive_where_they_are_best(kernels):
     kept = {tuple(vector) for vector in tree.vectors(0)[1].tolist()}
     assert kept <= {tuple(vector) for vector in vectors.tolist()}
     assert len(kept) == tree.vector_count < before[1] - 200 + 1
-    tree.backup(root)  # a node whose best vectors went asks all that are left
+    tree.backup(root)  # the best vectors of the node were pruned
     assert tree.lower_bound(root) >= before[0] - 1e-9
     assert (states.tolist(), len(actions)) == ([0, 1, 2, 3], len(vectors))
 
 
 @pytest.mark.parametrize("kernels", BOTH)
-def test_a_cap_of_any_size(kernels):
+def test_extreme_pruning_ratios(kernels):
     pomdp = random_model(5, hidden=4)
-    for cap, left in ((0.0, 2), (np.inf, 202)):  # the plans of doing one thing for ever always stay
+    for cap, left in ((0.0, 2), (np.inf, 202)):  # blind policies always stay
         tree, _, _ = make_tree(kernels, pomdp)
         root = tree.add_node(pomdp.start)
         best = tree.vectors(0)[1][tree.select_action(root, True)]

@@ -1,4 +1,4 @@
-"""The upper bound: points, the sawtooth between them, and what is left of it without a tree."""
+"""The upper bound: points, sawtooth interpolation, and the bound without its tree."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.planning.sarsop.kernels import BOTH, close, make_tree, random_models,
 
 
 def sawtooth_by_hand(kernels: Any) -> tuple[Any, Any]:
-    """A tree whose informed bound is 10 in each of two states, each by an action of its own."""
+    """A tree whose informed bound is 10 in each of two states, by different actions."""
     tiger = parse_pomdp(TIGER)
     model = build_model(kernels, tiger)
     informed = np.array([[10.0, 0], [0, 10], [0, 0]])
@@ -40,10 +40,10 @@ def test_the_sawtooth_by_hand(kernels):
     # at (.75, .25): phi = .5, so 10 + .5 * (2 - 10)
     assert [tree.upper_bound(node) for node in (even, uneven, sure)] == [2, 6, 10]
     tree.add_points(*point(1, 0), np.array([6.0]))
-    assert tree.point_count == 1  # a corner took the second
-    # a node that asked before looks at what is newer, the corner: 7 at (.75, .25), above what it has
+    assert tree.point_count == 1  # the second became a corner
+    # an updated node considers only the newer corner: 7 at (.75, .25), above its bound
     assert [tree.upper_bound(node) for node in (even, uneven, sure)] == [2, 6, 6]
-    # one that did not, at both: the corners' plane is 7.6, so 7.6 + .8 * (2 - 8)
+    # a new node considers both: the corners' plane is 7.6, so 7.6 + .8 * (2 - 8)
     assert tree.upper_bound(tree.add_node(np.array([0.6, 0.4]))) == pytest.approx(2.8, abs=1e-12)
     corners, begins, states, weights, values = tree.points()
     assert (corners.tolist(), begins.tolist(), states.tolist()) == ([6, 10], [0, 2], [0, 1])
@@ -70,13 +70,13 @@ def test_the_upper_bound_outlives_its_tree(kernels, pomdp, seed):
         assert value == again.value(belief)
         assert tree.lower_bound(tree.add_node(belief)) - slack <= value <= (informed @ belief).max()
         if len(set(blocks[belief > 0].tolist())) == 1:
-            # one asks for the points of the block there, the other all: those of other blocks do not count
+            # the tree considers the points of the block, the bound all points, of which others have no effect
             assert heir.upper_bound(heir.add_node(belief)) == close(value)
 
 
 @pytest.mark.parametrize("kernels", BOTH)
-def test_beliefs_alike_share_a_node_but_not_its_bound(kernels):
-    """A belief that differs in the eleventh digit may be worth more, by so much of the largest value."""
+def test_nearly_equal_beliefs_share_a_node_but_not_its_bound(kernels):
+    """The value of a belief that differs in the eleventh digit may be larger, by the Lipschitz slack."""
     T = np.array([[[0, 0.3, 0.7], [0, 1, 0], [0, 0, 1]]])
     worth = np.array([0.9 * 0.7, 0, 1]) * 1e6
     reward = np.array([[0.0, 0, 1e5]])
@@ -88,12 +88,12 @@ def test_beliefs_alike_share_a_node_but_not_its_bound(kernels):
     root = tree.add_node(pomdp.start)
     tree.select_action(root, False)
     assert tree.add_child(root, 0, 0) == first
-    tree.add_points(*point(0, 0.5, 0.5), np.array([0.5e6 + 1]))  # something new, so that the root looks again
+    tree.add_points(*point(0, 0.5, 0.5), np.array([0.5e6 + 1]))  # a new point, so that the root is updated
     tree.select_action(root, False)
     assert worth[0] - 1e-9 <= tree.q_upper(root)[0] <= worth[0] + 1e-3
 
 
-def test_points_that_were_retired_leave():
+def test_removed_points_have_no_effect():
     points = sawtooth.Points(4)
     corners = np.full(4, 10.0)
     for stamp in range(40):
@@ -102,8 +102,8 @@ def test_points_that_were_retired_leave():
         points.add(inside, np.array([0.5, 0.5]), float(stamp % 7), corners, stamp)
     belief = np.full((1, 4), 0.25)
     lowest = points.correction(belief, 0)
-    assert lowest == pytest.approx(-5)  # half of the belief is in a point that is worth 0
-    assert points.correction(belief, 36) == pytest.approx(-0.5 * 9)  # stamp 36 is worth 1
+    assert lowest == pytest.approx(-5)  # a point of value 0 has half of the belief
+    assert points.correction(belief, 36) == pytest.approx(-0.5 * 9)  # stamp 36 has value 1
     for stamp in range(0, 40, 7):
         assert points.remove(stamp)
         assert not points.remove(stamp)
@@ -118,8 +118,8 @@ def test_points_that_were_retired_leave():
     assert points.correction(belief, 0) == pytest.approx(-0.5 * 4)
 
 
-def test_a_weight_without_digits_is_no_support():
-    """1 / p overflows there; the point must still count for no belief without that state."""
+def test_a_subnormal_weight_is_support():
+    """1 / p overflows; the point must not count at beliefs without that state."""
     points = sawtooth.Points(3)
     points.add(np.array([0, 1]), np.array([1 - 1e-16, 1e-310]), 0.0, np.full(3, 10.0), 0)
     assert points.correction(np.array([[1.0, 0, 0], [0, 1, 0]]), 0).tolist() == [0, 0]

@@ -1,4 +1,4 @@
-"""Answers by brute force: all belief trees, policies by plain dynamic programming."""
+"""Values by brute force: enumeration of all belief trees."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lcorpp.planning import Pomdp
 
 
 def best(pomdp: Pomdp, belief, steps: int, discount: float | None = None) -> float:
-    """The best expected reward of some steps, over all belief trees; the belief may be unnormalised."""
+    """The optimal expected reward of some steps; the belief may be unnormalised."""
     if steps == 0:
         return 0.0
     gamma = pomdp.discount if discount is None else discount
@@ -23,7 +23,7 @@ def best(pomdp: Pomdp, belief, steps: int, discount: float | None = None) -> flo
 
 
 def earned(pomdp: Pomdp, choose, belief, steps: int, discount: float | None = None) -> float:
-    """What is earned in some steps by `choose(belief, steps to go)`; the belief may be unnormalised."""
+    """The expected reward of `choose(belief, remaining steps)`; the belief may be unnormalised."""
     total = belief.sum()
     if steps == 0 or total == 0:
         return 0.0
@@ -37,12 +37,12 @@ def earned(pomdp: Pomdp, choose, belief, steps: int, discount: float | None = No
 
 
 def tail(pomdp: Pomdp, steps: int) -> tuple[float, float]:
-    """What comes after some steps earns between these: the least and the largest reward for ever."""
+    """Bounds on the rewards after some steps: the smallest and the largest reward in every step."""
     weight = pomdp.discount**steps / (1 - pomdp.discount)
     return weight * pomdp.reward.min(), weight * pomdp.reward.max()
 
 
 def corners(pomdp: Pomdp) -> np.ndarray:
-    """(S + 1, S) the beliefs that know the state, and the one that knows nothing."""
+    """(S + 1, S) the beliefs that know the state, and the uniform belief."""
     S = len(pomdp.states)
     return np.concatenate([np.eye(S), np.full((1, S), 1 / S)])

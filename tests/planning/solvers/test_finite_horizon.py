@@ -18,7 +18,7 @@ BOTH = [solve_finite_horizon, solve_finite_horizon_exact]
 
 @pytest.mark.parametrize("solver", BOTH)
 def test_the_tiger_for_a_few_steps(solver):
-    """Two listens that agree make .97; then a door pays 6.7 on the average, before that none does."""
+    """Two equal observations have probability .97; then a door has mean reward 6.7, before a negative one."""
     one, two, three = (solver(tiger, steps, discount=1) for steps in (1, 2, 3))
     assert one.lower == pytest.approx(-1)
     assert two.lower == pytest.approx(-2)
@@ -32,7 +32,7 @@ def test_the_tiger_for_a_few_steps(solver):
 
 
 def test_how_many_vectors_the_tiger_has():
-    """As published for exact methods, for 1, 2, ... steps to go."""
+    """The published numbers for 1, 2, ... remaining steps."""
     solution = solve_finite_horizon_exact(tiger, 9)
     assert [len(policy) for policy in solution.policies] == [3, 5, 9, 7, 13, 15, 19, 25, 27]
 
@@ -47,13 +47,13 @@ def test_brute_force_agrees(solver, pomdp, steps, discount):
     assert solution.horizon == steps
     assert solution.lower - 1e-9 <= exact <= solution.upper + 1e-9
     assert solution.upper - solution.lower <= 1e-4 + 1e-9
-    # and so it is earned
+    # the policy earns the lower bound
     assert earned(pomdp, solution.action, pomdp.start, steps, discount) >= solution.lower - 1e-9
 
 
 @given(pomdps(), st.integers(1, 4))
 @settings(max_examples=15, deadline=None)
-def test_the_exact_policies_are_right_everywhere(pomdp, steps):
+def test_the_exact_policies_are_optimal_at_all_beliefs(pomdp, steps):
     solution = solve_finite_horizon_exact(pomdp, steps, discount=1)
     for to_go, policy in enumerate(solution.policies, 1):
         for belief in corners(pomdp):
@@ -64,7 +64,7 @@ def test_the_exact_policies_are_right_everywhere(pomdp, steps):
 
 @given(pomdps(), st.integers(1, 4))
 @settings(max_examples=12, deadline=None)
-def test_the_other_policies_are_bounds_everywhere(pomdp, steps):
+def test_the_other_policies_are_bounds_at_all_beliefs(pomdp, steps):
     solution = solve_finite_horizon(pomdp, steps, precision=1e-2, discount=1)
     for to_go, policy in enumerate(solution.policies, 1):
         for belief in corners(pomdp):
@@ -83,7 +83,7 @@ def test_both_agree_on_the_authors_model():
     assert exact.lower <= around.upper + 1e-9
 
 
-def test_many_steps_come_close_to_no_end():
+def test_many_steps_approach_the_infinite_horizon():
     hasty = parse_pomdp(TIGER.replace("discount: 0.95", "discount: 0.75"))
     solution, endless = solve_finite_horizon(hasty, 40), solve_exact(hasty)
     # .75^40 is 1e-5, times a value of at most 12
@@ -93,12 +93,12 @@ def test_many_steps_come_close_to_no_end():
 
 def test_a_large_model():
     solution = solve_finite_horizon(read_pomdp(shared_model("tag-avoid.pomdp")), 5, time_limit=5)
-    # to tag can pay 10 once; every step costs 1
+    # tagging has reward 10 once; every step costs 1
     assert -5 <= solution.lower <= solution.upper <= 10
     assert len(solution.policies) == 5
 
 
-def test_layers_are_a_model_of_their_own():
+def test_the_time_expanded_model():
     expanded = time_expand(tiger, 3, 0.95)
     flat = expanded.pomdp
     assert len(flat.states) == 7
@@ -125,7 +125,7 @@ def test_an_interrupt_returns_fewer_steps():
     assert exact.lower <= around.upper
 
 
-def test_no_time_is_a_result():
+def test_a_tiny_time_limit_returns_a_result():
     solution = solve_finite_horizon_exact(tiger, 10, time_limit=1e-9)
     assert (solution.reason, solution.horizon) == ("time limit", 1)
     assert "value of 1 steps" in solution.summary()
@@ -155,7 +155,7 @@ def test_too_many_steps():
         solve_finite_horizon(tiger, 2).policy(3)
 
 
-def test_tables_are_stacked_as_they_are():
+def test_the_time_expanded_tables_are_sparse():
     expanded = time_expand(tiger, 2, 0.95)
     assert isinstance(expanded.pomdp.transition, SparseTables)
     assert expanded.pomdp.transition.row_sums() == pytest.approx(1)

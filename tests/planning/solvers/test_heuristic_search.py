@@ -23,13 +23,13 @@ def test_the_authors_first_steps():
     assert planner.action(belief) == "report_interested"
 
 
-def test_bounds_hold_the_value():
+def test_bounds_contain_the_value():
     result = OnlinePlanner(lcorpp, seconds=600, precision=1e-2).search(lcorpp.start)
     assert 51.64 <= result.lower <= 51.657
     assert 51.656 <= result.upper <= 51.67
 
 
-def test_asking_again_costs_nothing():
+def test_a_repeated_search_needs_no_trials():
     planner = OnlinePlanner(tiger, seconds=600, precision=0.1)
     assert planner.search(tiger.start).trials > 0
     assert planner.search(tiger.start).trials == 0
@@ -47,7 +47,7 @@ def test_exact_is_between_the_bounds(pomdp):
 
 @given(pomdps(discounts=(0.3, 0.5)))
 @settings(max_examples=15, deadline=None)
-def test_who_goes_on_asking_earns_the_lower_bound(pomdp):
+def test_searching_at_every_step_earns_the_lower_bound(pomdp):
     planner, steps = OnlinePlanner(pomdp, trials=3), 4
     low = planner.search(pomdp.start).lower
     most = pomdp.discount**steps / (1 - pomdp.discount) * pomdp.reward.max()
@@ -55,7 +55,7 @@ def test_who_goes_on_asking_earns_the_lower_bound(pomdp):
     assert got + most >= low - 1e-9
 
 
-def test_the_same_calls_get_the_same_answers():
+def test_equal_calls_have_equal_results():
     answers = []
     for _ in range(2):
         planner = OnlinePlanner(lcorpp, trials=4, seconds=60)
@@ -64,7 +64,7 @@ def test_the_same_calls_get_the_same_answers():
     assert answers[0] == answers[1]
 
 
-def test_memory_is_given_back_and_nothing_learnt_is_lost(monkeypatch):
+def test_a_reset_keeps_the_bounds(monkeypatch):
     planner = OnlinePlanner(lcorpp, seconds=600, precision=1e-2)
     before = planner.search(lcorpp.start)
     monkeypatch.setattr(online, "MAX_NODES", 0)

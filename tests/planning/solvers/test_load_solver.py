@@ -27,12 +27,12 @@ def test_all_solvers_have_one_signature_and_agree(name):
     assert "value at the start in" in solution.summary()
 
 
-def test_an_unknown_name():
+def test_an_unknown_name_is_an_error():
     with pytest.raises(ModelError, match="unknown solver 'magic'; expected one of sarsop, exact, perseus"):
         load_solver("magic")
 
 
-def test_the_table_loads_no_solver():
+def test_the_table_imports_no_solver():
     code = (
         "import sys, lcorpp.planning.solvers;"
         "heavy = {'scipy', 'scipy.optimize', 'lcorpp.planning.solvers.perseus', 'lcorpp.planning.sarsop'};"

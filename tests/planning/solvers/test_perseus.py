@@ -96,15 +96,15 @@ def test_the_policy_earns_its_value_at_a_belief_that_depends_on_pruned_vectors()
     assert evaluation.upper >= policy.value(np.array(belief))
 
 
-def test_one_seed_gives_one_answer():
+def test_equal_seeds_have_equal_results():
     runs = [solve_perseus(lcorpp, precision=0.5, seed=seed) for seed in (3, 3, 4)]
     assert np.array_equal(runs[0].policy.vectors, runs[1].policy.vectors)
     assert runs[0].trials == runs[1].trials
     assert (runs[0].trials, runs[0].beliefs) != (runs[2].trials, runs[2].beliefs)
 
 
-def test_when_all_beliefs_are_done_it_says_so():
-    """One state: there is but one belief."""
+def test_the_search_stops_when_all_beliefs_are_done():
+    """With one state there is only one belief."""
     text = "discount: 0.9\nvalues: reward\nstates: s\nactions: a b\nobservations: o\nstart: s\n"
     text += "T: * identity\nO: * uniform\nR: a : s : * : * 1\nR: b : s : * : * 2\n"
     solution = solve_perseus(parse_pomdp(text), precision=1e-6)
@@ -112,7 +112,7 @@ def test_when_all_beliefs_are_done_it_says_so():
     assert solution.beliefs == 1
 
 
-def test_several_starts_are_all_served():
+def test_several_starts_all_reach_the_precision():
     starts = np.array([[0.5, 0.5, 0, 0, 0], [0.9, 0.1, 0, 0, 0], [0, 0, 0.2, 0.8, 0]])
     solution = solve_perseus(lcorpp, starts, precision=0.1)
     assert solution.reason == "precision reached"
@@ -133,7 +133,7 @@ def test_an_interrupt_returns_the_best_so_far():
     assert solution.lower == pytest.approx(seen[-1].lower, abs=1e-9)
 
 
-def test_no_time_is_a_result():
+def test_a_tiny_time_limit_returns_a_result():
     solution = solve_perseus(lcorpp, time_limit=1e-9)
     assert solution.reason == "time limit"
     assert solution.lower <= 51.657 <= solution.upper + 1e-9

@@ -16,8 +16,8 @@ from tests.planning.models import LCORPP, TIGER
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
 
-def tried(pomdp, act, *, trials: int, steps: int, seed: int = 0) -> float:
-    """The mean discounted reward of trials in which the hidden state is drawn."""
+def mean_return(pomdp, act, *, trials: int, steps: int, seed: int = 0) -> float:
+    """The mean discounted reward of simulated trials."""
     world, rng, earned = TableSimulator(pomdp, seed=seed), np.random.default_rng(seed), 0.0
     for _ in range(trials):
         belief = pomdp.start
@@ -30,8 +30,8 @@ def tried(pomdp, act, *, trials: int, steps: int, seed: int = 0) -> float:
     return earned / trials
 
 
-def remembering(planner):
-    """The planner's choices, each belief looked at once."""
+def remember(planner):
+    """The planner's actions, with one search per belief."""
     known = {}
 
     def act(belief):
@@ -43,37 +43,37 @@ def remembering(planner):
     return act
 
 
-def test_the_tiger_is_met_nearly_as_well_as_can_be():
+def test_the_tiger_is_solved_nearly_optimally():
     exact = solve_exact(tiger).policy
-    optimal = tried(tiger, exact.action, trials=200, steps=50)
-    found = tried(tiger, remembering(PomcpPlanner(tiger, seed=1)), trials=200, steps=50)
+    optimal = mean_return(tiger, exact.action, trials=200, steps=50)
+    found = mean_return(tiger, remember(PomcpPlanner(tiger, seed=1)), trials=200, steps=50)
     rng = np.random.default_rng(0)
-    blind = tried(tiger, lambda belief: int(rng.integers(3)), trials=200, steps=50)
+    blind = mean_return(tiger, lambda belief: int(rng.integers(3)), trials=200, steps=50)
     assert blind < -300
-    # the same luck for both; the standard error of either is below 2
+    # equal random numbers for both; the standard error of either is below 2
     assert found > optimal - 5
 
 
-def test_what_is_known_for_certain_is_done():
+def test_certain_beliefs_have_the_obvious_actions():
     planner = PomcpPlanner(tiger)
     assert planner.action(np.array([0.5, 0.5])) == "listen"
     assert planner.action(np.array([1.0, 0.0])) == "open-right"
     assert planner.action(np.array([0.0, 1.0])) == "open-left"
 
 
-def test_values_come_closer_with_more_simulations():
-    """Without anything to learn the values are known: 1 at every step, or 2 and an end."""
+def test_values_of_many_simulations():
+    """With a fully observed state the values are known: reward 1 in every step, or 2 once."""
     text = "discount: 0.9\nvalues: reward\nstates: s end\nactions: a b\nobservations: o\nstart: s\n"
     text += "T: a identity\nT: b\n0 1\n0 1\nO: * uniform\nR: a : s : * : * 1\nR: b : s : * : * 2\n"
-    looked = PomcpPlanner(parse_pomdp(text), simulations=4000).search(np.array([1.0, 0]))
-    # a for ever is worth 10, b is over with 2: no guess is in that
-    assert looked.values[1] == pytest.approx(2)
-    assert looked.values[0] == pytest.approx(10, rel=0.1)
-    assert looked.action == 0
-    assert looked.simulations == looked.visits.sum() == 4000
+    result = PomcpPlanner(parse_pomdp(text), simulations=4000).search(np.array([1.0, 0]))
+    # always a has value 10, b ends with reward 2
+    assert result.values[1] == pytest.approx(2)
+    assert result.values[0] == pytest.approx(10, rel=0.1)
+    assert result.action == 0
+    assert result.simulations == result.visits.sum() == 4000
 
 
-def test_the_search_goes_on_where_it_was():
+def test_a_search_continues_in_its_tree():
     planner = PomcpPlanner(tiger, simulations=1000)
     assert planner.search(tiger.start).simulations == 1000
     assert planner.search(tiger.start).simulations == 0
@@ -82,13 +82,13 @@ def test_the_search_goes_on_where_it_was():
     assert planner.search(np.array([0.3, 0.7])).simulations == 1000
 
 
-def test_one_seed_gives_one_answer():
+def test_equal_seeds_have_equal_results():
     looks = [PomcpPlanner(lcorpp, simulations=500, seed=seed).search(lcorpp.start) for seed in (1, 1, 2)]
     assert np.array_equal(looks[0].values, looks[1].values)
     assert not np.array_equal(looks[0].values, looks[2].values)
 
 
-def test_it_is_a_planner_as_others_are():
+def test_it_satisfies_the_planner_protocol():
     planner, other = (
         PomcpPlanner(lcorpp, simulations=50),
         Planner(solve_exact(lcorpp, time_limit=0.1)),
@@ -99,18 +99,18 @@ def test_it_is_a_planner_as_others_are():
     assert planner.action(after) in lcorpp.actions
 
 
-def test_time_ends_a_search():
-    looked = PomcpPlanner(tiger, simulations=10**9, seconds=0.05).search(tiger.start)
-    assert 0 < looked.simulations < 10**9
+def test_the_time_limit_ends_a_search():
+    result = PomcpPlanner(tiger, simulations=10**9, seconds=0.05).search(tiger.start)
+    assert 0 < result.simulations < 10**9
 
 
-def test_guesses_at_the_value_of_a_state():
+def test_leaf_values():
     assert LEAF_VALUES["mdp"](tiger) == pytest.approx([200, 200], abs=0.2)
-    # at random: (-1 + 10 - 100) / 3 at each of 20 discounted steps
+    # random actions: (-1 + 10 - 100) / 3 in each of 20 discounted steps
     assert LEAF_VALUES["random"](tiger) == pytest.approx([-91 / 3 * 20] * 2, abs=0.2)
 
 
-def test_a_simulator_draws_as_the_tables_say():
+def test_a_simulator_draws_from_the_tables():
     world = TableSimulator(tiger, seed=5)
     heard = [world.step(0, 0) for _ in range(4000)]
     assert {(state, reward) for state, _, reward in heard} == {(0, -1.0)}
@@ -123,7 +123,7 @@ def test_a_simulator_draws_as_the_tables_say():
 
 @dataclass
 class Corridor:
-    """A simulator of its own: walk to an unknown place out of a billion, told only where to go."""
+    """A simulator without tables: walk to one of a billion places; the observation is the direction."""
 
     size: int = 10**9
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
@@ -150,7 +150,7 @@ class Corridor:
 
 
 @pytest.mark.parametrize("goal", [2, -2])
-def test_a_world_without_tables(goal):
+def test_a_simulator_without_tables(goal):
     world = Corridor()
     planner = ParticlePlanner(world, world.start, simulations=2000, particles=100, seed=2)
     middle = world.size // 2
@@ -164,7 +164,7 @@ def test_a_world_without_tables(goal):
             planner.update(action, observation)
             assert len(planner.particles) >= 100
             assert state in planner.particles
-    # the first step may go either way
+    # the first step may go in either direction
     assert taken in (3, 5)
     assert earned == 100 - (taken - 1)
 
@@ -180,7 +180,7 @@ def test_particles_follow_bayes_rule():
     assert np.mean(np.array(planner.particles) == 0) == pytest.approx(0.85, abs=0.03)
 
 
-def test_an_observation_that_no_particle_explains():
+def test_an_observation_that_no_particle_produces():
     world = TableSimulator(tiger)
     planner = ParticlePlanner(world, world.state_sampler(tiger.start), simulations=10, particles=5)
     with pytest.raises(

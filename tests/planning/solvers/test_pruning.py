@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 from lcorpp.planning.solvers.exact.dominance_lp import DeadlineExceeded, dominance_margins
 from lcorpp.planning.solvers.exact.pruning import excess, prune
 
-NOTHING = np.empty((0, 2))
+NO_BELIEFS = np.empty((0, 2))
 
 sets = st.integers(1, 4).flatmap(
     lambda states: arrays(
@@ -32,9 +32,9 @@ def test_the_margin_of_a_line_above_two():
     assert margin.upper[1] == pytest.approx(-0.1)
 
 
-def test_what_is_nowhere_best_is_dropped():
+def test_dominated_vectors_are_dropped():
     vectors = np.array([[1, 0], [0, 1], [0.4, 0.4], [0.6, 0.6], [-1, -1], [1, 0]])
-    kept = prune(vectors, NOTHING, tolerance=1e-9)
+    kept = prune(vectors, NO_BELIEFS, tolerance=1e-9)
     assert {tuple(row) for row in vectors[kept.rows]} == {(1, 0), (0, 1), (0.6, 0.6)}
     assert len(kept.rows) == 3
     assert kept.loss <= 1e-9
@@ -43,19 +43,19 @@ def test_what_is_nowhere_best_is_dropped():
 def test_a_mixture_alone_can_dominate():
     # at every belief one of the first two is better than the third, though neither is everywhere
     vectors = np.array([[1.0, 0], [0, 1], [0.49, 0.49]])
-    assert sorted(prune(vectors, NOTHING, tolerance=1e-9).rows) == [0, 1]
+    assert sorted(prune(vectors, NO_BELIEFS, tolerance=1e-9).rows) == [0, 1]
 
 
-def test_a_tolerance_is_used_and_told():
+def test_the_loss_is_reported():
     vectors = np.array([[1.0, 0], [0, 1], [0.55, 0.55]])
-    kept = prune(vectors, NOTHING, tolerance=0.06)
+    kept = prune(vectors, NO_BELIEFS, tolerance=0.06)
     assert sorted(kept.rows) == [0, 1]
     assert kept.loss == pytest.approx(0.05)
 
 
 @given(sets, st.sampled_from([1e-9, 0.3]))
 @settings(max_examples=40, deadline=None)
-def test_no_belief_loses_more_than_is_told(vectors, tolerance):
+def test_no_belief_loses_more_than_the_reported_loss(vectors, tolerance):
     kept = prune(vectors, np.empty((0, vectors.shape[1])), tolerance=tolerance)
     beliefs = grid(vectors.shape[1])
     lost = (beliefs @ vectors.T).max(axis=1) - (beliefs @ vectors[kept.rows].T).max(axis=1)
@@ -66,8 +66,8 @@ def test_no_belief_loses_more_than_is_told(vectors, tolerance):
 
 @given(sets)
 @settings(max_examples=40, deadline=None)
-def test_what_is_kept_is_needed(vectors):
-    """Without any one of the vectors kept, some belief would lose."""
+def test_every_kept_vector_is_needed(vectors):
+    """Without any one of the kept vectors, some belief has a loss."""
     kept = prune(vectors, np.empty((0, vectors.shape[1])), tolerance=1e-9)
     if len(kept.rows) > 1:
         chosen = vectors[kept.rows]
@@ -86,7 +86,7 @@ def test_excess_is_a_bound_and_close(left, right):
     found = excess(left, right, np.empty((0, states)), tolerance=1e-6)
     seen = ((beliefs @ left.T).max(axis=1) - (beliefs @ right.T).max(axis=1)).max()
     assert found >= max(0.0, seen) - 1e-12
-    # the truth lies between what a belief shows and what linear programs of each vector prove
+    # the true excess is between the margin at a belief and the proven bound of the linear programs
     margin = dominance_margins(left, right, beliefs, tolerance=-np.inf)
     assert found <= 1.1 * max(0.0, float(margin.lower.max())) + 1e-5
 

@@ -14,7 +14,7 @@ from tests.planning.solvers.brute_force import corners
 
 tiger = parse_pomdp(TIGER)
 
-# Something unknown is behind one of two doors; asking costs 1 and tells all, opening the right door pays 10.
+# A prize is behind one of two doors; asking costs 1 and reveals it, opening the right door has reward 10.
 ASKING = """\
 discount: 0.5
 values: reward
@@ -46,7 +46,7 @@ def interrupt(progress):
 
 
 def test_qmdp_by_hand():
-    """Who will see everything asks first: -1 + 5 is more than 0 on the average."""
+    """Asking first has value -1 + 5, more than the mean 0 of opening a door."""
     solution = solve_qmdp(parse_pomdp(ASKING))
     assert solution.upper == pytest.approx(4, abs=1e-5)
     assert solution.lower == pytest.approx(4, abs=1e-3)
@@ -54,8 +54,8 @@ def test_qmdp_by_hand():
     assert solution.policy.action(np.array([1.0, 0, 0])) == 1
 
 
-def test_qmdp_never_pays_for_information_it_thinks_it_gets_anyway():
-    """Waiting shows nothing and costs nothing: QMDP waits for ever, for then it would see. It earns 0."""
+def test_qmdp_expects_information_for_free():
+    """Waiting is free and uninformative: QMDP expects to observe the state, always waits and earns 0."""
     text = ASKING.replace("1 0\n0 1\n0.5 0.5\n", "0.5 0.5\n0.5 0.5\n0.5 0.5\n").replace("* -1\n", "* 0\n")
     waiting = parse_pomdp(text)
     solution = solve_qmdp(waiting)
@@ -66,13 +66,13 @@ def test_qmdp_never_pays_for_information_it_thinks_it_gets_anyway():
 
 
 def test_the_tables_of_the_tiger():
-    """If observed, the tiger is avoided for 10 at every step: 200; listening first costs 11 of that."""
+    """With observed tiger, the reward is 10 in every step: 200 in total; listening first costs 11."""
     qmdp = solve_qmdp(tiger)
     assert qmdp.policy.upper_bound.table == pytest.approx(
         np.array([[189, 189], [90, 200], [200, 90]]), abs=1e-4
     )
     assert qmdp.upper == pytest.approx(189, abs=1e-4)
-    # QMDP listens until it is sure enough, as the optimal policy happens to
+    # QMDP listens until it is sufficiently sure, as the optimal policy does
     assert qmdp.lower == pytest.approx(19.3714, abs=2e-3)
 
 
@@ -92,7 +92,7 @@ def test_qmdp_is_above_fib_and_that_above_the_truth(pomdp):
 @pytest.mark.parametrize("solver", [solve_qmdp, solve_fib])
 @given(pomdp=pomdps())
 @settings(max_examples=10, deadline=None)
-def test_the_vectors_promise_no_more_than_is_earned(solver, pomdp):
+def test_the_vectors_are_lower_bounds(solver, pomdp):
     solution = solver(pomdp, time_limit=0.3)
     for belief in (pomdp.start, *corners(pomdp)):
         earned = evaluate(pomdp, solution.policy, belief, max_nodes=200, trials=0)
@@ -104,8 +104,8 @@ def test_the_vectors_promise_no_more_than_is_earned(solver, pomdp):
 
 @given(pomdps())
 @settings(max_examples=12, deadline=None)
-def test_any_table_can_be_made_honest(pomdp):
-    """Not bounds alone: the reward of one step as a table, the greedy policy."""
+def test_lower_bounds_of_any_table(pomdp):
+    """Not only of bounds: the table of the greedy policy is the reward of one step."""
     from lcorpp.planning import Policy
 
     vectors = policy_lower_bound(pomdp, pomdp.reward, 1e-6, 10.0)
@@ -135,7 +135,7 @@ def test_fib_is_closer_than_qmdp_on_a_published_model():
 
 def test_several_starts_report_the_widest_gap():
     solution = solve_qmdp(tiger, np.array([[0.5, 0.5], [1.0, 0]]))
-    # 189 - 19.37 where nothing is known, 200 - (10 + .95 * 19.37) where the tiger is
+    # 189 - 19.37 at the uniform belief, 200 - (10 + .95 * 19.37) with known tiger
     assert solution.start == pytest.approx([1, 0])
     assert solution.upper == pytest.approx(200, abs=1e-3)
     assert solution.lower == pytest.approx(10 + 0.95 * 19.3714, abs=2e-3)
