@@ -14,6 +14,7 @@ from lcorpp.decision import STRATEGIES, Robot, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError
 from lcorpp.experiments import trials
+from lcorpp.experiments.exact_evaluation import joint_distribution
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.learning import TrainedClassifier, fit_calibration
 from lcorpp.reasoning import Enumeration, Reasoner
@@ -135,7 +136,7 @@ def test_people_come_as_the_truth_program_says():
 
 
 def test_cells_are_exact():
-    cells = Population(load_domain("intention")).joint_distribution(("identity", "intention"))
+    cells = joint_distribution(load_domain("intention"), ("identity", "intention"))
     assert cells["visitor", "interested"] == pytest.approx(0.8 / 3)
     assert sum(cells.values()) == pytest.approx(1)
 

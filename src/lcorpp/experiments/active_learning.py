@@ -10,18 +10,13 @@ import numpy as np
 
 from lcorpp.decision import Batch, lcorpp
 from lcorpp.domains import Domain
+from lcorpp.experiments.estimators import FOLDS, make_estimator
 from lcorpp.experiments.metrics import Scores, score_decisions
 from lcorpp.experiments.progress import Progress, no_progress
 from lcorpp.experiments.run_store import RunStore
 from lcorpp.experiments.setup import PAPER_LEARNER, TrainingOptions
 from lcorpp.experiments.tables import METRICS, to_row
-from lcorpp.experiments.training_data import (
-    FOLDS,
-    TrainingData,
-    make_estimator,
-    read_training_data,
-    simulate_training_data,
-)
+from lcorpp.experiments.training_data import TrainingData, read_training_data, simulate_training_data
 from lcorpp.learning import train_and_validate
 from lcorpp.protocols import Classifier, Planner
 from lcorpp.reasoning import Reasoner

@@ -9,6 +9,7 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
+from lcorpp.experiments.estimators import FOLDS, make_estimator
 from lcorpp.experiments.progress import Progress, no_progress
 from lcorpp.experiments.setup import (
     HARD_LABELS,
@@ -19,12 +20,7 @@ from lcorpp.experiments.setup import (
     nest_rates,
 )
 from lcorpp.experiments.thresholds import class_prevalence, parse_goal, positive_class, select_threshold
-from lcorpp.experiments.training_data import (
-    FOLDS,
-    make_estimator,
-    read_training_data,
-    simulate_training_data,
-)
+from lcorpp.experiments.training_data import read_training_data, simulate_training_data
 from lcorpp.learning import (
     Motion,
     TrainedClassifier,

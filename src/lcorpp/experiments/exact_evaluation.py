@@ -7,7 +7,7 @@ feedback model in probabilities.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +16,8 @@ from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
 from lcorpp.errors import DomainError
 from lcorpp.experiments.metrics import Scores, score_probabilities
+from lcorpp.reasoning import Enumeration
 from lcorpp.simulation.channel import NoisyChannel
-from lcorpp.simulation.population import Population
 from lcorpp.values import Belief
 
 MIN_PROBABILITY = 1e-12
@@ -38,10 +38,19 @@ def evaluate_exactly(
     """
     if domain.simulation.reaction is not None:
         raise DomainError(f"{domain.folder}: people.py draws its reactions, so only simulation can score it")
-    people = Population(domain).joint_distribution((*domain.observed, domain.target))
+    people = joint_distribution(domain, (*domain.observed, domain.target))
     return [
         _score_strategy(domain, strategy.robot(robot), strategy, channel, people) for strategy in strategies
     ]
+
+
+def joint_distribution(domain: Domain, attributes: Sequence[str]) -> dict[tuple[str, ...], float]:
+    """Return the joint distribution of some attributes of the people: value tuple -> probability."""
+    joint: dict[tuple[str, ...], float] = {}
+    for world in Enumeration(domain.simulation.true_program).worlds:
+        values = tuple(world.values[name] for name in attributes)
+        joint[values] = joint.get(values, 0.0) + float(world.measure)
+    return joint
 
 
 def _score_strategy(

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
-from lcorpp.learning import leakage_note, learner, read_data, split
+from lcorpp.learning import leakage_note, read_data, split
 from lcorpp.simulation.trajectories import (
     RecordedTrajectories,
     SimulatedTrajectories,
@@ -19,9 +18,6 @@ from lcorpp.simulation.trajectories import (
     simulate_dataset,
 )
 from lcorpp.values import Dataset
-
-FOLDS = 5
-"""Folds of every cross-validation."""
 
 PAPER_EPOCHS = 300
 """Epochs in the paper; right for a hundred recorded tracks, too many for simulated ones."""
@@ -92,34 +88,3 @@ def _select_columns(dataset: Dataset, features: Sequence[str]) -> Dataset:
     indices = [index for index, name in enumerate(dataset.channels) if name in needed]
     names = tuple(dataset.channels[index] for index in indices)
     return replace(dataset, trajectories=dataset.trajectories[:, indices], channels=names)
-
-
-def make_estimator(
-    data: TrainingData,
-    name: str = "lstm",
-    *,
-    epochs: int | None = None,
-    seed: int = 0,
-    device: str = "cpu",
-    features: Sequence[str] = ("x", "y"),
-) -> Any:
-    """Return an unfitted estimator for the interval and the channels of some training data.
-
-    Args:
-        name: the learner, see `learner`.
-        epochs: None takes the number that suits the data for "lstm", and the learner's default otherwise.
-        features: the classifier's features, see `Motion`.
-
-    Raises:
-        DataError: as `learner`.
-    """
-    suitable = data.epochs if name == "lstm" else None
-    return learner(
-        name,
-        interval=data.dataset.interval,
-        inputs=data.dataset.channels,
-        features=features,
-        epochs=epochs or suitable,
-        seed=seed,
-        device=device,
-    )
