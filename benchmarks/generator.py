@@ -1,13 +1,13 @@
-"""Is the embedded generator fit to learn from? Rates of the paper's LSTM, leaks, likeness to real walkers.
+"""Simulated tracks: accuracy of the paper's LSTM, label leakage, similarity to real pedestrians.
 
     python benchmarks/generator.py [--seeds 10] [--tracks 1600] [--pedestrians FOLDER] [--out TABLE.md]
 
-For each seed: five-fold cross-validation of the paper's LSTM on as many tracks of each class, for the whole
-track, its first half and its first quarter, each trained on as much; with the domain's number of epochs and
-the paper's 300; and on 2286 tracks of which 63 are positive, with class weights. `--pedestrians` is a folder
-of pedestrians in the `obsmat` layout at 2.5 Hz (ETH: eth, hotel; UCY: students03, zara01, zara02).
+For each seed: five-fold cross-validation of the paper's LSTM on balanced classes, for the whole track, its
+first half and its first quarter, each trained on the same prefix; with the domain's number of epochs and the
+paper's 300; and on 2286 tracks of which 63 are positive, with class weights. `--pedestrians` is a folder of
+pedestrians in the `obsmat` layout at 2.5 Hz (ETH: eth, hotel; UCY: students03, zara01, zara02).
 
-The table is written anew after each seed, so that it can be stopped at any time.
+The table is rewritten after each seed, so the benchmark can be stopped at any time.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ from lcorpp.values import Array, Dataset
 
 PAPER_EPOCHS = 300
 PARTS = {"first quarter": 76, "first half": 152, "whole track": 304}
-"""Time points of a track that the classifier is trained on and sees."""
+"""Time points of a prefix, for training and prediction."""
 CASES, POSITIVE = 2286, 63
 """The paper's data set."""
 EVERY = 12
 """Every twelfth point of a track, .396 s apart: near the 2.5 Hz of the pedestrians."""
 MOVING = 0.1
-"""Metres a second below which a direction, and so a turn, means nothing."""
+"""Metres per second; below this speed a direction is noise."""
 WALKING = 0.5
-"""Mean speed from which a pedestrian is called a walker and not somebody who stands about."""
+"""Mean speed, metres per second, from which a pedestrian counts as walking."""
 QUANTITIES = {"speed": "m/s", "acceleration": "m/s²", "turning": "rad/s"}
 
 Measured = dict[str, list[dict[str, float]]]
-"""What was measured -> one entry of rates for each seed."""
+"""Name of a setting -> the metrics of each seed."""
 
 
 def pedestrians(folder: Path) -> dict[str, list[Array]]:
@@ -63,8 +63,8 @@ def pedestrians(folder: Path) -> dict[str, list[Array]]:
     return scenes
 
 
-def measured(tracks: Sequence[Array], seconds: float) -> dict[str, Array]:
-    """Speed, size of acceleration and of turning of tracks (samples, 2), `seconds` between samples."""
+def measure_motion(tracks: Sequence[Array], seconds: float) -> dict[str, Array]:
+    """Speed, and sizes of acceleration and turning, of tracks (samples, 2), `seconds` between samples."""
     found: dict[str, list[Array]] = {name: [] for name in QUANTITIES}
     for track in tracks:
         velocity = np.diff(track, axis=0) / seconds
@@ -78,7 +78,7 @@ def measured(tracks: Sequence[Array], seconds: float) -> dict[str, Array]:
 
 
 def walkers(scenes: dict[str, list[Array]]) -> dict[str, list[Array]]:
-    """The tracks of those who walk."""
+    """The tracks of walking pedestrians."""
     return {
         name: [t for t in tracks if np.hypot(*np.diff(t, axis=0).T).mean() / 0.4 >= WALKING]
         for name, tracks in scenes.items()
@@ -90,13 +90,13 @@ def distances(one: dict[str, Array], other: dict[str, Array]) -> dict[str, float
     return {name: float(ks_2samp(one[name], other[name]).statistic) for name in QUANTITIES}
 
 
-def everybody(scenes: dict[str, list[Array]]) -> list[Array]:
+def all_tracks(scenes: dict[str, list[Array]]) -> list[Array]:
     """The tracks of all scenes."""
     return [track for tracks in scenes.values() for track in tracks]
 
 
 def passers_by(domain: Domain, count: int, seed: int) -> list[Array]:
-    """People who are not interested, (samples, 2), sampled as the pedestrians are."""
+    """Tracks (samples, 2) of people who are not interested, at the sampling rate of the pedestrians."""
     people = [{"intention": "not_interested"}] * count
     tracks = SimulatedTrajectories(domain.simulation.trajectories).trajectories(
         people, np.random.default_rng(seed)
@@ -105,27 +105,27 @@ def passers_by(domain: Domain, count: int, seed: int) -> list[Array]:
 
 
 def imbalanced(domain: Domain, seed: int) -> Dataset:
-    """The paper's sizes: 2286 tracks, 63 positive, shuffled."""
+    """A data set of the paper's size: 2286 tracks, 63 positive, shuffled."""
     rng = np.random.default_rng(seed)
     positive = rng.permutation(np.arange(CASES) < POSITIVE)
     labels = tuple("interested" if flag else "not_interested" for flag in positive)
     return Dataset(domain.simulation.trajectories([{"intention": name} for name in labels], rng), labels)
 
 
-def part(dataset: Dataset, points: int) -> Dataset:
+def take_points(dataset: Dataset, points: int) -> Dataset:
     """The first points of every track."""
     return replace(dataset, trajectories=dataset.trajectories[:, :, :points])
 
 
 def rates(validation: Validation, positive: str = "interested") -> dict[str, float]:
-    """TPR and TNR, the pooled AUC, and the smallest share of a class that a fold gave out."""
+    """TPR and TNR, the pooled AUC, and the smallest fraction of a class among the predictions of a fold."""
     found = {rate.true: rate.value for rate in validation.recalls}
-    said = np.array(validation.predictions) == positive
-    shares = [said[np.array(validation.folds) == fold].mean() for fold in set(validation.folds)]
+    predicted = np.array(validation.predictions) == positive
+    shares = [predicted[np.array(validation.folds) == fold].mean() for fold in set(validation.folds)]
     other = next(name for name in found if name != positive)
     assert validation.auc is not None
-    least = float(min(min(shares), 1 - max(shares)))
-    return {"TPR": found[positive], "TNR": found[other], "AUC": validation.auc, "least said": least}
+    smallest = float(min(min(shares), 1 - max(shares)))
+    return {"TPR": found[positive], "TNR": found[other], "AUC": validation.auc, "smallest share": smallest}
 
 
 def main(
@@ -157,8 +157,8 @@ def main(
             found.setdefault(name, []).append(
                 rates(cross_validate(estimator(), dataset(), seed=seed, jobs=jobs))
             )
-            told = ", ".join(f"{key} {value:.3f}" for key, value in found[name][-1].items())
-            console.print(f"seed {seed}, {name}: {told}")
+            metrics = ", ".join(f"{key} {value:.3f}" for key, value in found[name][-1].items())
+            console.print(f"seed {seed}, {name}: {metrics}")
         write_atomically(out, _table(domain, tracks, found, leaks, likeness))
     console.print(f"wrote {out} and {out.with_suffix('.png')}")
 
@@ -176,7 +176,9 @@ def _work(
             return paper_pipeline(epochs=epochs, random_state=seed, class_weight="balanced")
 
         for name, points in PARTS.items():
-            work.append((f"{name}, {epochs} epochs", lstm, lambda points=points: part(balanced, points)))
+            work.append(
+                (f"{name}, {epochs} epochs", lstm, lambda points=points: take_points(balanced, points))
+            )
         if weighted:
             work.append((f"{CASES}/{POSITIVE}, {epochs} epochs", lstm, lambda: imbalanced(domain, seed)))
     return work
@@ -189,16 +191,16 @@ def _leaks(domain: Domain) -> list[str]:
 
 def _likeness(domain: Domain, scenes: dict[str, list[Array]]) -> list[str]:
     """Rows: the generator against scenes, and each scene against the others."""
-    ours = measured(passers_by(domain, 2000, 0), EVERY * 0.033)
+    ours = measure_motion(passers_by(domain, 2000, 0), EVERY * 0.033)
     walk = walkers(scenes)
-    each = {name: measured(tracks, 0.4) for name, tracks in scenes.items()}
+    each = {name: measure_motion(tracks, 0.4) for name, tracks in scenes.items()}
     lines = ["| | " + " | ".join(QUANTITIES) + " |", "|---|---|---|---|"]
 
     def row(name: str, values: dict[str, str]) -> None:
         lines.append(f"| {name} | " + " | ".join(values[q] for q in QUANTITIES) + " |")
 
-    for name, tracks in (("all pedestrians", everybody(scenes)), ("walkers alone", everybody(walk))):
-        found = distances(ours, measured(tracks, 0.4))
+    for name, tracks in (("all pedestrians", all_tracks(scenes)), ("walkers alone", all_tracks(walk))):
+        found = distances(ours, measure_motion(tracks, 0.4))
         row(f"generator and {name}, all scenes", {q: f"**{d:.2f}**" for q, d in found.items()})
     for name, found in each.items():
         row(f"generator and {name}", {q: f"{d:.2f}" for q, d in distances(ours, found).items()})
@@ -216,28 +218,29 @@ def _table(domain: Domain, tracks: int, found: Measured, leaks: list[str], liken
         "# The generator: what can be learnt from it, and what not",
         "",
         f"`python benchmarks/generator.py`, {date.today()}, {platform.machine()}, {os.cpu_count()} cores,"
-        f" Python {platform.python_version()}. The paper's LSTM, five-fold cross-validation, pooled; mean of"
-        f" so many seeds (each its own data set of {tracks} tracks, as many of each class) and the 95 %"
-        f" interval of that mean. The paper: TPR .76, TNR .71. {CASES}/{POSITIVE}: so many tracks, so many"
-        " positive, class weights. Least said: the smallest share of a class among what any fold gave out.",
+        f" Python {platform.python_version()}. The paper's LSTM, five-fold cross-validation, "
+        f"pooled; mean over"
+        f" the seeds (each with its own balanced data set of {tracks} tracks) and its 95 % interval. The"
+        f" paper: TPR .76, TNR .71. {CASES}/{POSITIVE}: {CASES} tracks, {POSITIVE} positive, class weights."
+        " Smallest share: the smallest fraction of a class among the predictions of any fold.",
         "",
-        "| data, epochs | seeds | TPR | TNR | AUC | least said |",
+        "| data, epochs | seeds | TPR | TNR | AUC | smallest share |",
         "|---|---|---|---|---|---|",
     ]
     for name, entries in found.items():
         cells = [_mean([entry[key] for entry in entries]) for key in ("TPR", "TNR", "AUC")]
-        least = min(entry["least said"] for entry in entries)
-        lines.append(f"| {name} | {len(entries)} | " + " | ".join(cells) + f" | {least:.2f} |")
+        smallest = min(entry["smallest share"] for entry in entries)
+        lines.append(f"| {name} | {len(entries)} | " + " | ".join(cells) + f" | {smallest:.2f} |")
     lines += [
         "",
-        "What is not motion tells (AUC of `check_leakage`, 1000 recordings of each class): "
-        + ", ".join(leaks),
+        "Label leakage (AUC of `check_leakage`, 1000 recordings of each class): " + ", ".join(leaks),
     ]
     if likeness:
         lines += [
             "",
-            "People not interested and real pedestrians (ETH: Pellegrini et al. 2009; UCY: Lerner et al."
-            " 2007), both at 2.5 Hz, Kolmogorov-Smirnov distance of all samples. Half of the accelerations of"
+            "Simulated people without interest and real pedestrians (ETH: Pellegrini et al. 2009; UCY: Lerner"
+            " et al. 2007), both at 2.5 Hz, Kolmogorov-Smirnov distance of all samples. Half of the "
+            "accelerations of"
             " the zara scenes are exactly 0, since they were drawn as straight pieces; a walker has a mean"
             f" speed of {WALKING} m/s or more.",
             "",
@@ -261,10 +264,10 @@ def _plot(domain: Domain, scenes: dict[str, list[Array]], path: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(2, 3, figsize=(12, 7.4), layout="constrained")
-    ours = measured(passers_by(domain, 2000, 0), EVERY * 0.033)
-    each = {name: measured(tracks, 0.4) for name, tracks in scenes.items()}
+    ours = measure_motion(passers_by(domain, 2000, 0), EVERY * 0.033)
+    each = {name: measure_motion(tracks, 0.4) for name, tracks in scenes.items()}
     if scenes:
-        each["all scenes"] = measured(everybody(scenes), 0.4)
+        each["all scenes"] = measure_motion(all_tracks(scenes), 0.4)
     for axis, (name, unit), end in zip(axes[0], QUANTITIES.items(), (2.5, 3.0, 2.5), strict=True):
         grid = np.linspace(0, end, 251)
         for scene, found in each.items():

@@ -1,10 +1,10 @@
-"""How long the paper's classifier takes to train, beside Keras and beside its own matrix products.
+"""Training time of the paper's classifier, compared with Keras and with its matrix products alone.
 
     python benchmarks/learner.py [--keras-python PATH] [--epochs 300] [--keras-epochs 300] [--out TABLE.md]
 
 Five-fold cross-validation and the final training on 2000 tracks of 30 points: 50 units, dropout .2, batches
-of 32, Adam. lcorpp does it as `lcorpp run` would; Keras trains on the same folds in two processes of one core
-each, on JAX and on torch, where the interpreter of `--keras-python` has them. The floor is the time of the
+of 32, Adam. lcorpp trains as in `lcorpp run`; Keras trains on the same folds in two processes of one core
+each, on JAX and on torch, if the interpreter of `--keras-python` has them. The floor is the time of the
 matrix products alone, by torch.mm on one core.
 """
 
@@ -124,7 +124,7 @@ def main(
 
 
 def _walks() -> Dataset:
-    """Random walks of ten seconds, of two speeds: the time of a training does not depend on what they are."""
+    """Random walks of ten seconds with two speeds; the training time does not depend on the tracks."""
     rng = np.random.default_rng(0)
     slow = np.arange(CASES) % 2 == 0
     tracks = rng.normal(0, np.where(slow, 0.03, 0.04)[:, None, None], (CASES, 2, 304)).cumsum(axis=2)
@@ -132,13 +132,13 @@ def _walks() -> Dataset:
 
 
 def _network_inputs(dataset: Dataset) -> np.ndarray:
-    """(cases, time points, channels) what the pipeline gives its LSTM."""
+    """(cases, time points, channels) the inputs of the LSTM in the pipeline."""
     steps = paper_pipeline()[:-1].fit(dataset.trajectories)
     return np.ascontiguousarray(steps.transform(dataset.trajectories).transpose(0, 2, 1), dtype=np.float32)
 
 
 def _floor() -> float:
-    """CPU seconds of the matrix products of an epoch over 1600 tracks of 30 points, least of several.
+    """CPU seconds of the matrix products of an epoch over 1600 tracks of 30 points, minimum of several.
 
     Products with the inputs and those that give the gradients of the weights are made for all time points
     of a batch at once, the others one time point after the other, as they must.
@@ -167,7 +167,7 @@ def _floor() -> float:
 
 
 def _epoch(*, compiled: bool) -> float:
-    """CPU seconds of an epoch over 1600 tracks of 30 points, least of several."""
+    """CPU seconds of an epoch over 1600 tracks of 30 points, minimum of several."""
     from lcorpp.learning.lstm.torch_trainer import TorchTrainer
 
     rng = np.random.default_rng(0)
@@ -196,7 +196,7 @@ def _timed(work: Any) -> float:
 
 
 def _ours(file: Path, setting: str, epochs: int) -> dict[str, Any]:
-    """What OURS prints, of a process of its own."""
+    """Run OURS in its own process and return what it prints."""
     command = [sys.executable, "-c", OURS, str(file), setting, str(epochs)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=_environment())
     report: dict[str, Any] = json.loads(done.stdout)
@@ -204,9 +204,9 @@ def _ours(file: Path, setting: str, epochs: int) -> dict[str, Any]:
 
 
 def _keras(python: Path, backend: str, file: Path, epochs: int, measured: int) -> Row | str:
-    """Keras on the same folds in two processes; why it cannot be measured, where it cannot.
+    """Train Keras on the same folds in two processes; return the reason if that fails.
 
-    Where fewer epochs are measured, the mean of all but the first of each training stands for the others.
+    If fewer epochs are measured, the mean of all but the first of each training is used for the others.
     """
     environment = _environment() | {"KERAS_BACKEND": backend}
     shares = [(0, [-1, 0, 1]), (1, [2, 3, 4])]  # as even as can be
@@ -223,7 +223,7 @@ def _keras(python: Path, backend: str, file: Path, epochs: int, measured: int) -
     outputs = [process.communicate() for process in running]
     for process, (_, errors) in zip(running, outputs, strict=True):
         if process.returncode:
-            return (errors.strip().splitlines() or ["it died without a word"])[-1]
+            return (errors.strip().splitlines() or ["it failed without a message"])[-1]
     reports = [json.loads(text.splitlines()[-1]) for text, _ in outputs]
     walls, cpu, single = [], 0.0, []
     for report in reports:
@@ -239,7 +239,7 @@ def _keras(python: Path, backend: str, file: Path, epochs: int, measured: int) -
 
 
 def _environment() -> dict[str, str]:
-    """One thread a process: on matrices this small more only wait for each other."""
+    """One thread per process: on matrices this small more threads wait for each other."""
     single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     return {**os.environ, **single, "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false"}
 
@@ -298,7 +298,7 @@ def _plot(rows: list[Row], path: Path) -> None:
     bars = axis.barh([row.name.replace("`", "") for row in shown], [row.cpu for row in shown], color=colours)
     axis.bar_label(bars, [f" {row.cpu:.0f} s" if row.cpu >= 10 else f" {row.cpu:.1f} s" for row in shown])
     axis.set(xscale="log", xlabel="CPU time of five folds and the final training (s)")
-    axis.set_xlim(right=3 * max(row.cpu for row in rows))  # room for the last label
+    axis.set_xlim(right=3 * max(row.cpu for row in rows))  # space for the last label
     picture = io.BytesIO()
     figure.savefig(picture, dpi=110, format="png")
     write_atomically(path, picture.getvalue())

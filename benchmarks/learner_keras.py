@@ -1,4 +1,4 @@
-"""What benchmarks/learner.py has Keras do, in a process and on a core of its own. It knows nothing of lcorpp.
+"""The Keras side of benchmarks/learner.py, in its own process on its own core; independent of lcorpp.
 
     KERAS_BACKEND=jax python benchmarks/learner_keras.py CASES.npz EPOCHS CORE FOLD...
 
@@ -15,7 +15,7 @@ BEGAN = time.perf_counter()
 
 
 def main(cases: str, epochs: int, core: int, folds: list[int]) -> None:
-    """Train, and tell how long it took."""
+    """Train on every fold and print the times."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})
     import keras

@@ -1,11 +1,11 @@
-"""What it costs to classify people while they move: CPU time per sample and person, on one core.
+"""Cost of streaming classification: CPU time per sample and person, on one core.
 
     OMP_NUM_THREADS=1 python benchmarks/streaming.py [--people 50] [--seconds 10] [--out TABLE.md]
 
-People of the intention domain are sampled 30 times a second, each learner is trained on others of them, and
-its streams are given all samples: one by one, or those of a frame together. "As in life" has jitter, samples
-that are lost, late, double or not a number, and waits .1 s for late ones. Every answer at the end is held
-against the batch answer for the same samples.
+Simulated people of the intention domain are sampled at 30 Hz. Each learner is trained on other people, and
+its `StreamingClassifier` processes all samples, one by one or a frame at once. "Realistic" samples have
+jitter, and some are lost, late, duplicated or not a number; the allowed lateness is .1 s. Every final
+prediction is compared with the batch prediction for the same samples.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ RATE = 30.0
 """Samples per second."""
 
 TRACKS, EPOCHS, INTERVAL = 400, 5, 0.033
-"""To train on; how well does not matter here."""
+"""Of the training; its accuracy does not matter here."""
 
 Sample = tuple[Any, ...]
 Frames = list[list[Sample]]
@@ -57,29 +57,29 @@ def main(
     seconds: Annotated[float, typer.Option(help="How long they are followed, up to 10.")] = 10.0,
     out: Annotated[Path | None, typer.Option(help="Write the table there, in Markdown.")] = None,
 ) -> None:
-    """Measure and print, and write the table where `--out` says."""
+    """Measure, print the table and write it to `--out`."""
     rng = np.random.default_rng(0)
     tracks, labels = _tracks(TRACKS, rng)
-    walks = _sampled(_tracks(people, rng)[0], seconds)
-    lively = _as_in_life(walks, rng)
+    walks = _sample(_tracks(people, rng)[0], seconds)
+    realistic_walks = _make_realistic(walks, rng)
     lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
-    for name, rate, lived, together in (
+    for name, rate, realistic, together in (
         ("lstm", 3.0, False, True),
         ("lstm", 3.0, False, False),
         ("lstm", 3.0, True, True),
         ("lstm", 30.0, False, True),
         ("lstm", 30.0, False, False),
-        ("lstm, every age", 3.0, False, True),
+        ("lstm, prefix ensemble", 3.0, False, True),
         ("summaries", 3.0, False, True),
         ("forest", 3.0, False, True),
     ):
-        kind, _, every_age = name.partition(", ")
+        kind, _, ensemble = name.partition(", ")
         epochs = EPOCHS if kind == "lstm" else None
         pipeline = learner(kind, interval=INTERVAL, epochs=epochs).set_params(motion__rate=rate)
-        pipeline = with_prefix_ensemble(pipeline) if every_age else pipeline
+        pipeline = with_prefix_ensemble(pipeline) if ensemble else pipeline
         pipeline.fit(tracks, np.array(labels))
-        row = _measured(pipeline, lively if lived else walks, lived, together)
-        how = ("as in life" if lived else "regular", "a frame at once" if together else "one by one")
+        row = _measure(pipeline, realistic_walks if realistic else walks, realistic, together)
+        how = ("realistic" if realistic else "regular", "a frame at once" if together else "one by one")
         lines.append("| " + " | ".join([name, f"{rate:g}", *how, *row]) + " |")
         Console().print(lines[-1])
     text = (
@@ -101,7 +101,7 @@ def _tracks(count: int, rng: np.random.Generator) -> tuple[Array, list[str]]:
     return np.array(simulation.trajectories([{"intention": label} for label in labels], rng)), labels
 
 
-def _sampled(tracks: Array, seconds: float) -> Frames:
+def _sample(tracks: Array, seconds: float) -> Frames:
     """The samples (time, person, x, y) of each frame, 30 a second."""
     before = np.arange(tracks.shape[2]) * INTERVAL
     times = np.arange(0, min(seconds, before[-1]), 1 / RATE)
@@ -112,8 +112,8 @@ def _sampled(tracks: Array, seconds: float) -> Frames:
     ]
 
 
-def _as_in_life(frames: Frames, rng: np.random.Generator) -> Frames:
-    """Jitter of 5 ms, one in twenty lost, one in fifty 60 ms late, doubled or not a number."""
+def _make_realistic(frames: Frames, rng: np.random.Generator) -> Frames:
+    """Add 5 ms of jitter; 5 % of the samples are lost, 2 % each 60 ms late, duplicated or not a number."""
     changed: Frames = [[] for _ in range(len(frames) + 2)]
     for frame, samples in enumerate(frames):
         for at, person, *values in samples:
@@ -133,9 +133,9 @@ def _as_in_life(frames: Frames, rng: np.random.Generator) -> Frames:
     return [frame for frame in changed if frame]
 
 
-def _measured(pipeline: Any, frames: Frames, lived: bool, together: bool) -> list[str]:
-    streams = StreamingClassifier(pipeline, allowed_lateness=0.1 if lived else 0.0)
-    streams.push(-10.0, "before", 0.0, 0.0)  # what is made when first used is made
+def _measure(pipeline: Any, frames: Frames, realistic: bool, together: bool) -> list[str]:
+    streams = StreamingClassifier(pipeline, allowed_lateness=0.1 if realistic else 0.0)
+    streams.push(-10.0, "before", 0.0, 0.0)  # triggers lazy initialisation
     streams.remove("before")
     costs = []
     for samples in frames:
@@ -162,7 +162,7 @@ def _measured(pipeline: Any, frames: Frames, lived: bool, together: bool) -> lis
 
 
 def _difference(pipeline: Any, streams: StreamingClassifier, frames: Frames) -> float:
-    """The most by which the last answers differ from those of the pipeline to all samples."""
+    """The largest difference between the final predictions and those of the pipeline for all samples."""
     tracks: dict[Hashable, dict[float, Sequence[float]]] = {}
     for samples in frames:
         for at, person, *values in samples:
