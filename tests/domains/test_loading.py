@@ -315,3 +315,14 @@ def test_the_domain_sets_the_interval_of_simulated_tracks(tmp_path):
     file.write_text(file.read_text().replace("0.4", "0"))
     with pytest.raises(DomainError, match="interval"):
         load_domain(tmp_path / "rooms")
+
+
+def test_repr_is_one_line():
+    domain = load_domain("intention")
+    assert repr(domain) == (
+        "Domain('intention', preset 'paper': observes time, location; target intention (interested,"
+        " not_interested); POMDP with 5 states, 5 actions, 3 observations)"
+    )
+    for section in (domain.reasoning, domain.learning, domain.planning, domain.simulation):
+        assert "array" not in repr(section)
+        assert "\n" not in repr(section)

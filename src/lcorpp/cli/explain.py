@@ -60,7 +60,8 @@ def explain(
     """
     import numpy as np
 
-    from lcorpp.cli.robot_output import print_classifier, print_domain, print_solution
+    from lcorpp.cli.domain_output import print_domain
+    from lcorpp.cli.robot_output import print_classifier, print_solution
     from lcorpp.decision.dt_control import act_until_report
     from lcorpp.domains import load_domain
     from lcorpp.experiments.setup import from_channel, make_robot, solve_domain

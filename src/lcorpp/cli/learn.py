@@ -53,8 +53,9 @@ def learn(
     Each batch is written to --out when it is complete; Ctrl-C keeps the complete batches. With --store every
     decision survives any interruption, and the same command resumes the run.
     """
+    from lcorpp.cli.domain_output import print_domain
     from lcorpp.cli.output_files import check_folder
-    from lcorpp.cli.robot_output import print_domain, print_solution
+    from lcorpp.cli.robot_output import print_solution
     from lcorpp.domains import load_domain
     from lcorpp.experiments.active_learning import (
         ActiveLearningOptions,

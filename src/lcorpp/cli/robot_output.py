@@ -1,4 +1,4 @@
-"""Output of the parts of a robot: the domain, the classifier with its error rates, and the solved POMDP."""
+"""Output of a comparison: scores, the classifier with its error rates, and the solved POMDP."""
 
 from __future__ import annotations
 
@@ -7,21 +7,52 @@ from typing import TYPE_CHECKING
 from lcorpp.cli import console
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.table import Table
 
-    from lcorpp.domains import Domain
+    from lcorpp.experiments.metrics import Scores
     from lcorpp.experiments.setup import ClassifierSetup
     from lcorpp.learning import EvaluationReport
     from lcorpp.planning import Solution
+    from lcorpp.values import Interval
 
 CONVERGED = "precision reached"
 """The reason of a solution whose bounds are as close as requested."""
 
 
-def print_domain(domain: Domain) -> None:
-    """Print the name, preset and description of a domain."""
-    preset = f", preset {domain.preset}" if domain.preset else ""
-    console.out.print(f"{domain.name}{preset}: {domain.description}", style="bold")
+def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | None) -> None:
+    """Print one row of scores per strategy.
+
+    Args:
+        positive: the positive class, None for macro averages. trials: their number, None for exact scores.
+    """
+    from rich import box
+    from rich.table import Table
+
+    metrics = f"F1, precision and recall of {positive!r}" if positive else "macro averages over all values"
+    count = "exact values" if trials is None else f"{trials} trials, 95% intervals in brackets"
+    table = Table(title=f"{count}; {metrics}", title_style="", title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("strategy", style="bold")
+    for name in ("F1", "precision", "recall", "accuracy", "cost", "return"):
+        table.add_column(name, justify="right")
+    for row in scores:
+        table.add_row(
+            row.strategy,
+            *(
+                _format_interval(interval, 3)
+                for interval in (row.f1, row.precision, row.recall, row.accuracy)
+            ),
+            *(_format_interval(interval, 2) for interval in (row.cost, row.return_)),
+        )
+    console.out.print(table)
+
+
+def _format_interval(interval: Interval, digits: int) -> str:
+    text = f"{interval.estimate:.{digits}f}"
+    if interval.low == interval.high:
+        return text
+    return f"{text}\n[dim]\\[{interval.low:.{digits}f}, {interval.high:.{digits}f}][/dim]"
 
 
 def print_classifier(setup: ClassifierSetup, source: str) -> None:

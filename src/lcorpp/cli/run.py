@@ -11,15 +11,8 @@ from lcorpp.cli import console, options
 from lcorpp.errors import DomainError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rich.table import Table
-
     from lcorpp.domains import Domain
-    from lcorpp.experiments.comparison import Comparison, ComparisonOptions
-    from lcorpp.experiments.metrics import Scores
     from lcorpp.experiments.setup import ClassifierOptions
-    from lcorpp.values import Interval
 
 
 def run(
@@ -79,11 +72,13 @@ def run(
     Trains or loads the classifier, solves the POMDP, simulates the strategies and prints their scores.
     Ctrl-C during the trials keeps those that are complete.
     """
+    from lcorpp.cli.domain_output import print_domain
     from lcorpp.cli.output_files import check_folder
-    from lcorpp.cli.robot_output import print_classifier, print_domain, print_solution
+    from lcorpp.cli.robot_output import print_classifier, print_scores, print_solution
     from lcorpp.decision import strategies
     from lcorpp.domains import load_domain
     from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
+    from lcorpp.experiments.results import FORMATS, describe_run, write_comparison
     from lcorpp.experiments.setup import EvidenceOptions, TrainingOptions
     from lcorpp.values import JEFFREYS, LAPLACE
 
@@ -133,8 +128,7 @@ def run(
 
         known = read_policy(policy, loaded.pomdp)
     comparison = compare_strategies(loaded, chosen, policy=known, progress=console.progress)
-    count = "exact" if comparison.trials is None else comparison.trials
-    console.out.print(_table(comparison.scores, loaded.learning.positive, count))
+    print_scores(comparison.scores, loaded.learning.positive, comparison.trials)
     label = classifier if kind == "file" else kind
     print_classifier(comparison.classifier, str(label))
     if comparison.solution is not None:
@@ -142,9 +136,12 @@ def run(
     for text in comparison.classifier.notes:
         console.note(text)
     if out is not None:
-        configuration = _configuration(loaded, chosen, comparison, str(label), policy)
-        figures = [item.value for item in formats] if formats else None
-        _write(out, comparison, configuration, figures)
+        figures = tuple(item.value for item in formats) if formats else FORMATS
+        configuration = describe_run(loaded, chosen, comparison, str(label), policy)
+        written = write_comparison(out, comparison, configuration, formats=figures)
+        if written.problem is not None:
+            console.note(f"the classifier is not saved: {written.problem}")
+        console.out.print("wrote " + ", ".join(str(path) for path in written.paths), markup=False)
     if comparison.trials is not None and comparison.trials < trials:
         console.err.print(f"interrupted: {comparison.trials} of {trials} trials are kept")
 
@@ -193,71 +190,3 @@ def _note_storage_problem(training: Any) -> None:
     problem = storage_problem(training)
     if problem is not None:
         console.note(f"the classifier will not be saved: {problem}")
-
-
-def _configuration(
-    domain: Domain, chosen: ComparisonOptions, comparison: Comparison, classifier: str, policy: Path | None
-) -> dict[str, Any]:
-    """Return the options of the run, for results.json."""
-    from lcorpp.experiments.setup import StoredOptions, TrainingOptions
-    from lcorpp.values import LAPLACE
-
-    source = chosen.classifier
-    training = source if isinstance(source, TrainingOptions) else TrainingOptions()
-    data = source.data if isinstance(source, TrainingOptions | StoredOptions) else None
-    return {
-        "domain": domain.name,
-        "preset": domain.preset,
-        "classifier": classifier,
-        "evidence": "soft" if chosen.evidence.soft else "hard",
-        "smoothing": "laplace" if chosen.evidence.smoothing == LAPLACE else "jeffreys",
-        "features": ",".join(training.features),
-        "threshold": training.threshold,
-        "prevalence": training.prevalence,
-        "device": training.device,
-        "rates": comparison.classifier.rates,
-        "data": str(data) if data else None,
-        "tracks": comparison.classifier.n_tracks,
-        "epochs": training.epochs,
-        "policy": str(policy) if policy else "solved",
-        "trials": "exact" if comparison.trials is None else comparison.trials,
-        "seed": chosen.seed,
-    }
-
-
-def _table(scores: Sequence[Scores], positive: str | None, trials: int | str) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    metrics = f"F1, precision and recall of {positive!r}" if positive else "macro averages over all values"
-    count = "exact values" if trials == "exact" else f"{trials} trials, 95% intervals in brackets"
-    table = Table(title=f"{count}; {metrics}", title_style="", title_justify="left", box=box.SIMPLE_HEAD)
-    table.add_column("strategy", style="bold")
-    for name in ("F1", "precision", "recall", "accuracy", "cost", "return"):
-        table.add_column(name, justify="right")
-    for row in scores:
-        table.add_row(
-            row.strategy,
-            *(_cell(interval, 3) for interval in (row.f1, row.precision, row.recall, row.accuracy)),
-            *(_cell(interval, 2) for interval in (row.cost, row.return_)),
-        )
-    return table
-
-
-def _cell(interval: Interval, digits: int) -> str:
-    text = f"{interval.estimate:.{digits}f}"
-    if interval.low == interval.high:
-        return text
-    return f"{text}\n[dim]\\[{interval.low:.{digits}f}, {interval.high:.{digits}f}][/dim]"
-
-
-def _write(
-    out: Path, comparison: Comparison, configuration: dict[str, Any], formats: list[str] | None
-) -> None:
-    from lcorpp.experiments.results import FORMATS, write_comparison
-
-    title = f"{configuration['domain']}, {configuration['classifier']}, {configuration['trials']} trials"
-    written = write_comparison(out, comparison, configuration, title=title, formats=formats or FORMATS)
-    if written.problem is not None:
-        console.note(f"the classifier is not saved: {written.problem}")
-    console.out.print("wrote " + ", ".join(str(path) for path in written.paths), markup=False)

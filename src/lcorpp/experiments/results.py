@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lcorpp.errors import DataError
-from lcorpp.experiments.comparison import Comparison
+from lcorpp.experiments.comparison import Comparison, ComparisonOptions
+from lcorpp.experiments.setup import StoredOptions, TrainingOptions
 from lcorpp.experiments.tables import COLUMNS, METRICS, to_row, write_csv, write_json
 from lcorpp.files import make_folder
+from lcorpp.values import LAPLACE
 
 if TYPE_CHECKING:
+    from lcorpp.domains import Domain
     from lcorpp.experiments.active_learning import BatchResult
     from lcorpp.protocols import Classifier
 
@@ -28,20 +31,50 @@ class WrittenFiles:
     problem: str | None = None
 
 
+def describe_run(
+    domain: Domain, options: ComparisonOptions, comparison: Comparison, classifier: str, policy: Path | None
+) -> dict[str, Any]:
+    """Return the configuration of a comparison, for results.json.
+
+    Args:
+        classifier: "channel", the learner or the file. policy: the file of the policy, None if it was solved.
+    """
+    source = options.classifier
+    training = source if isinstance(source, TrainingOptions) else TrainingOptions()
+    data = source.data if isinstance(source, TrainingOptions | StoredOptions) else None
+    return {
+        "domain": domain.name,
+        "preset": domain.preset,
+        "classifier": classifier,
+        "evidence": "soft" if options.evidence.soft else "hard",
+        "smoothing": "laplace" if options.evidence.smoothing == LAPLACE else "jeffreys",
+        "features": ",".join(training.features),
+        "threshold": training.threshold,
+        "prevalence": training.prevalence,
+        "device": training.device,
+        "rates": comparison.classifier.rates,
+        "data": str(data) if data else None,
+        "tracks": comparison.classifier.n_tracks,
+        "epochs": training.epochs,
+        "policy": str(policy) if policy else "solved",
+        "trials": "exact" if comparison.trials is None else comparison.trials,
+        "seed": options.seed,
+    }
+
+
 def write_comparison(
     folder: Path,
     comparison: Comparison,
     configuration: Mapping[str, Any],
     *,
-    title: str = "",
     formats: Sequence[str] = FORMATS,
 ) -> WrittenFiles:
     """Write results.csv, results.json, the figures and, if it was trained now, the report and the classifier.
 
     Args:
         folder: created if missing.
-        configuration: the options of the run: domain, preset, trials, seed and so on.
-        title: of the figure. formats: of the figures: "png", "svg", "pdf".
+        configuration: see `describe_run`.
+        formats: of the figures: "png", "svg", "pdf".
 
     Raises:
         FileError: a file cannot be written.
@@ -50,6 +83,9 @@ def write_comparison(
     from lcorpp.experiments.figures.strategies import plot_strategies
 
     make_folder(folder)
+    classifier = comparison.classifier
+    saved = save_if_trained(classifier.trained, folder)
+    title = f"{configuration['domain']}, {configuration['classifier']}, {configuration['trials']} trials"
     rows = [to_row(scores) for scores in comparison.scores]
     write_csv(folder / "results.csv", COLUMNS, rows)
     detailed = [
@@ -59,7 +95,6 @@ def write_comparison(
     write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
     written = [folder / "results.csv", folder / "results.json"]
     written += write_figure(plot_strategies(comparison.scores, title), folder, "results", formats)
-    classifier = comparison.classifier
     if classifier.report is not None:
         from lcorpp.learning import plot_report, write_report
 
@@ -67,7 +102,6 @@ def write_comparison(
         for suffix in formats:
             plot_report(classifier.report, folder / f"report.{suffix}")
             written.append(folder / f"report.{suffix}")
-    saved = save_if_trained(classifier.trained, folder)
     return WrittenFiles((*written, *saved.paths), saved.problem)
 
 

@@ -18,7 +18,7 @@ from lcorpp.planning import Pomdp, read_pomdp
 from lcorpp.values import Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlanningSection:
     """What the robot plans with: M of the paper. A POMDP state is a target value with local variables.
 
@@ -34,6 +34,9 @@ class PlanningSection:
     initial_states: Array
     state_values: Array
     terminal: int | None
+
+    def __repr__(self) -> str:
+        return f"PlanningSection({self.pomdp!r}, reports: {', '.join(self.reports)})"
 
 
 def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -> PlanningSection:

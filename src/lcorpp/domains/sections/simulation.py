@@ -19,7 +19,7 @@ from lcorpp.reasoning import Program, Reasoner, read_plog
 from lcorpp.values import Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SimulationSection:
     """Models of simulated people, independent of what the robot believes.
 
@@ -43,6 +43,16 @@ class SimulationSection:
     reaction: Callable[[Mapping[str, str], str, np.random.Generator], str] | None
     recordings: Callable[..., list[Array]] | None = None
     columns: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        parts = {
+            "confusion channel": self.confusion_channel,
+            "trajectories": self.trajectories,
+            "reaction": self.reaction,
+            "recordings": self.recordings,
+        }
+        defined = ", ".join(name for name, part in parts.items() if part is not None)
+        return f"SimulationSection({self.true_program!r}, defines: {defined or 'nothing'})"
 
 
 def read_simulation(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 from xml.parsers import expat
 
@@ -53,8 +54,7 @@ class XmlParser:
         self._expat = expat.ParserCreate("utf-8" if isinstance(data, str) else None)
         self._expat.buffer_text = self._join_text
         self._expat.StartDoctypeDeclHandler = self._refuse_doctype
-        self._expat.StartElementHandler = self._start
-        self._expat.EndElementHandler = self._end
+        self._expat.StartElementHandler, self._expat.EndElementHandler = self._element_handlers()
         self._expat.CharacterDataHandler = self._handler.text
         self._expat.CommentHandler = self._handler.comment
         try:
@@ -77,14 +77,21 @@ class XmlParser:
     def _refuse_doctype(self, *declaration: object) -> None:
         raise self.error("a document type declaration is refused; the format needs none")
 
-    def _start(self, name: str, attributes: dict[str, str]) -> None:
-        if not self.open and name != self._root:
-            raise self.error(f"expected <{self._root}>, found <{name}>")
-        if len(self.open) >= self._max_depth:
-            raise self.error(f"<{name}> is nested too deeply; at most {self._max_depth} levels are read")
-        self._handler.start(name, attributes)
-        self.open.append(name)
+    def _element_handlers(self) -> tuple[Callable[[str, dict[str, str]], None], Callable[[str], None]]:
+        """The handlers of start and end tags; closures, because files have millions of tags."""
+        names, root, max_depth = self.open, self._root, self._max_depth
+        handle_start, handle_end, push, pop = self._handler.start, self._handler.end, names.append, names.pop
 
-    def _end(self, name: str) -> None:
-        self.open.pop()
-        self._handler.end(name)
+        def start(name: str, attributes: dict[str, str]) -> None:
+            if not names and name != root:
+                raise self.error(f"expected <{root}>, found <{name}>")
+            if len(names) >= max_depth:
+                raise self.error(f"<{name}> is nested too deeply; at most {max_depth} levels are read")
+            handle_start(name, attributes)
+            push(name)
+
+        def end(name: str) -> None:
+            pop()
+            handle_end(name)
+
+        return start, end

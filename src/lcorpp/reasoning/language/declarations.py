@@ -55,24 +55,26 @@ def parse_hash_sort(cursor: Cursor) -> SortDefinition:
 
 
 def _parse_definition(cursor: Cursor, name: str, at: Place) -> SortDefinition:
-    found = parse_sort_expression(cursor)
+    expression = parse_sort_expression(cursor)
     cursor.expect(".")
-    return _define_sort(name, found, at)
+    return _define_sort(name, expression, at)
 
 
-def _define_sort(name: str, found: SortExpression, at: Place) -> SortDefinition:
-    return SortDefinition(name, found.elements if isinstance(found, SortSet) else (found,), at=at)
+def _define_sort(name: str, expression: SortExpression, at: Place) -> SortDefinition:
+    return SortDefinition(
+        name, expression.elements if isinstance(expression, SortSet) else (expression,), at=at
+    )
 
 
-def is_bare_name(found: Expression | MinusTerm) -> TypeGuard[Term]:
+def is_bare_name(expression: Expression | MinusTerm) -> TypeGuard[Term]:
     """Whether an expression is a name without arguments."""
-    return isinstance(found, Term) and not found.arguments
+    return isinstance(expression, Term) and not expression.arguments
 
 
-def _require_name(found: Expression | MinusTerm, what: str) -> Term:
-    if is_bare_name(found):
-        return found
-    raise SourceIssue(found.at, f"expected the name of {what}")
+def _require_name(expression: Expression | MinusTerm, what: str) -> Term:
+    if is_bare_name(expression):
+        return expression
+    raise SourceIssue(expression.at, f"expected the name of {what}")
 
 
 def parse_attributes(cursor: Cursor, name: Expression | MinusTerm) -> Iterator[Statement]:
@@ -107,12 +109,12 @@ def _parse_attribute_sort(cursor: Cursor, attribute: Term, new_sorts: list[SortD
     if not cursor.next_is(NAME, HASH_NAME, INTEGER, "{", "(", "-"):
         raise cursor.unexpected()
     at = cursor.at
-    found = parse_sort_expression(cursor)
-    if isinstance(found, SortName):
-        return found.name
+    expression = parse_sort_expression(cursor)
+    if isinstance(expression, SortName):
+        return expression.name
     cursor.uses_plog2 = True
     name = f"{attribute.name}_sort_{len(new_sorts) + 1}"
-    new_sorts.append(_define_sort(name, found, at))
+    new_sorts.append(_define_sort(name, expression, at))
     return name
 
 
@@ -151,9 +153,9 @@ def _parse_simple_sort(cursor: Cursor) -> SortExpression:
     if cursor.next_is(HASH_NAME):
         return SortName(parse_sort_name(cursor), at=at)
     if cursor.accept("{"):
-        found = _parse_elements(cursor)
+        elements = _parse_elements(cursor)
         cursor.expect("}")
-        return SortSet(found, at=at)
+        return SortSet(elements, at=at)
     if cursor.accept("("):
         cursor.enter()
         inside = parse_sort_expression(cursor)
@@ -177,11 +179,11 @@ def parse_sort_name(cursor: Cursor) -> str:
 
 def _parse_elements(cursor: Cursor) -> tuple[Expression | Interval, ...]:
     """Parse the elements of a set: values and intervals."""
-    found: list[Expression | Interval] = []
-    while not found or cursor.accept(","):
+    elements: list[Expression | Interval] = []
+    while not elements or cursor.accept(","):
         first = parse_value(cursor)
-        found.append(_make_interval(first, parse_value(cursor)) if cursor.accept("..") else first)
-    return tuple(found)
+        elements.append(_make_interval(first, parse_value(cursor)) if cursor.accept("..") else first)
+    return tuple(elements)
 
 
 def _make_interval(low: Expression, high: Expression) -> Interval:

@@ -45,11 +45,11 @@ def parse_value(cursor: Cursor) -> Expression:
     return require_value(parse_sum(cursor))
 
 
-def require_value(found: Expression | MinusTerm) -> Expression:
+def require_value(expression: Expression | MinusTerm) -> Expression:
     """Return the expression; raise SourceIssue for `-p`."""
-    if isinstance(found, MinusTerm):
-        raise SourceIssue(found.at, f"'-{found.term}' is a literal; expected a value")
-    return found
+    if isinstance(expression, MinusTerm):
+        raise SourceIssue(expression.at, f"'-{expression.term}' is a literal; expected a value")
+    return expression
 
 
 def parse_sum(cursor: Cursor, arrow: bool = False) -> Expression | MinusTerm:
@@ -94,10 +94,10 @@ def parse_factor(cursor: Cursor) -> Expression | MinusTerm:
         return MinusTerm(at, inner) if isinstance(inner, Term) else _negate(at, inner)
     if cursor.accept("("):
         cursor.enter()
-        found = parse_sum(cursor)
+        expression = parse_sum(cursor)
         cursor.leave()
         cursor.expect(")")
-        return found
+        return expression
     if cursor.next_is(INTEGER, DECIMAL):
         return _parse_number(cursor, at)
     if cursor.kind == VARIABLE:
@@ -143,8 +143,8 @@ def _copy_constant(constant: Expression, at: Place) -> Expression:
     return Term(constant.name, constant.arguments, at=at)
 
 
-def _negate(at: Place, found: Expression | MinusTerm) -> Expression:
-    inner = require_value(found)
+def _negate(at: Place, expression: Expression | MinusTerm) -> Expression:
+    inner = require_value(expression)
     if isinstance(inner, Number):
         return Number(-inner.value, at=at)
     return _check_depth(Arithmetic("-", Number(Fraction(0), at=at), inner, at=at))
@@ -202,17 +202,17 @@ def parse_body_literal(cursor: Cursor) -> Literal | Comparison:
     if not cursor.accept_word("not"):
         return parse_literal(cursor)
     before = cursor.anonymous_count
-    found = parse_literal(cursor)
+    literal = parse_literal(cursor)
     if cursor.anonymous_count > before:
         raise SourceIssue(at, "'_' under 'not' is ambiguous; expected a named variable")
-    if isinstance(found, Literal):
-        return Literal(found.term, found.relation, found.value, True, at=at)
-    return Comparison(found.left, NEGATED_RELATIONS[found.relation], found.right, at=at)
+    if isinstance(literal, Literal):
+        return Literal(literal.term, literal.relation, literal.value, True, at=at)
+    return Comparison(literal.left, NEGATED_RELATIONS[literal.relation], literal.right, at=at)
 
 
 def parse_body(cursor: Cursor) -> Body:
     """Parse literals separated by commas."""
-    found = [parse_body_literal(cursor)]
+    literals = [parse_body_literal(cursor)]
     while cursor.accept(","):
-        found.append(parse_body_literal(cursor))
-    return tuple(found)
+        literals.append(parse_body_literal(cursor))
+    return tuple(literals)

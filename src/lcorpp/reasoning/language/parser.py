@@ -64,11 +64,11 @@ def parse_plog(
     """
 
     def program(cursor: Cursor) -> Program:
-        found = tuple(parse_statements(cursor))
+        statements = tuple(parse_statements(cursor))
         dialect: Semantics = "2018" if cursor.uses_plog2 else "2009"
         declared: Semantics | None = cursor.semantics  # type: ignore[assignment]  # checked by the parser
         try:
-            whole = desugar(found, dialect)
+            whole = desugar(statements, dialect)
             if strict:
                 check_record_names(whole)
             else:
@@ -90,10 +90,10 @@ def parse_query(text: str, program: Program) -> Query:
     """
 
     def query(cursor: Cursor) -> Query:
-        found = parse_question(cursor)
+        question = parse_question(cursor)
         cursor.accept(".")
         cursor.expect(END)
-        return program.resolve_query(found)
+        return program.resolve_query(question)
 
     return _parse_with(text, "<query>", query)
 
@@ -106,9 +106,9 @@ def parse_term(text: str, file: str) -> Expression:
     """
 
     def term(cursor: Cursor) -> Expression:
-        found = parse_value(cursor)
+        expression = parse_value(cursor)
         cursor.expect(END)
-        return found
+        return expression
 
     return _parse_with(text, file, term)
 

@@ -17,17 +17,17 @@ from lcorpp.reasoning.language.syntax import Body, Comparison, Intervention, Lit
 Conditions = tuple[tuple[Observation, ...], tuple[Intervention, ...]]
 
 
-def require_assignment(found: Literal | Comparison, where: str) -> Literal:
+def require_assignment(literal: Literal | Comparison, where: str) -> Literal:
     """Return the literal; raise SourceIssue unless it has the form `attribute=value`."""
-    if isinstance(found, Comparison) or found.relation != "=":
-        raise SourceIssue(found.at, f"expected attribute=value in {where}, not {found}")
-    return found
+    if isinstance(literal, Comparison) or literal.relation != "=":
+        raise SourceIssue(literal.at, f"expected attribute=value in {where}, not {literal}")
+    return literal
 
 
-def _require_literal(found: Literal | Comparison, where: str) -> Literal:
-    if isinstance(found, Comparison):
-        raise SourceIssue(found.at, f"expected a literal of an attribute in {where}, not {found}")
-    return found
+def _require_literal(literal: Literal | Comparison, where: str) -> Literal:
+    if isinstance(literal, Comparison):
+        raise SourceIssue(literal.at, f"expected a literal of an attribute in {where}, not {literal}")
+    return literal
 
 
 def parse_observation(cursor: Cursor) -> Observation:
@@ -35,25 +35,27 @@ def parse_observation(cursor: Cursor) -> Observation:
     at = cursor.at
     cursor.take()
     cursor.expect("(")
-    found = _require_literal(parse_body_literal(cursor), "obs()")
+    literal = _require_literal(parse_body_literal(cursor), "obs()")
     if cursor.accept(","):
-        if has_implicit_value(found) and found.value == Term("true"):
-            found = Literal(found.term, "=", parse_value(cursor), found.negated, at=found.at)
+        if has_implicit_value(literal) and literal.value == Term("true"):
+            literal = Literal(literal.term, "=", parse_value(cursor), literal.negated, at=literal.at)
             if cursor.accept(","):
-                found = _apply_polarity(cursor, found)
+                literal = _apply_polarity(cursor, literal)
         else:
-            found = _apply_polarity(cursor, found)
+            literal = _apply_polarity(cursor, literal)
     cursor.expect(")")
-    return Observation(found, at=at)
+    return Observation(literal, at=at)
 
 
-def _apply_polarity(cursor: Cursor, found: Literal) -> Literal:
+def _apply_polarity(cursor: Cursor, literal: Literal) -> Literal:
     """Parse `true` or `false`; return the literal or its opposite."""
     if cursor.accept_word("true"):
-        return found
+        return literal
     if not cursor.accept_word("false"):
         raise cursor.unexpected()
-    return Literal(found.term, NEGATED_RELATIONS[found.relation], found.value, found.negated, at=found.at)
+    return Literal(
+        literal.term, NEGATED_RELATIONS[literal.relation], literal.value, literal.negated, at=literal.at
+    )
 
 
 def parse_intervention(cursor: Cursor) -> Intervention:
@@ -61,31 +63,31 @@ def parse_intervention(cursor: Cursor) -> Intervention:
     at = cursor.at
     cursor.take()
     cursor.expect("(")
-    found = require_assignment(parse_literal(cursor), "do()")
-    chosen = found.value
+    literal = require_assignment(parse_literal(cursor), "do()")
+    chosen = literal.value
     if cursor.accept(","):
-        if not has_implicit_value(found) or found.value != Term("true"):
+        if not has_implicit_value(literal) or literal.value != Term("true"):
             raise SourceIssue(
-                found.at, f"expected do(attribute=value) or do(attribute, value), not do({found}, ...)"
+                literal.at, f"expected do(attribute=value) or do(attribute, value), not do({literal}, ...)"
             )
         chosen = parse_value(cursor)
         if cursor.kind == ",":
             raise SourceIssue(
-                found.at, "do() of a named rule is not supported; expected do(attribute, value)"
+                literal.at, "do() of a named rule is not supported; expected do(attribute, value)"
             )
     cursor.expect(")")
     if cursor.kind == ":-":
         raise SourceIssue(cursor.at, "an intervention has no body; expected do(attribute=value).")
-    return Intervention(found.term, chosen, at=at)
+    return Intervention(literal.term, chosen, at=at)
 
 
 def parse_query_statement(cursor: Cursor) -> Query:
     """Parse `?question.` The full stop is optional at the end of the text."""
     at = cursor.at
-    found = parse_question(cursor)
+    query = parse_question(cursor)
     if cursor.kind != END:
         cursor.expect(".")
-    return Query(found.literals, found.subject, found.observations, found.interventions, at=at)
+    return Query(query.literals, query.subject, query.observations, query.interventions, at=at)
 
 
 def parse_question(cursor: Cursor) -> Query:
@@ -93,8 +95,8 @@ def parse_question(cursor: Cursor) -> Query:
     cursor.accept("?")
     braced = cursor.accept("{")
     literals = tuple(
-        _require_literal(found, "a query")
-        for found in (_parse_formulas(cursor) if braced else parse_body(cursor))
+        _require_literal(literal, "a query")
+        for literal in (_parse_formulas(cursor) if braced else parse_body(cursor))
     )
     if braced:
         cursor.expect("}")
@@ -113,10 +115,10 @@ def parse_question(cursor: Cursor) -> Query:
 
 def _parse_formulas(cursor: Cursor) -> Body:
     """Parse a conjunction of formulas of plog 1.0: literals, `(F and F)` and `!literal`."""
-    found = list(_parse_formula(cursor))
+    formulas = list(_parse_formula(cursor))
     while cursor.accept(","):
-        found.extend(_parse_formula(cursor))
-    return tuple(found)
+        formulas.extend(_parse_formula(cursor))
+    return tuple(formulas)
 
 
 def _parse_formula(cursor: Cursor) -> Body:
@@ -133,16 +135,16 @@ def _parse_formula(cursor: Cursor) -> Body:
         return (parse_body_literal(cursor),)
     cursor.take()
     cursor.enter()
-    found = list(_parse_formula(cursor))
+    formulas = list(_parse_formula(cursor))
     while cursor.accept_word("and"):
-        found.extend(_parse_formula(cursor))
+        formulas.extend(_parse_formula(cursor))
     cursor.leave()
     if cursor.kind == NAME and cursor.word == "or":
         raise SourceIssue(
             cursor.at, "'or' is not supported in a query; define an attribute with one rule for each case"
         )
     cursor.expect(")")
-    return tuple(found)
+    return tuple(formulas)
 
 
 def _parse_conditions(cursor: Cursor) -> Conditions:

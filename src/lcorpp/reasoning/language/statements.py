@@ -193,8 +193,8 @@ def _parse_tail(cursor: Cursor) -> Body:
     return given
 
 
-def _parse_rule(cursor: Cursor, found: Literal | Comparison, label: Term | None) -> Rule | CrRule:
-    head = require_assignment(found, "the head of a rule")
+def _parse_rule(cursor: Cursor, literal: Literal | Comparison, label: Term | None) -> Rule | CrRule:
+    head = require_assignment(literal, "the head of a rule")
     arrow = cursor.kind
     given = _parse_tail(cursor)
     rule = Rule(head, given, at=head.at)
@@ -247,7 +247,7 @@ def _parse_unary_range(cursor: Cursor) -> DynamicRange:
 
 def _parse_probability(cursor: Cursor, label: Term | None, at: Place) -> Probability:
     cursor.expect("(")
-    found = require_assignment(parse_literal(cursor), "a pr-atom")
+    literal = require_assignment(parse_literal(cursor), "a pr-atom")
     condition = parse_body(cursor) if cursor.accept("|") else ()
     cursor.expect(")")
     if not cursor.accept("=="):
@@ -256,4 +256,4 @@ def _parse_probability(cursor: Cursor, label: Term | None, at: Place) -> Probabi
     if not any(iter_variables(number)):
         number = Number(evaluate_number(number, {}), at=number.at)
     cursor.expect(".")
-    return Probability(found.term, found.value, number, condition, label, at=at)
+    return Probability(literal.term, literal.value, number, condition, label, at=at)

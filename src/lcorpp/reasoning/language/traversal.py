@@ -49,15 +49,17 @@ def iter_expressions(body: Iterable[Literal | Comparison]) -> Iterator[Expressio
 
 def list_expressions(statement: Rule | Selection | Probability) -> list[Expression]:
     """List the expressions of a statement without those of a dynamic range."""
-    found: list[Expression] = []
+    expressions: list[Expression] = []
     if isinstance(statement, Rule):
-        found.extend(iter_expressions((statement.head,) if statement.head else ()))
+        expressions.extend(iter_expressions((statement.head,) if statement.head else ()))
     else:
-        found.extend((*statement.term.arguments, *(statement.label.arguments if statement.label else ())))
+        expressions.extend(
+            (*statement.term.arguments, *(statement.label.arguments if statement.label else ()))
+        )
         if isinstance(statement, Probability):
-            found.extend((statement.value, statement.number))
-    found.extend(iter_expressions(get_body(statement)))
-    return found
+            expressions.extend((statement.value, statement.number))
+    expressions.extend(iter_expressions(get_body(statement)))
+    return expressions
 
 
 def list_pr_variables(atom: Probability) -> list[str]:
@@ -71,7 +73,7 @@ def iter_literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
     Yields:
         Each literal, and whether it is the head.
     """
-    found: list[tuple[Literal, bool]] = []
+    literals: list[tuple[Literal, bool]] = []
     inner = statement.statement if isinstance(statement, CrRule) else statement
     head: Term | None = None
     if isinstance(inner, Selection):
@@ -80,11 +82,11 @@ def iter_literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
         head = inner.head.term
 
     def note(literal: Literal) -> Literal:
-        found.append((literal, literal.term is head))
+        literals.append((literal, literal.term is head))
         return literal
 
     map_literals(statement, note)
-    return iter(found)
+    return iter(literals)
 
 
 def map_literals(statement: Statement, rewrite: Rewrite) -> Statement:
