@@ -127,7 +127,7 @@ class Mine(LogisticRegression):
 @skops
 def test_unknown_types_are_not_kept(tmp_path):
     mine = make_pipeline(FunctionTransformer(np.ravel), Mine())
-    with pytest.raises(DataError, match="cannot be stored safely: it holds"):
+    with pytest.raises(DataError, match="cannot be stored safely: it contains"):
         save_classifier(TrainedClassifier(make_pipeline(Mine())), tmp_path / "c")
     with pytest.raises(DataError, match="cannot be stored"):
         save_classifier(TrainedClassifier(mine), tmp_path / "c")

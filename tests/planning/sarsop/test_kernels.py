@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,16 +51,6 @@ def test_solving_without_a_compiler(no_compiler):
     assert solution.lower <= 19.372
     assert solution.upper >= 19.371
     assert solution.reason == "precision reached"
-
-
-@needs_native
-def test_the_stub_of_the_compiled_kernels_is_current():
-    """`make stubs` writes it."""
-    stubgen = pytest.importorskip("nanobind.stubgen")
-    generator = stubgen.StubGen(NATIVE)
-    generator.put(NATIVE)
-    stub = Path(NATIVE.__file__).with_name("_native.pyi")
-    assert generator.get() == stub.read_text()
 
 
 @pytest.mark.parametrize("kernels", BOTH)

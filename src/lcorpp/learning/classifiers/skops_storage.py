@@ -61,7 +61,7 @@ def dump_step(name: str, step: Any, native: Sequence[str]) -> npt.NDArray[np.uin
     unknown = [found for found in skops_io.get_untrusted_types(data=content) if found not in TRUSTED]
     if unknown:
         raise DataError(
-            f"step {name!r} of kind {kind} cannot be stored safely: it holds {', '.join(unknown[:3])},"
+            f"step {name!r} of kind {kind} cannot be stored safely: it contains {', '.join(unknown[:3])},"
             " and unknown types are not loaded again"
         )
     return np.frombuffer(content, dtype=np.uint8)

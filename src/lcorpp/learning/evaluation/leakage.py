@@ -1,7 +1,7 @@
 """Label leakage: can a data set's labels be predicted from shortcut features instead of motion?
 
 A shortcut feature is something other than motion, e.g. the last position. A simple model is trained on it and
-cross-validated. If the model separates the classes, a classifier may do the same, and its score says little
+cross-validated. If the model separates the classes, a classifier may do the same, and its score proves little
 about motion.
 
 The model is kernel ridge regression on the ranks of the features, with Gaussian kernels of several widths. It

@@ -1,0 +1,15 @@
+"""The type stubs of the compiled kernels are those that `make stubs` generates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.parametrize("name", ["lcorpp.planning._native", "lcorpp.learning.lstm._kernels"])
+def test_stubs_are_current(name):
+    stubgen, module = pytest.importorskip("nanobind.stubgen"), pytest.importorskip(name)
+    generator = stubgen.StubGen(module)
+    generator.put(module)
+    assert generator.get() == Path(module.__file__).with_name(f"{name.rpartition('.')[2]}.pyi").read_text()
