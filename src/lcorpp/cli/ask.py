@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.errors import ProgramError
+from lcorpp.errors import ProgramError, UndefinedError
 
 if TYPE_CHECKING:
     from lcorpp.reasoning.answers import Numeric, QueryAnswer
-    from lcorpp.reasoning.language.program import Program
-    from lcorpp.reasoning.language.syntax import Query
+    from lcorpp.reasoning.explanation import Explanation
 
 
 def ask(
@@ -44,6 +43,7 @@ def ask(
     ] = False,
 ) -> None:
     """Answer a query to a P-log program."""
+    from lcorpp.reasoning.explanation import explain
     from lcorpp.reasoning.language.parser import parse_query, read_plog
     from lcorpp.reasoning.reasoner import Reasoner
 
@@ -60,7 +60,10 @@ def ask(
         with warnings.catch_warnings(record=True) as issued:
             warnings.simplefilter("always")
             if why:
-                _print_explanation(program, question, exact)
+                explanation = explain(reasoner, question)
+                _print_explanation(explanation, exact)
+                if explanation.answer is None:
+                    raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
             else:
                 _print_answer(reasoner.ask(question, exact=exact), exact)
         for warning in issued:
@@ -85,11 +88,7 @@ def _print_answer(answer: QueryAnswer, exact: bool) -> None:
         _print(f"  {value:<{width}}  {_format_number(probability, exact)}  {_draw_bar(float(probability))}")
 
 
-def _print_explanation(program: Program, query: Query, exact: bool) -> None:
-    from lcorpp.errors import UndefinedError
-    from lcorpp.reasoning.explanation import explain
-
-    explanation = explain(program, query)
+def _print_explanation(explanation: Explanation, exact: bool) -> None:
     if explanation.answer is not None:
         _print_answer(explanation.answer, exact)
     for condition, answer in explanation.without:
@@ -104,8 +103,6 @@ def _print_explanation(program: Program, query: Query, exact: bool) -> None:
         width = max((len(rule.effect) for rule in fired), default=0)
         for rule in fired:
             _print(f"    line {rule.at.line:<4} {rule.effect:<{width}}  {rule.statement}")
-    if explanation.answer is None:
-        raise UndefinedError(f"{program.file}: no possible world of positive measure has the evidence")
 
 
 def _format_number(probability: Numeric, exact: bool) -> str:
