@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -57,8 +59,7 @@ def ask(
     reasoner = Reasoner(program)
     for question in queries:
         _print(str(question), bold=True)
-        with warnings.catch_warnings(record=True) as issued:
-            warnings.simplefilter("always")
+        with _warnings_to_stderr():
             if why:
                 explanation = explain(reasoner, question)
                 _print_explanation(explanation, exact)
@@ -66,8 +67,18 @@ def ask(
                     raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
             else:
                 _print_answer(reasoner.ask(question, exact=exact), exact)
-        for warning in issued:
-            typer.echo(f"lcorpp: {warning.message}", err=True)
+
+
+@contextmanager
+def _warnings_to_stderr() -> Iterator[None]:
+    """Print warnings after the answer, also if an error follows them."""
+    with warnings.catch_warnings(record=True) as issued:
+        warnings.simplefilter("always")
+        try:
+            yield
+        finally:
+            for warning in issued:
+                typer.echo(f"lcorpp: {warning.message}", err=True)
 
 
 def _log_to_stderr() -> None:

@@ -11,7 +11,7 @@ from sklearn.svm import LinearSVC
 
 from lcorpp.errors import DataError
 from lcorpp.learning import ChannelStandardizer, Motion, TrainedClassifier, train_and_validate
-from lcorpp.learning.classifiers.contract import SigmoidScores, fit_clone
+from lcorpp.learning.contract import SigmoidScores, fit_clone
 from lcorpp.learning.features.resampling import resample
 from lcorpp.learning.streaming import StreamingClassifier
 from lcorpp.protocols import Classifier

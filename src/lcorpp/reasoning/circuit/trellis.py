@@ -104,7 +104,7 @@ def _expand(system: TransitionSystem, limit: int) -> tuple[Trellis, dict[int, Co
                 known[transition, states] = expanded
         if len(expanded[0][0]) > max_arcs:
             raise TooLargeError(
-                f"{system.program.source.file}: more than {total + max_arcs} edges in the circuit"
+                f"{system.program.source.file}: more than {total + max_arcs} arcs in the decision diagram"
             )
         arcs.append(expanded[0])
         states = expanded[1]
