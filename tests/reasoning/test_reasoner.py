@@ -205,7 +205,7 @@ def test_large_programs_are_refused(monkeypatch):
         " same(5,30)."
         " :- same(I,J)."
     )
-    with pytest.raises(TooLargeError, match="more than 20000 edges"):
+    with pytest.raises(TooLargeError, match="more than 20000 arcs"):
         Reasoner(program).compile([], "c(1)")
 
 
