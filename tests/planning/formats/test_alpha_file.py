@@ -65,7 +65,7 @@ def test_what_is_written(tmp_path):
         max_size=6,
     )
 )
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_write_then_read_is_the_same(tmp_path, vectors):
     lcorpp = parse_pomdp(LCORPP)
     policy = Policy.of(lcorpp, [vector for _, vector in vectors], [action for action, _ in vectors])
@@ -129,7 +129,7 @@ WORDS = st.sampled_from(["0", "1", "2", "7", "\n", "\n\n", "-1.5", "1e3", "1_0",
 
 
 @given(st.text() | st.lists(WORDS).map(" ".join))
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_text_ends_in_a_policy_or_a_typed_error(tmp_path, text):
     (tmp_path / "x.alpha").write_bytes(text.encode("utf-8", "surrogatepass"))
     with suppress(PolicyError, FileError):

@@ -50,7 +50,7 @@ def blocks_by_definition(pomdp: Pomdp) -> list[int]:
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_blocks(kernels, pomdp):
     assert build_model(kernels, pomdp).blocks().tolist() == blocks_by_definition(pomdp)
 
@@ -64,7 +64,7 @@ def test_blocks_by_hand(kernels):
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_children_follow_bayes_rule(kernels, pomdp):
     tree, _, _ = make_tree(kernels, pomdp)
     root = tree.add_node(pomdp.start)
@@ -85,7 +85,7 @@ def test_children_follow_bayes_rule(kernels, pomdp):
 
 @needs_native
 @given(pomdp=models)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_both_kernels_have_the_same_bounds(pomdp):
     found = [bounds(kernels, build_model(kernels, pomdp)) for kernels in (NATIVE, numpy_kernels)]
     for compiled, numpy in zip(*found, strict=True):
@@ -94,7 +94,7 @@ def test_both_kernels_have_the_same_bounds(pomdp):
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_bounds_are_ordered_and_close_to_exact_values(kernels, pomdp):
     gamma, S = pomdp.discount, len(pomdp.states)
     blind, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1e-6)
@@ -114,7 +114,7 @@ def test_bounds_are_ordered_and_close_to_exact_values(kernels, pomdp):
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_the_informed_bound_is_close_to_its_fixed_point(kernels, pomdp):
     """The fixed point by plain value iteration."""
     gamma = pomdp.discount
@@ -130,7 +130,7 @@ def test_the_informed_bound_is_close_to_its_fixed_point(kernels, pomdp):
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_more_sweeps_are_never_worse(kernels, pomdp):
     """Every sweep yields a bound that is at least as tight as the one before."""
     model = build_model(kernels, pomdp)
@@ -186,7 +186,7 @@ def test_row_entries():
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_vectors_are_stored_by_block(seed):
     """An observed state is a block of its own."""
     pomdp = random_model(seed, seen=5, hidden=1, signals=1)

@@ -115,7 +115,7 @@ def call(tree: Any, predictor: Any, pomdp: Pomdp, name: str, number: int) -> Any
 
 @needs_native
 @given(random_models(), CALLS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_any_sequence_of_calls_has_the_same_effect(pomdp, calls):
     trees = [make_tree(kernels, pomdp)[:2] for kernels in (NATIVE, numpy_kernels)]
     for tree, _ in trees:
@@ -196,7 +196,7 @@ def value_of(pomdp: Pomdp, belief: Any, steps: int) -> float:
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=pomdps(discounts=(0.3,)) | random_models(hidden=2, actions=2, signals=2, discount=0.3))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_bounds_contain_the_value(kernels, pomdp):
     """The value by enumeration of four steps."""
     tree, predictor, _ = make_tree(kernels, pomdp)
@@ -210,7 +210,7 @@ def test_bounds_contain_the_value(kernels, pomdp):
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=pomdps() | random_models())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_bounds_never_cross_and_the_upper_one_never_rises(kernels, pomdp):
     tree, predictor, informed = make_tree(kernels, pomdp)
     root = tree.add_node(pomdp.start)

@@ -54,7 +54,7 @@ def test_the_sawtooth_by_hand(kernels):
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=random_models(), seed=st.integers(0, 1000))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_the_upper_bound_outlives_its_tree(kernels, pomdp, seed):
     tree, predictor, informed = make_tree(kernels, pomdp)
     search(tree, predictor, tree.add_node(pomdp.start), 5)
