@@ -201,7 +201,8 @@ class RuleInstantiator:
 
         def write_test() -> str:
             if relation in ("=", "!="):
-                return f"{self._write_source(left)} {'==' if relation == '=' else '!='} {self._write_source(right)}"
+                operator = "==" if relation == "=" else "!="
+                return f"{self._write_source(left)} {operator} {self._write_source(right)}"
             return f"compare_values({self._write_source(left)}, {relation!r}, {self._write_source(right)})"
 
         self._tests.append((find_variables(left) | find_variables(right), write_test))

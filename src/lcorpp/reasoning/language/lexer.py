@@ -150,7 +150,7 @@ class Cursor:
         return token
 
     def accept(self, kind: str) -> bool:
-        """Return whether the next token is of this kind; if so, consume it, otherwise messages list the kind."""
+        """Return whether the next token is of this kind; if so, consume it, else messages list the kind."""
         if self.kinds[self.index] == kind:
             self.take()
             return True
@@ -158,7 +158,7 @@ class Cursor:
         return False
 
     def accept_word(self, word: str) -> bool:
-        """Return whether the next token is this name; if so, consume it, otherwise messages list the name."""
+        """Return whether the next token is this name; if so, consume it, else messages list the name."""
         if self.kinds[self.index] == NAME and self.texts[self.index] == word:
             self.take()
             return True
