@@ -1,4 +1,4 @@
-"""Step 3: expand a transition system to a decision diagram (a trellis) whose paths are the possible worlds.
+"""Compilation, step 3: expand a transition system to a trellis, whose paths are the possible worlds.
 
 Level k contains the states before step k. Each arc of step k leads to level k + 1 and carries an outcome of
 the step's terms with its probability. The measure of a world is the product along its path, and sums over
