@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from lcorpp.errors import ProgramError, TooLargeError
-from lcorpp.reasoning import Enumeration, explain, parse_plog, parse_query, read_plog
+from lcorpp.reasoning import Enumeration, Reasoner, explain, parse_plog, parse_query, read_plog
 
 PLOG = Path(__file__).parent.parent / "plog"
 LCORPP = read_plog(PLOG / "lcorpp.plog")
 
 
 def asked(program, text, **options):
-    return explain(program, parse_query(text, program), **options)
+    return explain(Reasoner(program), parse_query(text, program), **options)
 
 
 def test_each_condition_is_left_out_in_turn():
@@ -101,7 +101,9 @@ def test_cr_rules_are_answered_without_worlds():
 
 def test_errors():
     with pytest.raises(ProgramError, match="'weather' is not declared"):
-        explain(LCORPP, parse_query("?{weather}", parse_plog("weather : boolean. random(weather).")))
+        explain(
+            Reasoner(LCORPP), parse_query("?{weather}", parse_plog("weather : boolean. random(weather)."))
+        )
 
 
 def test_too_large(monkeypatch):

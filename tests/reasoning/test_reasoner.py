@@ -153,7 +153,7 @@ def test_cr_rules_are_enumerated():
 def test_too_large_warns_and_estimates(small):
     reasoner = Reasoner(LCORPP, samples=4000)
     with pytest.warns(
-        ReasoningWarning, match=r"more than 1 edges in the circuit: estimated from 4000 worlds"
+        ReasoningWarning, match=r"more than 1 arcs in the decision diagram: estimated from 4000 worlds"
     ):
         found = reasoner.posterior("intention", GOLDEN)
     assert found.samples == 4000
@@ -181,7 +181,7 @@ def test_too_large_for_what_must_be_exact(small):
         lambda: reasoner.ask(parse_query("intention", LCORPP), exact=True),
         lambda: reasoner.sample(np.random.default_rng(0)),
     ):
-        with pytest.raises(TooLargeError, match=r"lcorpp\.plog: more than 1 edges in the circuit"):
+        with pytest.raises(TooLargeError, match=r"lcorpp\.plog: more than 1 arcs in the decision diagram"):
             answer()
 
 
@@ -205,7 +205,7 @@ def test_large_programs_are_refused(monkeypatch):
         " same(5,30)."
         " :- same(I,J)."
     )
-    with pytest.raises(TooLargeError, match="more than 20000 edges"):
+    with pytest.raises(TooLargeError, match="more than 20000 arcs"):
         Reasoner(program).compile([], "c(1)")
 
 

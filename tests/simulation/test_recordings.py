@@ -34,9 +34,9 @@ def test_a_seed_makes_the_same_people(intention):
         simulate_recording(intention, np.random.default_rng(seed), tracks=6, positives=3)
         for seed in (1, 1, 2)
     )
-    np.testing.assert_array_equal(one.tracks[2].place, same.tracks[2].place)
+    np.testing.assert_array_equal(one.tracks[2].positions, same.tracks[2].positions)
     assert one.labels == same.labels
-    assert not np.array_equal(one.tracks[2].place[:, :9], other.tracks[2].place[:, :9])
+    assert not np.array_equal(one.tracks[2].positions[:, :9], other.tracks[2].positions[:, :9])
 
 
 def test_what_cannot_be_made(intention):

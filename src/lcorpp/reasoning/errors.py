@@ -1,11 +1,23 @@
-"""Errors of questions that have no answer, raised by every reasoner in the same words."""
+"""Errors of questions without an answer, and the warning of estimates; all reasoners share the texts."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 
-from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
 from lcorpp.reasoning.language.program import Program
+
+
+class ReasoningWarning(UserWarning):
+    """An answer is an estimate, as the program is too large to be compiled."""
+
+
+def warn_of_estimate(reason: TooLargeError, samples: int) -> None:
+    """Warn that an answer is estimated from samples, and why."""
+    warnings.warn(
+        f"{reason}: estimated from {samples} worlds drawn at random", ReasoningWarning, stacklevel=5
+    )
 
 
 def format_conditions(facts: Mapping[str, str], do: Mapping[str, str]) -> str:

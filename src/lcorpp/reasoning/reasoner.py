@@ -9,7 +9,6 @@ and the answer has standard errors).
 from __future__ import annotations
 
 import logging
-import warnings
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
@@ -19,13 +18,13 @@ from lcorpp.errors import TooLargeError, UndefinedError
 from lcorpp.reasoning.answers import QueryAnswer, normalise_marginal
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.errors import format_conditions, no_value_error, no_world_error
+from lcorpp.reasoning.errors import format_conditions, no_value_error, no_world_error, warn_of_estimate
 from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
-from lcorpp.reasoning.query_model import QueryModel
+from lcorpp.reasoning.query_model import EnumeratedQuery, QueryModel
 from lcorpp.reasoning.resolve import (
     resolve_evidence,
     resolve_interventions,
@@ -51,10 +50,6 @@ CACHE_SIZE = 1000
 NO_EVIDENCE: Mapping[str, str] = {}
 
 _Value = TypeVar("_Value")
-
-
-class ReasoningWarning(UserWarning):
-    """An answer is an estimate, as the program is too large to be compiled."""
 
 
 class Reasoner:
@@ -187,18 +182,18 @@ class Reasoner:
             ProgramError, UndefinedError: as `posterior`.
             TooLargeError: `exact`, and the program has too many states.
         """
+        return self.build_query_model(query).answer(exact=exact)
+
+    def build_query_model(self, query: Query) -> QueryModel | EnumeratedQuery:
+        """Prepare a query: resolve its names, and ground the program under its conditions.
+
+        Raises:
+            ProgramError: a name in the query is unknown, or arithmetic is undefined.
+        """
         query = resolve_query(self.program, query)
         if self.program.has_cr_rules:
-            answer = self._enumeration.ask(query)
-            return answer if exact else _convert_to_floats(answer)  # type: ignore[return-value]
-        model = QueryModel(self.program, query)
-        try:
-            return model.answer(exact=exact)
-        except TooLargeError as error:
-            if exact:
-                raise
-            self._warn(error)
-            return model.estimate(self.samples)
+            return EnumeratedQuery(self._enumeration, query)
+        return QueryModel(self.program, query, samples=self.samples)
 
     # methods of answering
 
@@ -239,7 +234,10 @@ class Reasoner:
 
     @cached_property
     def _enumeration(self) -> Enumeration:
-        return enumerate_worlds(self.program)
+        from lcorpp.reasoning.enumeration.reasoner import Enumeration  # imports numpy and clingo
+
+        LOG.info("%s: a program with cr-rules is answered by enumeration", self.program.file)
+        return Enumeration(self.program)
 
     def _estimate(
         self, reason: TooLargeError, term: str, facts: Mapping[str, str], do: Mapping[str, str]
@@ -249,7 +247,7 @@ class Reasoner:
         from lcorpp.reasoning.distributions import EstimatedDistribution
 
         system = build_transition_system(ground_program(self.program, do))
-        self._warn(reason)
+        warn_of_estimate(reason, self.samples)
         estimates = estimate(system, term, facts, self.samples)
         if estimates.values[""][0]:
             raise no_value_error(self.program, term, estimates.values[""][0])
@@ -257,23 +255,10 @@ class Reasoner:
         p, errors = np.array([estimates.values[value] for value in values]).T
         return EstimatedDistribution(values, p / p.sum(), errors, estimates.samples)
 
-    def _warn(self, reason: TooLargeError) -> None:
-        warnings.warn(
-            f"{reason}: estimated from {self.samples} worlds drawn at random", ReasoningWarning, stacklevel=4
-        )
-
 
 def ask(program: Program, query: Query) -> QueryAnswer:
     """Answer one query in fractions: value -> probability, or a probability; see `Reasoner.ask`."""
     return Reasoner(program).ask(query, exact=True)
-
-
-def enumerate_worlds(program: Program) -> Enumeration:
-    """Return the reasoner for a program with cr-rules; the log reports it."""
-    from lcorpp.reasoning.enumeration.reasoner import Enumeration  # imports numpy and clingo
-
-    LOG.info("%s: a program with cr-rules is answered by enumeration", program.file)
-    return Enumeration(program)
 
 
 def _contains_likelihood(evidence: Mapping[str, Label]) -> bool:
@@ -282,10 +267,6 @@ def _contains_likelihood(evidence: Mapping[str, Label]) -> bool:
     from lcorpp.values import Likelihood  # imports numpy
 
     return any(isinstance(value, Likelihood) for value in evidence.values())
-
-
-def _convert_to_floats(answer: dict[str, Fraction] | Fraction) -> dict[str, float] | float:
-    return {v: float(p) for v, p in answer.items()} if isinstance(answer, dict) else float(answer)
 
 
 def _create_reasoner(program: Program, samples: int) -> Reasoner:

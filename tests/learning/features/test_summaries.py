@@ -30,7 +30,7 @@ def test_a_straight_walk_and_one_back():
     assert still[-1] == 1
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(arrays(float, st.tuples(st.just(2), st.just(2), st.integers(2, 12)), elements=st.floats(-1e6, 1e6)))
 def test_any_finite_track_has_finite_summaries(tracks):
     found = SummaryFeatures().fit_transform(tracks)

@@ -17,6 +17,7 @@ from sklearn.utils.class_weight import compute_class_weight
 
 from lcorpp.errors import DataError
 from lcorpp.learning import LstmClassifier, fast_pipeline, paper_pipeline
+from lcorpp.learning.lstm.trainer import CompiledTrainer
 from lcorpp.learning.lstm.training import TrainingConfig, class_weights, learning_rates
 
 from .noise import labels, tracks
@@ -185,14 +186,21 @@ def test_progress_and_interruption_between_epochs():
         LstmClassifier(units=2, epochs=3, progress=interrupt).fit(x, labels(x))
 
 
-def test_ctrl_c_is_heard_in_the_midst_of_an_epoch():
-    x = tracks(6000, points=100)  # an epoch of a second and more
-    told = []
-    model = LstmClassifier(units=200, epochs=1, progress=lambda done, of: told.append(done))
-    threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+def test_interrupt_within_an_epoch(monkeypatch):
+    x = tracks(6000, points=100)  # an epoch takes a second or more
+    run_epoch, completed = CompiledTrainer.run_epoch, []
+
+    def interrupted(self, draw, rates):
+        # started within the epoch, so that the signal cannot arrive before it, however busy the machine is
+        threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+        run_epoch(self, draw, rates)
+        completed.append(True)
+
+    monkeypatch.setattr(CompiledTrainer, "run_epoch", interrupted)
+    model = LstmClassifier(units=200, epochs=1)
     with pytest.raises(KeyboardInterrupt):
         model.fit(x, labels(x))
-    assert told == []
+    assert completed == []
     assert not hasattr(model, "weights_")
 
 

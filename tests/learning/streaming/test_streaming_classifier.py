@@ -11,7 +11,7 @@ from sklearn.svm import LinearSVC
 
 from lcorpp.errors import DataError
 from lcorpp.learning import ChannelStandardizer, Motion, TrainedClassifier, train_and_validate
-from lcorpp.learning.classifiers.contract import SigmoidScores, fit_clone
+from lcorpp.learning.contract import SigmoidScores, fit_clone
 from lcorpp.learning.features.resampling import resample
 from lcorpp.learning.streaming import StreamingClassifier
 from lcorpp.protocols import Classifier
@@ -59,7 +59,7 @@ def test_regular_samples_give_what_the_pipeline_says_of_the_track_so_far(name):
             np.testing.assert_allclose(answer.probabilities, expected, atol=1e-6)  # float32 in the LSTM
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 10**6),
     name=st.sampled_from(list(PIPELINES)),
@@ -83,7 +83,7 @@ def test_irregular_samples_give_what_the_pipeline_says_of_them_resampled(seed, n
         assert answer.time <= times[-1] + 1e-6
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10**6), name=st.sampled_from(["lstm", "rich", "by way"]))
 def test_people_do_not_influence_each_other(seed, name):
     """With gaps, jumps, NaN and late samples; all together, in any mixture, they say what each says alone."""
@@ -121,7 +121,7 @@ def test_people_do_not_influence_each_other(seed, name):
                 np.testing.assert_allclose(answer.probabilities, same.probabilities, atol=1e-6)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 10**6),
     lateness=st.floats(0.02, 0.5),
@@ -360,7 +360,7 @@ def test_a_person_of_whom_nothing_is_right_has_no_answer():
     assert str(streams.report()) == "p: 1 samples; refused: 1 (the first: its time is nan)"
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     samples=st.lists(
         st.tuples(

@@ -58,7 +58,7 @@ def test_one_gap_can_make_several_points_known():
     assert points(track(rate=4.0), [(0, 0), (1, 4)]) == [still(x) for x in range(5)]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     seed=st.integers(0, 10**6),
     rate=st.floats(0.5, 40),
@@ -81,7 +81,7 @@ def test_what_becomes_known_is_what_regular_says(seed, rate, origin, end):
     np.testing.assert_allclose(np.array(found).T, expected, rtol=0, atol=1e-12)  # rounding of one product
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(seed=st.integers(0, 10**6), lateness=st.floats(0.02, 0.9))
 def test_the_order_of_arrival_within_the_allowed_lateness_does_not_matter(seed, lateness):
     rng = np.random.default_rng(seed)

@@ -16,7 +16,7 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
-from lcorpp.learning.classifiers.contract import fit_clone, predict_proba
+from lcorpp.learning.contract import fit_clone, predict_proba
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.values import Array

@@ -12,7 +12,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
-from lcorpp.learning.classifiers.contract import SigmoidScores, predict_proba
+from lcorpp.learning.contract import SigmoidScores, predict_proba
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.values import Array
 

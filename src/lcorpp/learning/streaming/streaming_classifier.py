@@ -11,8 +11,8 @@ from typing import Any, Self
 import numpy as np
 
 from lcorpp.errors import DataError
-from lcorpp.learning.classifiers.contract import name_of
 from lcorpp.learning.classifiers.trained import TrainedClassifier
+from lcorpp.learning.contract import name_of
 from lcorpp.learning.streaming.predictions import ConstantEstimator, Prediction, StreamReport
 from lcorpp.learning.streaming.state import make_state
 from lcorpp.learning.streaming.timeline import PrefixCalibration

@@ -28,7 +28,7 @@ from lcorpp.reasoning.enumeration.answer_set import AnswerSet
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.safety import variable_sorts
-from lcorpp.reasoning.language.signature import Signature, Slot
+from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Comparison,
@@ -249,7 +249,10 @@ def _translate_probability(index: int, atom: Probability, signature: Signature) 
 
 
 def _translate_body(
-    body: Iterable[Literal | Comparison], slots: list[Slot], scope: list[Expression], signature: Signature
+    body: Iterable[Literal | Comparison],
+    slots: list[ArgumentSlot],
+    scope: list[Expression],
+    signature: Signature,
 ) -> str:
     """A body with sort conditions for each variable and each computed argument or value."""
     used = [variable for expression in scope for variable in iter_variables(expression)]

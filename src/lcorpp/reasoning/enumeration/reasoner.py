@@ -21,7 +21,6 @@ from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Query, Term
 from lcorpp.reasoning.resolve import (
-    collect_interventions,
     resolve_evidence,
     resolve_interventions,
     resolve_query,
@@ -197,7 +196,9 @@ class Enumeration:
 
     def _condition_on_query(self, query: Query) -> _WorldTable:
         """The worlds that satisfy the conditions of a resolved query."""
-        interventions = collect_interventions(query)
+        interventions = {
+            canonical_text(item.term): canonical_text(item.value) for item in query.interventions
+        }
         literals = [observation.literal for observation in query.observations]
         table = self._enumerate(interventions, literals)
         return self._check_positive(

@@ -1,4 +1,4 @@
-"""Step 1a: ground a program. Each statement becomes one clause for each admissible binding of its variables.
+"""Compilation, step 1: ground a program: one clause for each admissible binding of a statement's variables.
 
 Unlike an ASP grounder, this one keeps the probabilities and needs no solver. Literals of attributes that only
 facts define are evaluated here and are not part of the clauses. The other, independent way from a program to

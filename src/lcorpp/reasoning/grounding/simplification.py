@@ -1,4 +1,4 @@
-"""Step 1b: simplify a ground program without changing its worlds.
+"""Compilation, step 1: simplify a ground program without changing its worlds.
 
 1. Drop the clauses whose positive literals no clause can satisfy (least fixed point over all clauses).
 2. Turn rules that contradict an observation into constraints, which cut worlds off earlier.

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer, iter_variables
 from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
-from lcorpp.reasoning.language.signature import Signature, Slot
+from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
@@ -102,8 +102,8 @@ def check_attribute(term: Term, signature: Signature) -> None:
         )
 
 
-def check_slots(slots: Iterable[Slot], signature: Signature) -> None:
-    """Check that constants in slots are members of their sorts.
+def check_slots(slots: Iterable[ArgumentSlot], signature: Signature) -> None:
+    """Check that constants in argument slots are members of their sorts.
 
     Raises:
         SortMismatch: a constant is not.

@@ -1,4 +1,4 @@
-"""Step 2a: order the components of a ground program so that the frontier stays small.
+"""Compilation, step 2: order the components of a ground program so that the frontier stays small.
 
 A component is a strongly connected set of terms of the dependency graph (usually one term); each comes after
 the components that its clauses name. The frontier after a component consists of the decided terms that
@@ -31,7 +31,7 @@ def order_components(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list
     joint: set[frozenset[int]] = set()  # the terms of a constraint are on the frontier until all are decided
     for clause in clauses:
         body = clause.body
-        if clause.term >= 0:
+        if clause.term >= 0:  # constraints have no head
             for literal in body:
                 needs[clause.term].add(literal[0])
         elif len(body) > 1:

@@ -1,4 +1,4 @@
-"""Step 2c, deterministic case: the one stable model of stratified rules, for many states at once.
+"""Compilation, step 2: the one stable model of stratified rules, for many states at once.
 
 The truth of an atom in n states is one integer of n bits, so a rule costs a few integer operations whatever n
 is. With three states and p true in states 0 and 2, q in state 2: ``r :- p, not q`` gives 0b101 & ~0b100 =
