@@ -53,7 +53,7 @@ def solve(
         callback: called after each sampled path of beliefs.
         previous: a solution of the same model for other starts. Its vectors and points are valid for all
             beliefs, so the search continues from them and stops at once if its gap is small enough.
-        sample: replaces `lcorpp.planning.sarsop.sampling.sample`.
+        sample: replaces `lcorpp.planning.sarsop.path_sampling.sample`.
         kernels: implementation of the kernels; the compiled ones, if installed, when None.
 
     Returns:
