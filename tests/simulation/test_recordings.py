@@ -9,7 +9,7 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
-from lcorpp.learning import check_leakage
+from lcorpp.learning import measure_leakage
 from lcorpp.simulation.recordings import simulate_recording
 
 
@@ -57,5 +57,5 @@ def test_no_feature_but_motion_reveals_the_intention(intention):
     areas = []
     for seed in range(5):
         recording = simulate_recording(intention, np.random.default_rng(seed), tracks=800, positives=400)
-        areas.append([leak.auc.estimate for leak in check_leakage(recording, divisions=3, seed=seed)])
+        areas.append([leak.auc.estimate for leak in measure_leakage(recording, n_splits=3, seed=seed)])
     assert np.all(np.mean(areas, axis=0) <= 0.58)
