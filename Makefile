@@ -53,7 +53,7 @@ check-slow: $(VENV)/.dev
 # The C++ kernels under the address and undefined-behaviour sanitizers, in an environment of their own.
 sanitize: $(VENV)-sanitize/.installed
 	LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" ASAN_OPTIONS=detect_leaks=0 \
-	  $(VENV)-sanitize/bin/python -m pytest -m "not slow" tests/planning tests/learning/test_lstm*.py
+	  $(VENV)-sanitize/bin/python -m pytest -m "not slow" tests/planning tests/learning/lstm
 
 $(VENV)-sanitize/.installed: $(NATIVE)
 	$(PYTHON) -m venv $(VENV)-sanitize

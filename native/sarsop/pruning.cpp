@@ -116,7 +116,7 @@ void Tree::prune_set(Index group, const std::vector<Index>& nodes_of_group, doub
     }
     std::vector<char> kept(count);
     for (std::size_t row = 0; row < count; ++row) kept[row] = min_radius[row] < radius || min_radius[row] == -1.0;
-    dependencies.record_pruned(set, group, kept, kMinGain * scale);
+    dependencies.record_pruned_vectors(set, group, kept, kMinGain * max_abs_value);
     set.keep(kept);
 }
 

@@ -80,14 +80,16 @@ def test_too_large_a_program_is_estimated_aloud(lcorpp, monkeypatch, query):
     monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (1,))
     ended = lcorpp("ask", PLOG / "lcorpp.plog", query)
     assert ended.code == 0
-    assert "more than 1 edges in the circuit: estimated from 20000 worlds drawn at random" in ended.err
+    assert (
+        "more than 1 arcs in the decision diagram: estimated from 20000 worlds drawn at random" in ended.err
+    )
     line = next(line for line in ended.out.splitlines() if "±" in line)
     estimate, error = (float(word) for word in line.split() if word[0] == "0")
     assert abs(estimate - 0.4) < 3 * error < 0.04
     for option in ("--exact", "--why"):
         ended = lcorpp("ask", PLOG / "lcorpp.plog", query, option)
         assert ended.code == 2
-        assert "more than 1 edges in the circuit" in ended.err
+        assert "more than 1 arcs in the decision diagram" in ended.err
 
 
 def test_a_condition_that_is_broken(lcorpp, coin):

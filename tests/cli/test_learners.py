@@ -103,7 +103,11 @@ def test_explain_with_a_likelihood(lcorpp):
     facts = ("explain", "--fact", "time=afternoon", "--fact", "location=classroom", "--seed", 1)
     ended = lcorpp(*facts, "--likelihood", "one=0.24", "--likelihood", "zero=0.71")
     assert ended.code == 0, ended.err
-    for words in ("in proportion", "0.359531", "0.220250"):  # as the label of rates .24 and .71 would have it
+    for words in (
+        "scaled to a maximum of 1",
+        "0.359531",
+        "0.220250",
+    ):  # as the label of rates .24 and .71 would have it
         assert words in ended.out
 
 

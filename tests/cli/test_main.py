@@ -150,6 +150,16 @@ def test_the_paper_s_trial(lcorpp):
     refused(lcorpp("explain", "--truth", "interested", "--interactive"), "--interactive has none")
 
 
+def test_the_table_fits_into_80_columns(lcorpp, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = lcorpp("run", "--classifier", "channel", "--trials", 300, "--jobs", 1).out.splitlines()
+    (head,) = (line.split() for line in lines if line.split()[:1] == ["strategy"])
+    assert head == ["strategy", "F1", "precision", "recall", "accuracy", "cost", "return"]
+    after = next(i for i, line in enumerate(lines) if line.split()[:1] == ["LCORPP"]) + 1
+    assert lines[after].count("[") == lines[after].count("]") == 6
+    assert len(lines[after]) <= 80
+
+
 def test_the_table_precedes_the_classifier_s_evaluation(lcorpp):
     out = lcorpp("run", *SMALL, "--trials", 100).out
     assert out.index("LCORPP") < out.index("accuracy 0.") < out.index("Brier")

@@ -240,7 +240,7 @@ def test_a_checkpoint_that_cannot_be_used_costs_a_training(opened, ended, path, 
     ("how", "words"),
     [
         (("classifier-*", lambda file: file.unlink()), "cannot be read"),
-        (("classifier-*", cut), "is not as it was written; trained again"),
+        (("classifier-*", cut), "differs from the file that was written; trained again"),
     ],
 )
 def test_a_damaged_classifier_is_trained_once_more(opened, ended, path, how, words):

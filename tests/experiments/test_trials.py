@@ -14,12 +14,12 @@ from lcorpp.decision import STRATEGIES, Robot, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError
 from lcorpp.experiments import trials
-from lcorpp.experiments.exact_evaluation import joint_distribution
+from lcorpp.experiments.exact_evaluation import compute_joint_distribution
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.learning import TrainedClassifier, fit_calibration
 from lcorpp.reasoning import Enumeration, Reasoner
-from lcorpp.simulation.channel import NoisyChannel
 from lcorpp.simulation.population import Population
+from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.simulation.trajectories import RecordedTrajectories, SimulatedTrajectories, simulate_dataset
 from lcorpp.simulation.world import SimulationModel
 from lcorpp.values import ConfusionMatrix, Dataset, Likelihood
@@ -136,7 +136,7 @@ def test_people_come_as_the_truth_program_says():
 
 
 def test_cells_are_exact():
-    cells = joint_distribution(load_domain("intention"), ("identity", "intention"))
+    cells = compute_joint_distribution(load_domain("intention"), ("identity", "intention"))
     assert cells["visitor", "interested"] == pytest.approx(0.8 / 3)
     assert sum(cells.values()) == pytest.approx(1)
 

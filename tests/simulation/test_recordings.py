@@ -9,7 +9,7 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
-from lcorpp.learning import check_leakage
+from lcorpp.learning import measure_leakage
 from lcorpp.simulation.recordings import simulate_recording
 
 
@@ -34,9 +34,9 @@ def test_a_seed_makes_the_same_people(intention):
         simulate_recording(intention, np.random.default_rng(seed), tracks=6, positives=3)
         for seed in (1, 1, 2)
     )
-    np.testing.assert_array_equal(one.tracks[2].place, same.tracks[2].place)
+    np.testing.assert_array_equal(one.tracks[2].positions, same.tracks[2].positions)
     assert one.labels == same.labels
-    assert not np.array_equal(one.tracks[2].place[:, :9], other.tracks[2].place[:, :9])
+    assert not np.array_equal(one.tracks[2].positions[:, :9], other.tracks[2].positions[:, :9])
 
 
 def test_what_cannot_be_made(intention):
@@ -57,5 +57,5 @@ def test_nothing_but_motion_tells_who_is_interested(intention):
     areas = []
     for seed in range(5):
         recording = simulate_recording(intention, np.random.default_rng(seed), tracks=800, positives=400)
-        areas.append([leak.auc.estimate for leak in check_leakage(recording, divisions=3, seed=seed)])
+        areas.append([leak.auc.estimate for leak in measure_leakage(recording, n_splits=3, seed=seed)])
     assert np.all(np.mean(areas, axis=0) <= 0.58)

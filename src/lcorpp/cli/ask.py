@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import logging
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.errors import ProgramError
+from lcorpp.errors import ProgramError, UndefinedError
 
 if TYPE_CHECKING:
     from lcorpp.reasoning.answers import Numeric, QueryAnswer
-    from lcorpp.reasoning.language.program import Program
-    from lcorpp.reasoning.language.syntax import Query
+    from lcorpp.reasoning.explanation import Explanation
 
 
 def ask(
@@ -44,6 +45,7 @@ def ask(
     ] = False,
 ) -> None:
     """Answer a query to a P-log program."""
+    from lcorpp.reasoning.explanation import explain
     from lcorpp.reasoning.language.parser import parse_query, read_plog
     from lcorpp.reasoning.reasoner import Reasoner
 
@@ -57,14 +59,26 @@ def ask(
     reasoner = Reasoner(program)
     for question in queries:
         _print(str(question), bold=True)
-        with warnings.catch_warnings(record=True) as issued:
-            warnings.simplefilter("always")
+        with _warnings_to_stderr():
             if why:
-                _print_explanation(program, question, exact)
+                explanation = explain(reasoner, question)
+                _print_explanation(explanation, exact)
+                if explanation.answer is None:
+                    raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
             else:
                 _print_answer(reasoner.ask(question, exact=exact), exact)
-        for warning in issued:
-            typer.echo(f"lcorpp: {warning.message}", err=True)
+
+
+@contextmanager
+def _warnings_to_stderr() -> Iterator[None]:
+    """Print warnings after the answer, also if an error follows them."""
+    with warnings.catch_warnings(record=True) as issued:
+        warnings.simplefilter("always")
+        try:
+            yield
+        finally:
+            for warning in issued:
+                typer.echo(f"lcorpp: {warning.message}", err=True)
 
 
 def _log_to_stderr() -> None:
@@ -85,11 +99,7 @@ def _print_answer(answer: QueryAnswer, exact: bool) -> None:
         _print(f"  {value:<{width}}  {_format_number(probability, exact)}  {_draw_bar(float(probability))}")
 
 
-def _print_explanation(program: Program, query: Query, exact: bool) -> None:
-    from lcorpp.errors import UndefinedError
-    from lcorpp.reasoning.explanation import explain
-
-    explanation = explain(program, query)
+def _print_explanation(explanation: Explanation, exact: bool) -> None:
     if explanation.answer is not None:
         _print_answer(explanation.answer, exact)
     for condition, answer in explanation.without:
@@ -104,8 +114,6 @@ def _print_explanation(program: Program, query: Query, exact: bool) -> None:
         width = max((len(rule.effect) for rule in fired), default=0)
         for rule in fired:
             _print(f"    line {rule.at.line:<4} {rule.effect:<{width}}  {rule.statement}")
-    if explanation.answer is None:
-        raise UndefinedError(f"{program.file}: no possible world of positive measure has the evidence")
 
 
 def _format_number(probability: Numeric, exact: bool) -> str:

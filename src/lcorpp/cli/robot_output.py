@@ -33,6 +33,7 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
     metrics = f"F1, precision and recall of {positive!r}" if positive else "macro averages over all values"
     count = "exact values" if trials is None else f"{trials} trials, 95% intervals in brackets"
     table = Table(title=f"{count}; {metrics}", title_style="", title_justify="left", box=box.SIMPLE_HEAD)
+    table.padding = 0
     table.add_column("strategy", style="bold")
     for name in ("F1", "precision", "recall", "accuracy", "cost", "return"):
         table.add_column(name, justify="right")
@@ -49,10 +50,15 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
 
 
 def _format_interval(interval: Interval, digits: int) -> str:
+    """Return the estimate and, below it, the interval with one digit less: six columns fit into 80."""
     text = f"{interval.estimate:.{digits}f}"
     if interval.low == interval.high:
         return text
-    return f"{text}\n[dim]\\[{interval.low:.{digits}f}, {interval.high:.{digits}f}][/dim]"
+    low, high = (
+        f"{end:.{digits - 1}f}".replace("0.", ".", 1) if 0 <= end < 1 else f"{end:.{digits - 1}f}"
+        for end in (interval.low, interval.high)
+    )
+    return f"{text}\n[dim]\\[{low}, {high}][/dim]"
 
 
 def print_classifier(setup: ClassifierSetup, source: str) -> None:

@@ -54,7 +54,7 @@ def solve(
     write = model_files.policy_writer(out)
     if plot is not None:
         output_files.check_figure(plot)
-    with console.delayed_progress("solving") as advance:
+    with console.show_delayed_progress("solving") as advance:
         solution = search(
             pomdp,
             precision=precision,

@@ -135,17 +135,17 @@ def run_active_learning(
         features=training.features,
     )
 
-    def learn(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
+    def train(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
         with progress(f"training on {len(dataset)} tracks", FOLDS + 1) as advance:
             trained, validation = train_and_validate(
                 estimator, dataset, folds=FOLDS, seed=options.seed, jobs=options.jobs, progress=advance
             )
         return (trained.soft() if options.soft else trained), validation.confusion
 
-    def reason(confusion: ConfusionMatrix) -> Reasoner:
+    def make_reasoner(confusion: ConfusionMatrix) -> Reasoner:
         return Reasoner(domain.soft_program if options.soft else domain.program_for(confusion))
 
-    resume_point = run_store.resume(learn) if run_store else None
+    resume_point = run_store.resume(train) if run_store else None
     stream = PeopleStream(
         domain, data.trajectories, options.seed, position=run_store.n_people if run_store else 0
     )
@@ -162,8 +162,8 @@ def run_active_learning(
 
     batches = lcorpp(
         run_store.dataset() if run_store else data.dataset,
-        learn=learn,
-        reason=reason,
+        train=train,
+        make_reasoner=make_reasoner,
         planner=planner,
         domain=domain,
         collect=stream.next,

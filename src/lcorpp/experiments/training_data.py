@@ -10,7 +10,7 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
-from lcorpp.learning import leakage_note, read_data, split
+from lcorpp.learning import format_leakage_warning, read_data, split
 from lcorpp.simulation.trajectories import (
     RecordedTrajectories,
     SimulatedTrajectories,
@@ -71,7 +71,7 @@ def read_training_data(
     dataset = _select_columns(read_data(path, labels=labels), features)
     try:
         train, test = split(dataset, seed=seed)
-        leak = leakage_note(train) if len(domain.values) == 2 else None
+        leak = format_leakage_warning(train) if len(domain.values) == 2 else None
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     shares = (

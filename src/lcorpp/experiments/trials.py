@@ -13,8 +13,8 @@ from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError
 from lcorpp.experiments.metrics import Scores, score_decisions
-from lcorpp.simulation.channel import BatchClassifier
 from lcorpp.simulation.population import Population
+from lcorpp.simulation.simulated_classifier import BatchClassifier
 from lcorpp.simulation.trajectories import TrajectorySource
 from lcorpp.simulation.world import SimulationModel
 from lcorpp.values import Array, Instance, Label

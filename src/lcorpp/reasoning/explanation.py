@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from lcorpp.errors import LcorppError, UndefinedError
 from lcorpp.reasoning.answers import QueryAnswer
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM
-from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Place, Query
 from lcorpp.reasoning.query_model import QueryModel
-from lcorpp.reasoning.reasoner import enumerate_worlds
-from lcorpp.reasoning.resolve import resolve_query
+from lcorpp.reasoning.reasoner import Reasoner
 from lcorpp.reasoning.world import World
 
 
@@ -54,38 +51,32 @@ class Explanation:
         )
 
 
-def explain(program: Program, query: Query, *, count: int = 3) -> Explanation:
+def explain(reasoner: Reasoner, query: Query, *, count: int = 3) -> Explanation:
     """Explain the answer to a query.
 
     Args:
+        reasoner: the reasoner that answers.
+        query: a query to its program.
         count: the number of worlds.
 
     Raises:
         ProgramError: a name in the query is unknown, or a world violates a condition of the language.
-        TooLargeError: the program has too many states.
+        TooLargeError: the program is too large to be compiled.
     """
-    query = resolve_query(program, query)
-    compute: Callable[[Query], QueryAnswer]
-    if program.has_cr_rules:
-        model, compute = None, enumerate_worlds(program).ask  # type: ignore[assignment]
-    else:
-        model, compute = QueryModel(program, query, keep_clauses=True), partial(_compute_answer, program)
+    model = reasoner.build_query_model(query)
     answer: QueryAnswer | None
     try:
-        answer = model.answer(exact=True) if model else compute(query)
+        answer = model.answer(exact=True)
     except UndefinedError:
         answer = None
-    without = tuple([(condition, _try_compute(compute, rest)) for condition, rest in _drop_conditions(query)])
-    return Explanation(query, answer, without, _explain_worlds(model, count) if model else ())
+    without = tuple([(text, _try_answer(reasoner, rest)) for text, rest in _drop_conditions(model.query)])
+    worlds = _explain_worlds(model, count) if isinstance(model, QueryModel) else ()
+    return Explanation(model.query, answer, without, worlds)
 
 
-def _compute_answer(program: Program, query: Query) -> QueryAnswer:
-    return QueryModel(program, query).answer(exact=True)
-
-
-def _try_compute(compute: Callable[[Query], QueryAnswer], query: Query) -> QueryAnswer | str:
+def _try_answer(reasoner: Reasoner, query: Query) -> QueryAnswer | str:
     try:
-        return compute(query)
+        return reasoner.ask(query, exact=True)
     except LcorppError as error:
         return str(error)
 
@@ -104,20 +95,18 @@ def _explain_worlds(model: QueryModel, count: int) -> tuple[tuple[World, tuple[F
     explained = []
     for world in model.worlds.most_probable({}, count):
         values = {term: value for term, value in world.values.items() if term != QUERY_TERM}
-        fired = _find_fired(model.system.program, model.clauses, values)
+        fired = _find_fired(model.ground, values)
         explained.append((World(values, world.measure), fired))
     return tuple(explained)
 
 
-def _find_fired(
-    ground: GroundProgram, clauses: Sequence[Clause], values: Mapping[str, str]
-) -> tuple[FiredRule, ...]:
+def _find_fired(ground: GroundProgram, values: Mapping[str, str]) -> tuple[FiredRule, ...]:
     """Find the statements whose bodies are true in a world, in program order; facts are omitted."""
     outcomes = []
     for name, domain in zip(ground.names, ground.values, strict=True):
         value = values.get(name)
         outcomes.append(len(domain) if value is None else domain.index(value))
-    true = [c for c in clauses if all(allowed >> outcomes[t] & 1 for t, allowed, _ in c.body)]
+    true = [c for c in ground.clauses if all(allowed >> outcomes[t] & 1 for t, allowed, _ in c.body)]
     selected = {c.term for c in true if c.kind is ClauseKind.SELECT and c.term not in ground.do}
     fired: dict[tuple[int, str], FiredRule] = {}
     for clause in true:

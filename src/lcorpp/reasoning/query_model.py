@@ -1,23 +1,26 @@
-"""A program grounded for one query: its worlds, its answer, and an estimate if the worlds are too many."""
+"""A program grounded for one query: its worlds, its answer, or an estimate if it is too large."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from fractions import Fraction
 from functools import cached_property
+from typing import TYPE_CHECKING
 
+from lcorpp.errors import TooLargeError
 from lcorpp.reasoning.answers import Estimate, QueryAnswer, normalise_marginal
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.errors import no_value_error, no_world_error
-from lcorpp.reasoning.grounding.ground_program import Clause
+from lcorpp.reasoning.errors import make_no_value_error, make_no_world_error, warn_of_estimate
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM, ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
-from lcorpp.reasoning.resolve import collect_interventions
 from lcorpp.reasoning.transitions.likelihood_weighting import estimate
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
+
+if TYPE_CHECKING:
+    from lcorpp.reasoning.enumeration.reasoner import Enumeration  # imports numpy and clingo
 
 
 class QueryModel:
@@ -29,64 +32,70 @@ class QueryModel:
     Args:
         program: a program without cr-rules.
         query: a query resolved by `resolve_query`.
-        keep_clauses: whether to keep the ground clauses, which explanations need.
+        samples: the number of worlds sampled if the program is too large to be compiled.
 
     Raises:
-        ProgramError: arithmetic is undefined, or a term is set to two values.
+        ProgramError: arithmetic is undefined.
     """
 
-    def __init__(self, program: Program, query: Query, *, keep_clauses: bool = False) -> None:
-        self.program, self.query = program, query
-        do = collect_interventions(query)
+    def __init__(self, program: Program, query: Query, *, samples: int) -> None:
+        self.program, self.query, self.samples = program, query, samples
+        do = {canonical_text(item.term): canonical_text(item.value) for item in query.interventions}
         observed = [observation.literal for observation in query.observations]
         self.term = canonical_text(query.subject) if query.subject else QUERY_TERM
-        ground = ground_program(program, do, observed, query.literals)
-        self.clauses: list[Clause] = ground.clauses if keep_clauses else []
-        self.system = build_transition_system(ground, (self.term,))
+        self.ground = ground_program(program, do, observed, query.literals)
+        self.system = build_transition_system(self.ground, (self.term,))
 
     @cached_property
     def worlds(self) -> WorldQueries:
         """The worlds.
 
         Raises:
-            TooLargeError: the program has too many states.
+            TooLargeError: the program is too large to be compiled.
             ProgramError: a world violates a condition of the language.
         """
         return WorldQueries(build_trellis(self.system))
 
     def answer(self, *, exact: bool) -> QueryAnswer:
-        """Compute the answer, as fractions if `exact`.
+        """Compute the answer, in fractions if `exact`; estimate it if the program is too large to compile.
 
         Raises:
-            TooLargeError, ProgramError: as `worlds`; or the subject may have no value.
+            TooLargeError: `exact`, and the program is too large to be compiled.
+            ProgramError: as `worlds`; or the subject may have no value.
             UndefinedError: no possible world satisfies the conditions.
         """
+        try:
+            return self._compute(exact=exact)
+        except TooLargeError as error:
+            if exact:
+                raise
+            warn_of_estimate(error, self.samples)
+            return self._estimate()
+
+    def _compute(self, *, exact: bool) -> QueryAnswer:
         conditions = self._format_conditions()
         weights: Mapping[str, Fraction | float]
         weights = (
-            self.worlds.exact_weights(self.term, {}) if exact else self.worlds.float_weights(self.term, {})
+            self.worlds.compute_exact_weights(self.term, {})
+            if exact
+            else self.worlds.compute_float_weights(self.term, {})
         )
         if self.query.subject:
             return normalise_marginal(self.program, self.term, weights, conditions)  # type: ignore[type-var, return-value]
         total = sum(weights.values())
         if not total:
-            raise no_world_error(self.program, conditions)
+            raise make_no_world_error(self.program, conditions)
         return weights.get("true", 0 * total) / total
 
-    def estimate(self, samples: int) -> QueryAnswer:
-        """Estimate the answer by likelihood weighting; the numbers are `Estimate`s.
-
-        Raises:
-            ProgramError: a sampled world violates a condition of the language, or lacks a value.
-            UndefinedError: no sampled world satisfies the conditions.
-        """
-        values = estimate(self.system, self.term, {}, samples).values
+    def _estimate(self) -> QueryAnswer:
+        """Estimate the answer by likelihood weighting; the numbers are `Estimate`s."""
+        values = estimate(self.system, self.term, {}, self.samples).values
         estimates = {value: Estimate(p, error) for value, (p, error) in values.items()}
         if self.query.subject is None:
             return estimates.get("true", Estimate(0.0, 0.0))
         share = estimates.pop("")
         if share:
-            raise no_value_error(self.program, self.term, share)
+            raise make_no_value_error(self.program, self.term, share)
         return dict(estimates)
 
     def _format_conditions(self) -> str:
@@ -94,3 +103,26 @@ class QueryModel:
             str(part).removesuffix(".") for part in (*self.query.observations, *self.query.interventions)
         ]
         return f" has {', '.join(parts)}" if parts else ""
+
+
+class EnumeratedQuery:
+    """A query to a program with cr-rules, which enumeration answers.
+
+    Args:
+        enumeration: the reasoner.
+        query: a query resolved by `resolve_query`.
+    """
+
+    def __init__(self, enumeration: Enumeration, query: Query) -> None:
+        self.enumeration, self.query = enumeration, query
+
+    def answer(self, *, exact: bool) -> QueryAnswer:
+        """Compute the answer, as fractions if `exact`.
+
+        Raises:
+            ProgramError, UndefinedError: as `Enumeration.ask`.
+        """
+        answer = self.enumeration.ask(self.query)
+        if isinstance(answer, dict):
+            return {value: p if exact else float(p) for value, p in answer.items()}
+        return answer if exact else float(answer)

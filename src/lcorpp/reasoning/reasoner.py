@@ -2,14 +2,13 @@
 
 It compiles one circuit for each kind of question and caches circuits and answers. Two kinds of programs need
 another method: programs with cr-rules are enumerated, as an observation can create worlds (the log reports
-it), and programs with too many states are sampled by likelihood weighting (a `ReasoningWarning` reports it,
-and the answer has standard errors).
+it); programs that are too large to be compiled are sampled by likelihood weighting (a `ReasoningWarning`
+reports it, and the answer has standard errors).
 """
 
 from __future__ import annotations
 
 import logging
-import warnings
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
@@ -19,13 +18,18 @@ from lcorpp.errors import TooLargeError, UndefinedError
 from lcorpp.reasoning.answers import QueryAnswer, normalise_marginal
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.errors import format_conditions, no_value_error, no_world_error
+from lcorpp.reasoning.errors import (
+    format_conditions,
+    make_no_value_error,
+    make_no_world_error,
+    warn_of_estimate,
+)
 from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
-from lcorpp.reasoning.query_model import QueryModel
+from lcorpp.reasoning.query_model import EnumeratedQuery, QueryModel
 from lcorpp.reasoning.resolve import (
     resolve_evidence,
     resolve_interventions,
@@ -53,16 +57,12 @@ NO_EVIDENCE: Mapping[str, str] = {}
 _Value = TypeVar("_Value")
 
 
-class ReasoningWarning(UserWarning):
-    """An answer is an estimate, as the program is too large to be compiled."""
-
-
 class Reasoner:
     """Answers queries of a program; `Enumeration` is the reference with the same methods.
 
     Args:
         program: the program.
-        samples: the number of worlds sampled if the program has too many states.
+        samples: the number of worlds sampled if the program is too large to be compiled.
     """
 
     def __init__(self, program: Program, *, samples: int = DEFAULT_SAMPLES) -> None:
@@ -112,13 +112,13 @@ class Reasoner:
 
         Raises:
             ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: the program has too many states.
+            TooLargeError: the program is too large to be compiled.
         """
         term = canonical_text(resolve_term(self.program, attribute))
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
             return self._enumeration.exact(term, facts, set_to)
-        weights = self._find_worlds(set_to, (term, *facts)).exact_weights(term, facts)
+        weights = self._find_worlds(set_to, (term, *facts)).compute_exact_weights(term, facts)
         return normalise_marginal(self.program, term, weights, format_conditions(facts, set_to))
 
     def compile(
@@ -134,7 +134,7 @@ class Reasoner:
         Raises:
             ProgramError: a name is unknown, a world violates a condition of the language, or the program has
                 cr-rules, whose worlds depend on the evidence.
-            TooLargeError: the program has too many states.
+            TooLargeError: the program is too large to be compiled.
         """
         from lcorpp.reasoning.circuit.compiler import compile_program  # imports numpy
 
@@ -148,7 +148,7 @@ class Reasoner:
 
         Raises:
             ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: the program has too many states.
+            TooLargeError: the program is too large to be compiled.
         """
         if self.program.has_cr_rules:
             return self._enumeration.sample(rng, given)
@@ -164,13 +164,13 @@ class Reasoner:
         Raises:
             ProgramError: a world violates a condition of the language.
             UndefinedError: no world has positive measure.
-            TooLargeError: the program has too many states.
+            TooLargeError: the program is too large to be compiled.
         """
         if self.program.has_cr_rules:
             return len(self._enumeration.worlds)
         worlds = self._find_worlds({}, ())
-        if not sum(worlds.float_weights("", {}).values()):
-            raise no_world_error(self.program, "")
+        if not sum(worlds.compute_float_weights("", {}).values()):
+            raise make_no_world_error(self.program, "")
         return worlds.count()
 
     @gc_paused()
@@ -181,24 +181,24 @@ class Reasoner:
             exact: whether to return fractions.
 
         Returns:
-            A number, or value -> number. The numbers are `Estimate`s if the program is too large.
+            A number, or value -> number; `Estimate`s if the program is too large to be compiled.
 
         Raises:
             ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: `exact`, and the program has too many states.
+            TooLargeError: `exact`, and the program is too large to be compiled.
+        """
+        return self.build_query_model(query).answer(exact=exact)
+
+    def build_query_model(self, query: Query) -> QueryModel | EnumeratedQuery:
+        """Prepare a query: resolve its names, and ground the program under its conditions.
+
+        Raises:
+            ProgramError: a name in the query is unknown, or arithmetic is undefined.
         """
         query = resolve_query(self.program, query)
         if self.program.has_cr_rules:
-            answer = self._enumeration.ask(query)
-            return answer if exact else _convert_to_floats(answer)  # type: ignore[return-value]
-        model = QueryModel(self.program, query)
-        try:
-            return model.answer(exact=exact)
-        except TooLargeError as error:
-            if exact:
-                raise
-            self._warn(error)
-            return model.estimate(self.samples)
+            return EnumeratedQuery(self._enumeration, query)
+        return QueryModel(self.program, query, samples=self.samples)
 
     # methods of answering
 
@@ -239,7 +239,10 @@ class Reasoner:
 
     @cached_property
     def _enumeration(self) -> Enumeration:
-        return enumerate_worlds(self.program)
+        from lcorpp.reasoning.enumeration.reasoner import Enumeration  # imports numpy and clingo
+
+        LOG.info("%s: a program with cr-rules is answered by enumeration", self.program.file)
+        return Enumeration(self.program)
 
     def _estimate(
         self, reason: TooLargeError, term: str, facts: Mapping[str, str], do: Mapping[str, str]
@@ -249,31 +252,18 @@ class Reasoner:
         from lcorpp.reasoning.distributions import EstimatedDistribution
 
         system = build_transition_system(ground_program(self.program, do))
-        self._warn(reason)
+        warn_of_estimate(reason, self.samples)
         estimates = estimate(system, term, facts, self.samples)
         if estimates.values[""][0]:
-            raise no_value_error(self.program, term, estimates.values[""][0])
+            raise make_no_value_error(self.program, term, estimates.values[""][0])
         values = tuple(value for value in estimates.values if value)
         p, errors = np.array([estimates.values[value] for value in values]).T
         return EstimatedDistribution(values, p / p.sum(), errors, estimates.samples)
-
-    def _warn(self, reason: TooLargeError) -> None:
-        warnings.warn(
-            f"{reason}: estimated from {self.samples} worlds drawn at random", ReasoningWarning, stacklevel=4
-        )
 
 
 def ask(program: Program, query: Query) -> QueryAnswer:
     """Answer one query in fractions: value -> probability, or a probability; see `Reasoner.ask`."""
     return Reasoner(program).ask(query, exact=True)
-
-
-def enumerate_worlds(program: Program) -> Enumeration:
-    """Return the reasoner for a program with cr-rules; the log reports it."""
-    from lcorpp.reasoning.enumeration.reasoner import Enumeration  # imports numpy and clingo
-
-    LOG.info("%s: a program with cr-rules is answered by enumeration", program.file)
-    return Enumeration(program)
 
 
 def _contains_likelihood(evidence: Mapping[str, Label]) -> bool:
@@ -282,10 +272,6 @@ def _contains_likelihood(evidence: Mapping[str, Label]) -> bool:
     from lcorpp.values import Likelihood  # imports numpy
 
     return any(isinstance(value, Likelihood) for value in evidence.values())
-
-
-def _convert_to_floats(answer: dict[str, Fraction] | Fraction) -> dict[str, float] | float:
-    return {v: float(p) for v, p in answer.items()} if isinstance(answer, dict) else float(answer)
 
 
 def _create_reasoner(program: Program, samples: int) -> Reasoner:

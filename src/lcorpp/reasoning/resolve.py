@@ -90,23 +90,15 @@ def resolve_query(program: Program, query: Query) -> Query:
     """Return a query with resolved names after checking it against the program.
 
     Raises:
-        ProgramError: a name or value is unknown.
+        ProgramError: a name or value is unknown, or the query sets a term to two values.
     """
     try:
-        return program.resolve_query(query)
+        query = program.resolve_query(query)
     except SourceIssue as issue:
         raise ProgramError(str(issue)) from None
-
-
-def collect_interventions(query: Query) -> dict[str, str]:
-    """Collect the interventions of a resolved query, term -> value.
-
-    Raises:
-        ProgramError: a term is set to two values.
-    """
     do: dict[str, str] = {}
     for item in query.interventions:
         term, value = canonical_text(item.term), canonical_text(item.value)
         if do.setdefault(term, value) != value:
             raise ProgramError(f"{item.at}: do({term}) sets two values, {do[term]} and {value}")
-    return do
+    return query

@@ -22,7 +22,7 @@ from lcorpp.learning import (
     train,
     train_and_validate,
 )
-from lcorpp.learning.classifiers.contract import SigmoidScores, ensure_predict_proba, predict_proba
+from lcorpp.learning.contract import SigmoidScores, ensure_predict_proba, predict_proba
 from lcorpp.values import Dataset, Instance
 from tests.learning.walkers import walkers
 

@@ -65,7 +65,7 @@ def test_too_few_groups_says_what_is_there_and_what_is_needed():
         check_trainable(small("aaaabbb", "1234556"), folds=3)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10**6), people=st.integers(8, 40), share=st.floats(0.2, 0.8))
 def test_split_keeps_groups_whole_and_every_case(seed, people, share):
     rng = np.random.default_rng(seed)

@@ -223,7 +223,7 @@ cells = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(rows=st.lists(st.tuples(cells, cells), min_size=1, max_size=8), quoted=st.booleans())
 def test_the_quick_way_and_the_careful_way_read_the_same(tmp_path_factory, rows, quoted):
     file = tmp_path_factory.mktemp("rows") / "a.csv"
@@ -240,7 +240,7 @@ def test_the_quick_way_and_the_careful_way_read_the_same(tmp_path_factory, rows,
         assert one.numbers[column].tobytes() == other.numbers[column].tobytes()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(edits=st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), min_size=1, max_size=5))
 def test_a_data_set_whose_bytes_are_changed_is_refused_or_whole(tmp_path_factory, edits):
     file = tmp_path_factory.mktemp("bytes") / "d.npz"
@@ -256,7 +256,7 @@ def test_a_data_set_whose_bytes_are_changed_is_refused_or_whole(tmp_path_factory
     assert data.trajectories.shape[0] == len(data.labels) == len(data.groups)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(
     edits=st.lists(
         st.tuples(st.integers(0, 900), st.sampled_from(["", ",", "\n", '"', "-", "nan", "1e400", "é"])),

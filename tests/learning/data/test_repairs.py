@@ -235,7 +235,7 @@ def test_a_file_of_which_nothing_is_left(tmp_path):
     assert len(read(tmp_path, HEADING + "c,0,1,1,in\n", repair=["all"])) == 0
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=120)
 @given(
     edits=st.lists(
         st.tuples(

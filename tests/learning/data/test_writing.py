@@ -37,7 +37,7 @@ def recordings(draw):
     return Recording(tuple(tracks))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(recording=recordings())
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_written_and_read_is_the_same(tmp_path_factory, suffix, recording):

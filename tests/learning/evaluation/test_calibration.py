@@ -120,7 +120,7 @@ def test_sixty_three_of_sixty_three_is_not_certain():
     )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(2, 4),

@@ -91,7 +91,7 @@ def measured(seed: int, points: int = 50) -> np.ndarray:
     return x
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), rate=st.floats(0.7, 60), points=st.integers(2, 120))
 def test_interpolation_agrees_with_numpy(seed, rate, points):
     interval = 3 / rate / (points - 1) * 1.01
@@ -102,7 +102,7 @@ def test_interpolation_agrees_with_numpy(seed, rate, points):
     np.testing.assert_allclose(found, expected, atol=1e-9)  # rounding of times, times the speed
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10**6), rate=st.sampled_from([2.7, 3.0, 30.0, 1 / 0.033]), end=st.integers(16, 50))
 def test_the_beginning_of_a_track_gives_the_beginning_of_its_motion(seed, rate, end):
     for inputs, x in ((ALL, measured(seed)), (("x", "y", "facing"), measured(seed)[:, [0, 1, 4]])):
@@ -113,7 +113,7 @@ def test_the_beginning_of_a_track_gives_the_beginning_of_its_motion(seed, rate, 
         assert part.shape[2] == int((end - 1) * 0.033 * rate + 1e-6) + 1
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), x=st.floats(-1e3, 1e3), y=st.floats(-1e3, 1e3))
 def test_place_does_not_matter(seed, x, y):
     here = measured(seed)
@@ -122,7 +122,7 @@ def test_place_does_not_matter(seed, x, y):
     np.testing.assert_allclose(motion.transform(here), motion.transform(there), atol=1e-9)  # kilometres
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), x=st.floats(-50, 50), y=st.floats(-50, 50), turned=st.floats(-9, 9))
 def test_only_what_the_robot_sees_matters_not_the_frame_of_the_tracks(seed, x, y, turned):
     here = measured(seed)
@@ -220,6 +220,10 @@ def test_parameters_that_do_not_go_together_are_told(parameters, words):
 
 def test_what_was_stored_of_other_channels_is_refused():
     stored = Motion(features=("x", "heading")).fit(tracks(0)).to_arrays()
-    assert Motion(features=("x", "heading")).from_arrays(stored).rows_ == ("x", "heading_cos", "heading_sin")
+    assert Motion(features=("x", "heading")).restore_arrays(stored).rows_ == (
+        "x",
+        "heading_cos",
+        "heading_sin",
+    )
     with pytest.raises(DataError, match="the features give x, y, not"):
-        Motion().from_arrays(stored)
+        Motion().restore_arrays(stored)

@@ -23,7 +23,7 @@ def test_one_sample_is_one_point():
     assert resample([7.0], [[3.0], [4.0]], 3.0).tolist() == [[3], [4]]
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(seed=st.integers(0, 10**6), rate=st.floats(0.5, 40), origin=st.sampled_from([0.0, 1.7e9]))
 def test_random_times_agree_with_numpy(seed, rate, origin):
     rng = np.random.default_rng(seed)
@@ -37,7 +37,7 @@ def test_random_times_agree_with_numpy(seed, rate, origin):
     np.testing.assert_allclose(found, expected, atol=5e-3)  # a microsecond at up to 4000 a second
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(seed=st.integers(0, 10**6), end=st.integers(1, 40))
 def test_the_beginning_gives_the_beginning(seed, end):
     rng = np.random.default_rng(seed)

@@ -30,7 +30,7 @@ def test_a_straight_walk_and_one_back():
     assert still[-1] == 1
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(arrays(float, st.tuples(st.just(2), st.just(2), st.integers(2, 12)), elements=st.floats(-1e6, 1e6)))
 def test_any_finite_track_has_finite_summaries(tracks):
     found = SummaryFeatures().fit_transform(tracks)
@@ -59,9 +59,9 @@ def test_as_scikit_learn_on_numbers_and_squares(classes):
     theirs = LogisticRegression(C=0.5, max_iter=2000, class_weight="balanced").fit(both, y)
     np.testing.assert_allclose(mine.predict_proba(X), theirs.predict_proba(both), atol=1e-9)
     assert (mine.predict(X) == theirs.predict(both)).all()
-    again = QuadraticLogistic(C=0.5).from_arrays(mine.to_arrays())
+    again = QuadraticLogistic(C=0.5).restore_arrays(mine.to_arrays())
     assert np.array_equal(again.predict_proba(X), mine.predict_proba(X))
     with pytest.raises(DataError, match="trained on 3 features, given shape"):
         mine.predict_proba(X[:, :2])
     with pytest.raises(DataError, match="needs finite weights"):
-        QuadraticLogistic().from_arrays({**mine.to_arrays(), "bias": np.zeros(7)})
+        QuadraticLogistic().restore_arrays({**mine.to_arrays(), "bias": np.zeros(7)})

@@ -17,6 +17,7 @@ from sklearn.utils.class_weight import compute_class_weight
 
 from lcorpp.errors import DataError
 from lcorpp.learning import LstmClassifier, fast_pipeline, paper_pipeline
+from lcorpp.learning.lstm.trainer import CompiledTrainer
 from lcorpp.learning.lstm.training import TrainingConfig, class_weights, learning_rates
 
 from .noise import labels, tracks
@@ -112,7 +113,7 @@ def test_arrays_bring_it_back():
     x = tracks()
     model = LstmClassifier(units=4, epochs=1).fit(x, labels(x))
     arrays = model.to_arrays()
-    again = LstmClassifier(units=4).from_arrays(arrays)
+    again = LstmClassifier(units=4).restore_arrays(arrays)
     assert np.array_equal(again.predict_proba(x), model.predict_proba(x))
     for changed, words in [
         ({"bias": np.zeros(3)}, "an LSTM of 4 units needs weights"),
@@ -122,11 +123,11 @@ def test_arrays_bring_it_back():
         ({"classes": np.array("a")}, "classes of shape"),
     ]:
         with pytest.raises(DataError, match=words):
-            LstmClassifier(units=4).from_arrays({**arrays, **changed})
+            LstmClassifier(units=4).restore_arrays({**arrays, **changed})
     with pytest.raises(DataError, match="4 units do not fit an LSTM of 5"):
-        LstmClassifier(units=5).from_arrays(arrays)
+        LstmClassifier(units=5).restore_arrays(arrays)
     with pytest.raises(DataError, match="has the weights bias, dense"):
-        LstmClassifier(units=4).from_arrays({"classes": arrays["classes"]})
+        LstmClassifier(units=4).restore_arrays({"classes": arrays["classes"]})
 
 
 def test_weights_of_classes_are_those_of_scikit_learn():
@@ -185,14 +186,21 @@ def test_progress_and_interruption_between_epochs():
         LstmClassifier(units=2, epochs=3, progress=interrupt).fit(x, labels(x))
 
 
-def test_ctrl_c_is_heard_in_the_midst_of_an_epoch():
-    x = tracks(6000, points=100)  # an epoch of a second and more
-    told = []
-    model = LstmClassifier(units=200, epochs=1, progress=lambda done, of: told.append(done))
-    threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+def test_interrupt_within_an_epoch(monkeypatch):
+    x = tracks(6000, points=100)  # an epoch takes a second or more
+    run_epoch, completed = CompiledTrainer.run_epoch, []
+
+    def interrupted(self, draw, rates):
+        # started within the epoch, so that the signal cannot arrive before it, however busy the machine is
+        threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+        run_epoch(self, draw, rates)
+        completed.append(True)
+
+    monkeypatch.setattr(CompiledTrainer, "run_epoch", interrupted)
+    model = LstmClassifier(units=200, epochs=1)
     with pytest.raises(KeyboardInterrupt):
         model.fit(x, labels(x))
-    assert told == []
+    assert completed == []
     assert not hasattr(model, "weights_")
 
 

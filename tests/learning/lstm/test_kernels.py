@@ -48,7 +48,7 @@ def task(
     return start, given, plan, draw, rng.uniform(0.001, 0.01, size=-(-cases // batch))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(shapes, st.integers(1, 70))
 def test_an_epoch_leads_where_torch_leads(shape, batch):
     torch_trainer = pytest.importorskip("lcorpp.learning.lstm.torch_trainer", exc_type=DataError)
@@ -67,7 +67,7 @@ def test_an_epoch_leads_where_torch_leads(shape, batch):
             assert moved.max() < 2 * rates.sum(), (level, name)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(shapes)
 def test_scores_and_steps_are_those_of_numpy(shape):
     start, cases, *_ = task(**shape)

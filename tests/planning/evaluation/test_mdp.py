@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 
 from lcorpp.planning import parse_pomdp
-from lcorpp.planning.evaluation.mdp import self_loop_observation_class, zero_reward_states
+from lcorpp.planning.evaluation.mdp import find_self_loop_classes, zero_reward_states
 from tests.planning.models import LCORPP, TIGER, pomdps
 
 
@@ -17,14 +17,14 @@ def test_a_state_with_costs_has_further_rewards():
 
 
 def test_reports_in_the_terminal_state_are_self_loops():
-    shown = self_loop_observation_class(parse_pomdp(LCORPP))
+    shown = find_self_loop_classes(parse_pomdp(LCORPP))
     assert (shown[3:, 4] >= 0).all()
     assert (shown[:, :4] == -1).all()
     assert (shown[:3, 4] == -1).all()  # these actions have a cost
 
 
 @given(pomdps())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_zero_reward_states_reach_no_reward(pomdp):
     step = (np.asarray(pomdp.transition) > 0).any(axis=0)
     reach = np.linalg.matrix_power(step | np.eye(len(step), dtype=bool), len(step)) > 0

@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 from lcorpp.planning import Pomdp, SparseTables, observation_probabilities, parse_pomdp, update
 from lcorpp.planning.sarsop import numpy_kernels
 from lcorpp.planning.sarsop.kernels import build_model
-from lcorpp.planning.sarsop.numpy_kernels.model import row_entries
+from lcorpp.planning.sarsop.numpy_kernels.model import find_row_entries
 from tests.planning.models import TIGER, pomdps
 from tests.planning.sarsop.kernels import (
     BOTH,
@@ -50,24 +50,29 @@ def blocks_by_definition(pomdp: Pomdp) -> list[int]:
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_blocks(kernels, pomdp):
-    assert build_model(kernels, pomdp).blocks().tolist() == blocks_by_definition(pomdp)
+    assert build_model(kernels, pomdp).export_blocks().tolist() == blocks_by_definition(pomdp)
 
 
 @pytest.mark.parametrize("kernels", BOTH)
 def test_blocks_by_hand(kernels):
-    assert build_model(kernels, ring(6)).blocks().tolist() == [0, 1, 0, 1, 0, 1]
-    assert build_model(kernels, parse_pomdp(TIGER)).blocks().tolist() == [0, 0]
-    assert set(build_model(kernels, random_model(1, seen=4, hidden=3)).blocks().tolist()) == {0, 1, 2, 3}
+    assert build_model(kernels, ring(6)).export_blocks().tolist() == [0, 1, 0, 1, 0, 1]
+    assert build_model(kernels, parse_pomdp(TIGER)).export_blocks().tolist() == [0, 0]
+    assert set(build_model(kernels, random_model(1, seen=4, hidden=3)).export_blocks().tolist()) == {
+        0,
+        1,
+        2,
+        3,
+    }
 
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_children_follow_bayes_rule(kernels, pomdp):
     tree, _, _ = make_tree(kernels, pomdp)
-    root = tree.add_node(pomdp.start)
+    root = tree.find_or_add_node(pomdp.start)
     assert tree.belief(root) == pytest.approx(pomdp.start)
     assert tree.expected_rewards(root) == pytest.approx(pomdp.reward @ pomdp.start)
     tree.refresh(root)
@@ -78,14 +83,14 @@ def test_children_follow_bayes_rule(kernels, pomdp):
     assert probability == pytest.approx(expected[observation])
     assert (link == -1).all()
     for k, o in enumerate(observation.tolist()):
-        child = tree.add_child(root, action, k)
+        child = tree.find_or_add_child(root, action, k)
         assert tree.belief(child) == pytest.approx(update(pomdp, pomdp.start, action, o))
-        assert tree.add_child(root, action, k) == child
+        assert tree.find_or_add_child(root, action, k) == child
 
 
 @needs_native
 @given(pomdp=models)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_both_kernels_have_the_same_bounds(pomdp):
     found = [bounds(kernels, build_model(kernels, pomdp)) for kernels in (NATIVE, numpy_kernels)]
     for compiled, numpy in zip(*found, strict=True):
@@ -94,7 +99,7 @@ def test_both_kernels_have_the_same_bounds(pomdp):
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_bounds_are_ordered_and_close_to_exact_values(kernels, pomdp):
     gamma, S = pomdp.discount, len(pomdp.states)
     blind, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1e-6)
@@ -114,7 +119,7 @@ def test_bounds_are_ordered_and_close_to_exact_values(kernels, pomdp):
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_the_informed_bound_is_close_to_its_fixed_point(kernels, pomdp):
     """The fixed point by plain value iteration."""
     gamma = pomdp.discount
@@ -130,7 +135,7 @@ def test_the_informed_bound_is_close_to_its_fixed_point(kernels, pomdp):
 
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_more_sweeps_are_never_worse(kernels, pomdp):
     """Every sweep yields a bound that is at least as tight as the one before."""
     model = build_model(kernels, pomdp)
@@ -180,13 +185,13 @@ def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
 
 def test_row_entries():
     rows = SparseTables.of(np.array([[[0.5, 0.5], [0, 1.0]], [[1, 0], [0.25, 0.75]]]))
-    index, owner = row_entries(rows, np.array([3, 1, 0]))
+    index, owner = find_row_entries(rows, np.array([3, 1, 0]))
     assert rows.values[index].tolist() == [0.25, 0.75, 1.0, 0.5, 0.5]
     assert owner.tolist() == [0, 0, 1, 2, 2]
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_vectors_are_stored_by_block(seed):
     """An observed state is a block of its own."""
     pomdp = random_model(seed, seen=5, hidden=1, signals=1)

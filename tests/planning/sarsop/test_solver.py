@@ -81,7 +81,7 @@ def brute_force(pomdp: Pomdp, belief, steps: int) -> float:
 
 
 @given(pomdps(discounts=(0.3, 0.5)))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_brute_force_is_between_the_bounds(pomdp):
     solution = solve(pomdp, precision=1e-2, time_limit=1)
     assert solution.lower <= solution.upper
@@ -94,7 +94,7 @@ def test_brute_force_is_between_the_bounds(pomdp):
 
 
 @given(pomdps())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_vectors_are_achievable(pomdp):
     """No vector exceeds the value of the fully observable problem."""
     solution = solve(pomdp, precision=1e-2, time_limit=1)

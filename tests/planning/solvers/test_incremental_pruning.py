@@ -51,7 +51,7 @@ def test_a_model_of_eight_states():
 
 
 @given(pomdps(discounts=(0.3, 0.5)))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_brute_force_is_between_the_bounds(pomdp):
     solution = solve_exact(pomdp, precision=1e-4)
     assert solution.reason == "precision reached"
@@ -63,7 +63,7 @@ def test_brute_force_is_between_the_bounds(pomdp):
 
 
 @given(pomdps(discounts=(0.5, 0.8)))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_sarsop_agrees(pomdp):
     """Some models of two states take seconds: bounds at the time limit must agree as well."""
     exact = solve_exact(pomdp, precision=1e-3, time_limit=2)
@@ -73,7 +73,7 @@ def test_sarsop_agrees(pomdp):
 
 
 @given(pomdps(discounts=(0.5, 0.8)))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_the_policy_earns_its_value_at_all_beliefs(pomdp):
     solution = solve_exact(pomdp, precision=1e-3, time_limit=2)
     most = 1e-3 + 1e-12 if solution.reason == "precision reached" else np.inf

@@ -47,7 +47,7 @@ def test_a_large_model():
 
 
 @given(pomdps(discounts=(0.3, 0.5)))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_brute_force_is_between_the_bounds(pomdp):
     solution = solve_perseus(pomdp, precision=1e-2, time_limit=0.5, beliefs=50)
     steps = 4
@@ -57,7 +57,7 @@ def test_brute_force_is_between_the_bounds(pomdp):
 
 
 @given(pomdps())
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_exact_is_between_the_bounds_everywhere(pomdp):
     solution = solve_perseus(pomdp, precision=1e-2, time_limit=0.2, beliefs=50)
     exact = solve_exact(pomdp, precision=1e-3, time_limit=1)

@@ -77,7 +77,7 @@ def test_the_tables_of_the_tiger():
 
 
 @given(pomdps())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_qmdp_is_above_fib_and_that_above_the_truth(pomdp):
     # interrupted when the tables are complete, before the evaluation of the policies
     qmdp, fib = (solver(pomdp, precision=1e-3, callback=interrupt) for solver in (solve_qmdp, solve_fib))
@@ -91,7 +91,7 @@ def test_qmdp_is_above_fib_and_that_above_the_truth(pomdp):
 
 @pytest.mark.parametrize("solver", [solve_qmdp, solve_fib])
 @given(pomdp=pomdps())
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_the_vectors_are_lower_bounds(solver, pomdp):
     solution = solver(pomdp, time_limit=0.3)
     for belief in (pomdp.start, *corners(pomdp)):
@@ -103,7 +103,7 @@ def test_the_vectors_are_lower_bounds(solver, pomdp):
 
 
 @given(pomdps())
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_lower_bounds_of_any_table(pomdp):
     """Not only of bounds: the table of the greedy policy is the reward of one step."""
     from lcorpp.planning import Policy

@@ -81,5 +81,5 @@ def test_too_many_inputs_are_refused():
 
 def test_too_many_states_are_refused(monkeypatch):
     monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (5,))
-    with pytest.raises(TooLargeError, match=r"lcorpp\.plog: more than 5 edges in the circuit"):
+    with pytest.raises(TooLargeError, match=r"lcorpp\.plog: more than 5 arcs in the decision diagram"):
         REASONER.compile(INPUTS, "intention")

@@ -30,7 +30,7 @@ def test_representations_are_short() -> None:
 
 def test_an_explanation_has_a_short_representation() -> None:
     program = parse_plog("p, q : boolean. random(p). q :- p. q=false :- not p.")
-    explanation = explain(program, parse_query("?{q} | obs(p)", program))
+    explanation = explain(Reasoner(program), parse_query("?{q} | obs(p)", program))
     assert repr(explanation) == (
         "<Explanation of ?{q=true} | obs(p=true).: answer 1, 1 conditions, 1 worlds>"
     )

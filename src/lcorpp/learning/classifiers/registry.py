@@ -16,9 +16,9 @@ from typing import Any
 from sklearn.pipeline import Pipeline
 
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.classifiers.contract import SigmoidScores, ensure_predict_proba
 from lcorpp.learning.classifiers.pipelines import fast_pipeline, paper_pipeline
 from lcorpp.learning.classifiers.plugin import load_learner_plugin
+from lcorpp.learning.contract import SigmoidScores, ensure_predict_proba
 from lcorpp.learning.features.motion import Motion
 
 TREES = 100

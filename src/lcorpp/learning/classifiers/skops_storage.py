@@ -27,12 +27,12 @@ TRUSTED = (
     TREE,
     "aeon.classification.convolution_based._minirocket.MiniRocketClassifier",
     "aeon.transformations.collection.convolution_based._minirocket.MiniRocket",
-    "lcorpp.learning.classifiers.contract.SigmoidScores",
+    "lcorpp.learning.contract.SigmoidScores",
 )
 
 RENAMED = {
     b'"__class__": "Scored"': b'"__class__": "SigmoidScores"',
-    b'"lcorpp.learning.fitting"': b'"lcorpp.learning.classifiers.contract"',
+    b'"lcorpp.learning.fitting"': b'"lcorpp.learning.contract"',
 }
 """Names in files written before November 2026 -> names of today."""
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError
-from lcorpp.learning.classifiers.contract import ensure_predict_proba, fit_clone, name_of, predict_proba
+from lcorpp.learning.contract import ensure_predict_proba, fit_clone, name_of, predict_proba
 from lcorpp.learning.data.dataset import check_trainable
 from lcorpp.learning.evaluation.calibration import Calibration, fit_calibration
 from lcorpp.learning.evaluation.thresholds import DecisionThreshold, apply_threshold

@@ -15,7 +15,7 @@ from sklearn.metrics import confusion_matrix, roc_auc_score
 from sklearn.model_selection import StratifiedGroupKFold
 
 from lcorpp.errors import DataError
-from lcorpp.learning.classifiers.contract import ensure_predict_proba, fit_clone, predict_proba
+from lcorpp.learning.contract import ensure_predict_proba, fit_clone, predict_proba
 from lcorpp.learning.data.dataset import check_trainable
 from lcorpp.learning.evaluation.metrics import jeffreys_interval
 from lcorpp.notebook import html_table

@@ -5,25 +5,50 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from lcorpp.errors import DataError, FileError, expected_one_of
-from lcorpp.learning.data.tracks import Recording, Track
-from lcorpp.learning.store.contents import DECODING_ERRORS, Contents, Damage, read_contents
 from lcorpp.learning.store.conversion import convert
 from lcorpp.learning.store.database import (
     acquire_lock,
-    check_is_file,
     connect_reader,
     detect_version,
+    iterate_rows,
+    read_last_record,
+    read_schema,
 )
-from lcorpp.learning.store.records import SOURCES, StoredTrack, decode_trajectory
+from lcorpp.learning.store.records import (
+    FLOAT64,
+    SOURCES,
+    StoredTrack,
+    decode_label,
+    decode_track,
+    is_intact,
+)
 from lcorpp.learning.store.schema import TrackSchema
 from lcorpp.values import Array, Dataset
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A damaged place in a store.
+
+    description: the records or the page, and the fault. lost: number of records lost by it.
+    structural: whether SQLite's own structure is damaged there, so that nothing can be appended safely.
+    """
+
+    description: str
+    lost: int = 0
+    structural: bool = False
+
+    def __str__(self) -> str:
+        plural = "s" * (self.lost != 1)
+        return f"{self.description}; {self.lost} record{plural} lost" if self.lost else self.description
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,6 +57,7 @@ class Snapshot:
 
     path: the file. schema: what all its tracks have in common. tracks: in the order of their records.
     records: number of tracks and later labels. damage: damaged places; their records are lost.
+    identity: 32 hexadecimal digits that no other store has.
     """
 
     path: Path
@@ -39,11 +65,7 @@ class Snapshot:
     tracks: tuple[StoredTrack, ...]
     records: int
     damage: tuple[Damage, ...]
-
-    @classmethod
-    def from_contents(cls, path: Path, contents: Contents) -> Snapshot:
-        """Return a snapshot of contents that were read from `path`."""
-        return cls(path, contents.header.schema, contents.tracks, len(contents.readable), contents.damage)
+    identity: str
 
     def __len__(self) -> int:
         return len(self.tracks)
@@ -98,25 +120,56 @@ class Snapshot:
             and (labels is None or track.label in labels)
         )
 
-    def trajectories(self, tracks: Sequence[StoredTrack] | None = None) -> Array:
+    def trajectories(
+        self, tracks: Sequence[StoredTrack] | None = None, *, points: int | None = None
+    ) -> Array:
         """(cases, channels, time points) the trajectories of some tracks of this snapshot; by default of all.
+
+        Args:
+            points: only the last time points of each track; None takes all.
 
         Raises:
             DataError: the tracks differ in their number of time points.
             FileError: the file cannot be read, or was changed or damaged after the snapshot.
         """
         tracks = self.tracks if tracks is None else tracks
-        points = tracks[0].points if tracks else self.schema.points or 2
-        for track in tracks:
-            if track.points != points:
-                raise DataError(
-                    f"{self.path}: track {track.id!r} has {track.points} time points and {tracks[0].id!r}"
-                    f" {points}; a data set needs an equal number: select tracks, or cut them with `points`"
-                )
+        if points is None:
+            points = tracks[0].points if tracks else self.schema.points or 2
+            for track in tracks:
+                if track.points != points:
+                    raise DataError(
+                        f"{self.path}: track {track.id!r} has {track.points} time points and"
+                        f" {tracks[0].id!r} {points}; a data set needs an equal number: select tracks, or cut"
+                        " them with `points`"
+                    )
         numbers = np.empty((len(tracks), len(self.schema.channels), points))
-        for row, array in zip(numbers, self._read_trajectories(tracks), strict=True):
-            row[:] = array
+        for row, array in zip(numbers, self.iterate_trajectories(tracks), strict=True):
+            row[:] = array[:, -points:]
         return numbers
+
+    def iterate_trajectories(self, tracks: Sequence[StoredTrack]) -> Iterator[Array]:
+        """Yield the trajectory of each track, (channels, time points); its checksum is checked again.
+
+        Raises:
+            FileError: as `trajectories`.
+        """
+        if not tracks:
+            return
+        query = "SELECT * FROM track WHERE record = ?"
+        try:
+            with closing(connect_reader(self.path)) as connection:
+                for track in tracks:
+                    row = connection.execute(query, (track.record,)).fetchone()
+                    if row is None:  # the order of the records is damaged
+                        rows = iterate_rows(connection, "track")
+                        row = next((row for row in rows if row[0] == track.record), None)
+                    if row is None or row[1] != track.id or not is_intact(row):
+                        raise DataError(f"record {track.record} is not track {track.id!r} as it was")
+                    yield np.frombuffer(row[-2], FLOAT64).reshape(len(self.schema.channels), -1)
+        except (sqlite3.Error, DataError) as error:
+            raise FileError(
+                f"{self.path}: a track can no longer be read; the file was changed or damaged: {error}"
+            ) from None
 
     def dataset(self, tracks: Sequence[StoredTrack] | None = None, *, points: int | None = None) -> Dataset:
         """Return labelled tracks as a data set, in their order; its notes describe damage to the store.
@@ -131,29 +184,24 @@ class Snapshot:
             FileError: as `trajectories`.
         """
         tracks = self.select() if tracks is None else tracks
-        notes = tuple(str(damage) for damage in self.damage)
-        if points is None:
-            numbers = self.trajectories(tracks)
-        elif points < 2:
-            raise DataError(f"tracks cut to {points} time points show no motion; at least 2 are needed")
-        else:
-            long = [track for track in tracks if track.points >= points]
-            if len(long) < len(tracks):
-                notes += (f"{len(tracks) - len(long)} tracks of fewer than {points} time points left out",)
-            tracks = long
-            cut = [array[:, -points:] for array in self._read_trajectories(tracks)]
-            numbers = np.reshape(cut, (len(tracks), len(self.schema.channels), points))
+        notes = [str(damage) for damage in self.damage]
+        if points is not None:
+            if points < 2:
+                raise DataError(f"tracks cut to {points} time points show no motion; at least 2 are needed")
+            count, tracks = len(tracks), [track for track in tracks if track.points >= points]
+            if len(tracks) < count:
+                notes.append(f"{count - len(tracks)} tracks of fewer than {points} time points left out")
         labels = []
         for track in tracks:
             if track.label is None:
                 raise DataError(f"{self.path}: track {track.id!r} has no label to learn from")
             labels.append(track.label)
         return Dataset(
-            numbers,
+            self.trajectories(tracks, points=points),
             tuple(labels),
             tuple(track.group for track in tracks),
             source=str(self.path),
-            notes=notes,
+            notes=tuple(notes),
             interval=self.schema.interval,
             channels=self.schema.channels,
         )
@@ -166,24 +214,6 @@ class Snapshot:
         tracks = self.select() if tracks is None else tracks
         confidence = np.array([track.label_record.confidence for track in tracks], dtype=np.float64)
         return np.where(np.isnan(confidence), 1.0, confidence)
-
-    def recording(self) -> Recording:
-        """Return all tracks with their labels as a `Recording`, e.g. for `write_recording`.
-
-        Raises:
-            DataError: the tracks have no x or y. FileError: as `trajectories`.
-        """
-        tracks = [
-            Track(
-                stored.id,
-                np.arange(float(stored.points)) * self.schema.interval,
-                dict(zip(self.schema.channels, numbers, strict=True)),
-                stored.label,
-                stored.group,
-            )
-            for stored, numbers in zip(self.tracks, self._read_trajectories(self.tracks), strict=True)
-        ]
-        return Recording(tuple(tracks), str(self.path))
 
     def counts(self) -> Mapping[tuple[str | None, str], int]:
         """(label, source) -> number of tracks, in the order of the classes."""
@@ -203,25 +233,6 @@ class Snapshot:
         )
         return f"{len(self)} tracks" + (f" ({counts})" if counts else "")
 
-    def _read_trajectories(self, tracks: Sequence[StoredTrack]) -> Iterator[Array]:
-        """Yield the trajectory of each track, (channels, time points); its checksum is checked again."""
-        if not tracks:
-            return
-        check_is_file(self.path)
-        try:
-            with closing(connect_reader(self.path)) as connection:
-                for track in tracks:
-                    row = connection.execute(
-                        "SELECT * FROM track WHERE record = ?", (track.record,)
-                    ).fetchone()
-                    if row is None or row[1] != track.id:
-                        raise DataError(f"record {track.record} is not track {track.id!r}")
-                    yield decode_trajectory(row, self.schema)
-        except (sqlite3.Error, *DECODING_ERRORS) as error:
-            raise FileError(
-                f"{self.path}: a track can no longer be read; the file was changed or damaged: {error}"
-            ) from None
-
 
 def read_store(path: str | Path) -> Snapshot:
     """Read a store; this does not disturb a process that writes to it.
@@ -233,38 +244,87 @@ def read_store(path: str | Path) -> Snapshot:
         DataError: the file is not a store, has a newer version, or its header is damaged.
     """
     path = Path(path)
-    check_is_file(path)
     version = detect_version(path)
+    if version is None:
+        raise FileError(f"{path}: cannot be read: no such file")
     if version == 0:
         raise DataError(f"{path}: an empty file; expected a store of tracks")
     if version == 1:
         with closing(acquire_lock(path)):
             if detect_version(path) == 1:  # no other process was faster
                 convert(path)
-    return Snapshot.from_contents(path, load_contents(path))
+    return load_snapshot(path)
 
 
-def load_contents(path: Path) -> Contents:
-    """Read all records of the SQLite file at `path`.
+def load_snapshot(path: Path) -> Snapshot:
+    """Read and check all records of the SQLite file at `path`.
 
     Raises:
         DataError: its header is damaged. FileError: SQLite cannot open the file.
     """
     try:
         with closing(connect_reader(path)) as connection:
-            return read_contents(connection)
+            identity, schema = read_schema(connection)
+            structure = _check_structure(connection, path)
+            tracks, records, damage = _read_records(connection, schema)
+            if structure and not records:
+                raise DataError(f"no record is readable: {structure[0]}")
     except sqlite3.OperationalError as error:
         raise FileError(f"{path}: cannot be read: {error}") from None
-    except (sqlite3.Error, *DECODING_ERRORS) as error:
+    except (sqlite3.Error, DataError, ValueError) as error:
         raise DataError(f"{path}: a store whose header is damaged: {error}") from None
+    return Snapshot(path, schema, tuple(tracks), records, (*structure, *damage), identity)
+
+
+def _read_records(
+    connection: sqlite3.Connection, schema: TrackSchema
+) -> tuple[list[StoredTrack], int, list[Damage]]:
+    """Return the tracks with all their labels, the number of intact records, and the damaged records."""
+    tracks, damaged, intact = dict[int, StoredTrack](), dict[int, Damage](), set[int]()
+    for table in ("track", "later_label"):
+        for record, *row in iterate_rows(connection, table):
+            try:
+                if not is_intact((record, *row)):
+                    raise DataError("its checksum is wrong")
+                if table == "track":
+                    tracks[record] = decode_track((record, *row), schema)
+                elif row[0] in tracks:
+                    track, label = tracks[row[0]], decode_label(row[1:-1], schema)
+                    tracks[row[0]] = replace(track, label_history=(*track.label_history, label))
+                else:
+                    raise DataError(f"it labels record {row[0]}, which is lost")
+                intact.add(record)
+            except (DataError, RecursionError) as error:  # the second: extra data of great depth
+                damaged[record] = Damage(f"record {record}: {error}", 1)
+    last = max(read_last_record(connection), *intact, 0)
+    places = sorted({0, last + 1, *(record for record in {*intact, *damaged} if record <= last)})
+    for before, after in pairwise(places):
+        if after > before + 1:
+            first, end = before + 1, after - 1
+            which = f"record {first} is" if first == end else f"records {first} to {end} are"
+            damaged[first] = Damage(f"{which} missing", end - first + 1)
+    return (
+        [tracks[record] for record in sorted(tracks)],
+        len(intact),
+        [damaged[record] for record in sorted(damaged)],
+    )
+
+
+def _check_structure(connection: sqlite3.Connection, path: Path) -> list[Damage]:
+    """Return what SQLite reports when it opens the file without leniency and checks its integrity."""
+    report = list[str]()
+    try:
+        report.extend(str(line) for (line,) in connection.execute("PRAGMA integrity_check(10)"))
+        connect_reader(path, ()).close()
+    except sqlite3.DatabaseError as error:
+        report.append(str(error))
+    return [Damage("; ".join(line.splitlines()), structural=True) for line in report if line != "ok"]
 
 
 def is_store(path: str | Path) -> bool:
     """Whether a file is a store, by its name, *.tracks, or its first bytes."""
     path = Path(path)
-    if not path.is_file():
-        return False
     try:
-        return path.suffix == ".tracks" or detect_version(path) > 0
+        return path.is_file() and (path.suffix == ".tracks" or bool(detect_version(path)))
     except DataError:
         return False

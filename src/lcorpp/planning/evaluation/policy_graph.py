@@ -201,7 +201,7 @@ def policy_graph(
 
 
 def _key(graph: BeliefGraph, node: int, merge: str) -> int:
-    return int(graph.vectors[node]) if merge == "vector" else node
+    return int(graph.vector_indices[node]) if merge == "vector" else node
 
 
 def _build(
@@ -215,7 +215,7 @@ def _build(
     sources, targets, observations, probabilities = zip(*edges, strict=True) if edges else ((), (), (), ())
     return PolicyGraph(
         actions=graph.actions[which].astype(np.intp),
-        vectors=graph.vectors[which],
+        vectors=graph.vector_indices[which],
         depths=np.array(depths, dtype=np.intp),
         complete=np.array(complete, dtype=bool),
         sources=np.array(sources, dtype=np.intp),

@@ -28,14 +28,15 @@ CROSSING_TOLERANCE = 1e-9
 """Largest difference by which rounding may make the bounds cross, relative to the largest value."""
 
 SampleFunction = Callable[..., int]
-"""Samples one path and backs up its nodes, as `lcorpp.planning.sarsop.sampling.sample`."""
+"""Samples one path and backs up its nodes, as `lcorpp.planning.sarsop.path_sampling.sample`."""
 
 
 class BoundedTree:
     """A belief tree of a problem with a lower and an upper bound, for one or more searches.
 
     tree: the nodes and bounds. predictor: of the values of nodes.
-    informed: (A, S) the fast informed bound. scale: the largest value, the unit of rounding errors.
+    informed: (A, S) the fast informed bound. max_abs_value: the largest
+        absolute initial bound, at least 1: the unit of rounding errors.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class BoundedTree:
         else:
             mdp = self._kernels.mdp_bound(self._model, 1e-3 * precision, seconds)
             self.informed = self._kernels.fast_informed_bound(self._model, mdp, 1e-2 * precision, seconds)
-        self.scale = max(1.0, float(np.abs(self._blind).max()), float(np.abs(self.informed).max()))
+        self.max_abs_value = max(1.0, float(np.abs(self._blind).max()), float(np.abs(self.informed).max()))
         self.predictor = self._kernels.ValuePredictor(self.informed.max(axis=0))
         self.tree = self._make_tree(previous)
 
@@ -136,7 +137,7 @@ class BoundedSearch:
         """
         self.bounds, self.precision = bounds, precision
         self._began, self._deadline = began, began + time_limit
-        self.roots = [bounds.tree.add_node(belief) for belief in starts]
+        self.roots = [bounds.tree.find_or_add_node(belief) for belief in starts]
         self.trials = 0
         self.history: list[tuple[float, float, float, int]] = []
         self.widest, self.lower, self.upper = self._measure()
@@ -225,7 +226,7 @@ class BoundedSearch:
         tree, widest = self.bounds.tree, (-1, 0.0, -np.inf)
         for root in self.roots:
             low, high = tree.lower_bound(root), tree.upper_bound(root)
-            if low > high + CROSSING_TOLERANCE * self.bounds.scale:
+            if low > high + CROSSING_TOLERANCE * self.bounds.max_abs_value:
                 raise RuntimeError(f"the bounds cross: {low!r} > {high!r}; this is a bug in lcorpp")
             if widest[0] < 0 or high - low > widest[2] - widest[1]:
                 widest = root, low, max(low, high)  # after the check, low exceeds high by rounding at most

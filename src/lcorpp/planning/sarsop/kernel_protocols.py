@@ -24,7 +24,7 @@ and weights from begins[k] to before begins[k + 1], and an upper bound on the va
 class Model(Protocol):
     """The problem in the form of the kernels; `kernels.build_model` makes it."""
 
-    def blocks(self) -> Indices:
+    def export_blocks(self) -> Indices:
         """(S,) block of each state: after an action and an observation, a belief lies within one block."""
 
 
@@ -69,10 +69,10 @@ class Tree(Protocol):
     def group_count(self) -> int:
         """The number of groups."""
 
-    def add_node(self, belief: Belief) -> int:
+    def find_or_add_node(self, belief: Belief) -> int:
         """Return the node of a belief (S,), created if necessary."""
 
-    def add_child(self, node: int, action: int, child: int) -> int:
+    def find_or_add_child(self, node: int, action: int, child: int) -> int:
         """Return the node of a child, given by its index in `children`, created if necessary."""
 
     def refresh(self, node: int) -> None:

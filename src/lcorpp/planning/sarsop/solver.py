@@ -50,10 +50,10 @@ def solve(
         start: (S,) belief for which the policy is optimised, or (N, S) several; the model's own when None.
         precision: stop when upper - lower is at most this, in reward units, at every start belief.
         time_limit: wall-clock seconds.
-        callback: called after each trial.
+        callback: called after each sampled path of beliefs.
         previous: a solution of the same model for other starts. Its vectors and points are valid for all
             beliefs, so the search continues from them and stops at once if its gap is small enough.
-        sample: replaces `lcorpp.planning.sarsop.sampling.sample`.
+        sample: replaces `lcorpp.planning.sarsop.path_sampling.sample`.
         kernels: implementation of the kernels; the compiled ones, if installed, when None.
 
     Returns:

@@ -163,5 +163,5 @@ class _Stages:
         observation = int(np.searchsorted(sums, self.rng.random(), side="right"))
         if observation not in links:
             after = update(self.pomdp, self.tree.belief(node), action, observation)
-            links[observation] = self.tree.add_node(after)
+            links[observation] = self.tree.find_or_add_node(after)
         return links[observation]

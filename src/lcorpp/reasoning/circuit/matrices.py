@@ -7,8 +7,7 @@ are summed out. The probability of t1=v1, ..., tn=vn is
 
 with one matrix for each value of each term. A term without evidence contributes the sum of its matrices,
 which is the circuit with all evidence indicators of the term set to 1. A forward and a backward pass give the
-joint
-probability of the evidence and each value of any term: the derivatives with respect to the indicators.
+joint probability of the evidence and each value of any term: the derivatives with respect to the indicators.
 
 Source: Darwiche, "A differential approach to inference in Bayesian networks", J. ACM 50(3), 2003.
 """

@@ -1,4 +1,4 @@
-"""Step 3: expand a transition system to a decision diagram (a trellis) whose paths are the possible worlds.
+"""Compilation, step 3: expand a transition system to a trellis, whose paths are the possible worlds.
 
 Level k contains the states before step k. Each arc of step k leads to level k + 1 and carries an outcome of
 the step's terms with its probability. The measure of a world is the product along its path, and sums over
@@ -104,7 +104,7 @@ def _expand(system: TransitionSystem, limit: int) -> tuple[Trellis, dict[int, Co
                 known[transition, states] = expanded
         if len(expanded[0][0]) > max_arcs:
             raise TooLargeError(
-                f"{system.program.source.file}: more than {total + max_arcs} edges in the circuit"
+                f"{system.program.source.file}: more than {total + max_arcs} arcs in the decision diagram"
             )
         arcs.append(expanded[0])
         states = expanded[1]

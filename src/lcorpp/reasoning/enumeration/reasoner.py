@@ -15,13 +15,12 @@ import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning.enumeration.measures import measure_worlds, satisfies
-from lcorpp.reasoning.errors import no_value_error
+from lcorpp.reasoning.errors import make_no_value_error
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Query, Term
 from lcorpp.reasoning.resolve import (
-    collect_interventions,
     resolve_evidence,
     resolve_interventions,
     resolve_query,
@@ -190,14 +189,16 @@ class Enumeration:
             else:
                 sums[value] += weight
         if no_value:
-            raise no_value_error(self.program, name, Fraction(no_value, table.total))
+            raise make_no_value_error(self.program, name, Fraction(no_value, table.total))
         return {value: Fraction(weight, table.total) for value, weight in sums.items()}
 
     # tables of worlds
 
     def _condition_on_query(self, query: Query) -> _WorldTable:
         """The worlds that satisfy the conditions of a resolved query."""
-        interventions = collect_interventions(query)
+        interventions = {
+            canonical_text(item.term): canonical_text(item.value) for item in query.interventions
+        }
         literals = [observation.literal for observation in query.observations]
         table = self._enumerate(interventions, literals)
         return self._check_positive(

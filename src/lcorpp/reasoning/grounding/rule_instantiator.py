@@ -2,13 +2,18 @@
 
 The generated function has nested loops over sorts and fact tables (an indexed join) and tests each condition
 as soon as its variables are bound; `grounder` adds the lines that emit a clause for each binding. For
-``ok(X,Y) :- next(X,Y), X != 3`` with facts for `next` the function begins:
+``ok(X,Y) :- next(X,Y), X != 3`` with facts for `next` and the sort `node` of both arguments, the function
+begins:
 
     def run():
-     for v_X, v_Y, in k2.get(('true', ), ()):
+     for v_X, v_Y,  in k2.get(('true', ), ()):
+      if not ((h := k3.get((v_X, v_Y, ))) is not None and compare_values(h, '=', 'true')): continue
       if not (v_X != 3): continue
+      if not (v_X in k4): continue
+      if not (v_Y in k5): continue
 
-Generated source runs faster than closures.
+k2 is an index over the facts, k3 the table of the facts, k4 and k5 contain the members of `node`. Generated
+source runs faster than closures.
 """
 
 from __future__ import annotations
@@ -29,8 +34,8 @@ from lcorpp.reasoning.grounding.values import (
     parse_value,
 )
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
-from lcorpp.reasoning.language.safety import variable_sorts
-from lcorpp.reasoning.language.signature import Signature, Slot
+from lcorpp.reasoning.language.safety import find_variable_sorts
+from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
@@ -55,11 +60,13 @@ Part = Source | Value
 
 
 class RuleInstantiator:
-    """The generated function that enumerates the bindings of one statement's variables.
+    """Generates the function that enumerates the bindings of one statement's variables.
 
     Args:
         members: returns the members of a sort.
-        slots, scope: as in `safety.check_scope`; a variable ranges over the sorts of its slots.
+        slots: the statement's expressions with the sort that their position requires, from
+            `Signature.iter_slots`; a variable ranges over the common members of its sorts.
+        scope: all expressions of the statement; each of their variables is bound.
         body: its comparisons, sort literals and literals of fact attributes restrict the bindings.
         facts: the attributes that only facts define.
         bound: variables bound by the caller, the arguments of the generated function.
@@ -69,7 +76,7 @@ class RuleInstantiator:
         self,
         signature: Signature,
         members: Callable[[str], Mapping[Value, None]],
-        slots: Sequence[Slot],
+        slots: Sequence[ArgumentSlot],
         scope: Sequence[Expression],
         body: Iterable[Literal | Comparison],
         facts: Facts,
@@ -78,14 +85,16 @@ class RuleInstantiator:
         self._signature, self._members = signature, members
         self._facts, self._arguments = facts, tuple(bound)
         used = [variable for expression in scope for variable in iter_variables(expression)]
-        self._sorts = variable_sorts(slots, used, signature)
+        self._sorts = find_variable_sorts(slots, used, signature)
         self._bound = set(bound)
         self._lines: list[str] = []
         self._depth = 1
         self._constants: dict[str, Any] = {"divide": divide, "compare_values": compare_values}
+        # (variables, function that writes the source of the test once they are bound)
         self._tests: list[tuple[set[str], Callable[[], str]]] = []
+        # (variable, expression that it equals, test of the equation)
         self._equations: list[tuple[str, Expression, Callable[[], str]]] = []
-        self._records: list[tuple[Term, str]] = []
+        self._records: list[tuple[Term, str]] = []  # (record with variables, its sort)
         self._fact_literals: list[Literal] = []
         self._collect_conditions(slots, body)
         if not used:
@@ -93,7 +102,7 @@ class RuleInstantiator:
             return
         for name in bound:
             if name in self._sorts:
-                self._tests.append(({name}, self._test_sorts(name)))
+                self._tests.append(({name}, self._make_sort_test(name)))
         self._add_ready_tests()
         while not all(variable.name in self._bound for variable in used):
             self._bind_next_variable()
@@ -120,9 +129,11 @@ class RuleInstantiator:
         if isinstance(expression, Number) or not any(iter_variables(expression)):
             return parse_value(canonical_text(expression))
         if isinstance(expression, Term):
-            inner = " + ',' + ".join(f"str({self._write(argument)})" for argument in expression.arguments)
+            inner = " + ',' + ".join(
+                f"str({self._write_source(argument)})" for argument in expression.arguments
+            )
             return Source(f"({expression.name + '('!r} + {inner} + ')')")
-        left, right = self._write(expression.left), self._write(expression.right)
+        left, right = self._write_source(expression.left), self._write_source(expression.right)
         if expression.operator in ("/", "mod"):
             place = self.name_constant(expression.at)
             return Source(f"divide({left}, {right}, {expression.operator!r}, {place})")
@@ -146,16 +157,19 @@ class RuleInstantiator:
         exec(compile(text, "<instantiator>", "exec"), namespace)
         return namespace["run"]  # type: ignore[no-any-return]
 
-    def _write(self, expression: Expression) -> str:
+    def _write_source(self, expression: Expression) -> str:
+        """Write the source that computes an expression from bound variables."""
         return self.quote(self.translate(expression))
 
     # conditions on the variables
 
-    def _collect_conditions(self, slots: Sequence[Slot], body: Iterable[Literal | Comparison]) -> None:
+    def _collect_conditions(
+        self, slots: Sequence[ArgumentSlot], body: Iterable[Literal | Comparison]
+    ) -> None:
         for expression, sort in slots:
             if isinstance(expression, Variable) or not any(iter_variables(expression)):
                 continue
-            self._tests.append((find_variables(expression), self._test_member(expression, sort, "in")))
+            self._tests.append((find_variables(expression), self._make_member_test(expression, sort, "in")))
             if isinstance(expression, Term):
                 self._records.append((expression, sort))
         for literal in body:
@@ -164,15 +178,19 @@ class RuleInstantiator:
             elif self._signature.is_sort(literal):
                 inner = literal.term.arguments[0]
                 relation = "not in" if literal.negated else "in"
-                test = self._test_member(inner, literal.term.name, relation)
+                test = self._make_member_test(inner, literal.term.name, relation)
                 self._tests.append((find_variables(inner), test))
             elif literal.term.name in self._facts:
                 self._collect_fact(literal)
 
-    def _test_member(self, expression: Expression, sort: str, relation: str) -> Callable[[], str]:
-        return lambda: f"{self._write(expression)} {relation} {self.name_constant(self._members(sort))}"
+    def _make_member_test(self, expression: Expression, sort: str, relation: str) -> Callable[[], str]:
+        """Return a function that writes the source of a membership test; `relation` is `in` or `not in`."""
+        return lambda: (
+            f"{self._write_source(expression)} {relation} {self.name_constant(self._members(sort))}"
+        )
 
-    def _test_sorts(self, name: str) -> Callable[[], str]:
+    def _make_sort_test(self, name: str) -> Callable[[], str]:
+        """Return a function that writes the source of the test that a variable is a member of its sorts."""
         sorts = self._sorts[name]
         return lambda: " and ".join(
             f"v_{name} in {self.name_constant(self._members(sort))}" for sort in sorts
@@ -181,28 +199,29 @@ class RuleInstantiator:
     def _collect_comparison(self, comparison: Comparison) -> None:
         left, right, relation = comparison.left, comparison.right, comparison.relation
 
-        def test() -> str:
+        def write_test() -> str:
             if relation in ("=", "!="):
-                return f"{self._write(left)} {'==' if relation == '=' else '!='} {self._write(right)}"
-            return f"compare_values({self._write(left)}, {relation!r}, {self._write(right)})"
+                operator = "==" if relation == "=" else "!="
+                return f"{self._write_source(left)} {operator} {self._write_source(right)}"
+            return f"compare_values({self._write_source(left)}, {relation!r}, {self._write_source(right)})"
 
-        self._tests.append((find_variables(left) | find_variables(right), test))
+        self._tests.append((find_variables(left) | find_variables(right), write_test))
         if relation == "=":
             for side, other in ((left, right), (right, left)):
                 if isinstance(side, Variable):
-                    self._equations.append((side.name, other, test))
+                    self._equations.append((side.name, other, write_test))
 
     def _collect_fact(self, literal: Literal) -> None:
         table = self._facts[literal.term.name]
 
-        def test() -> str:
-            key = "".join(f"{self._write(argument)}, " for argument in literal.term.arguments)
-            fact = f"{self.name_constant(table)}.get(({key}))"
-            value = self._write(literal.value)
+        def write_test() -> str:
+            arguments = "".join(f"{self._write_source(x)}, " for x in literal.term.arguments)
+            fact = f"{self.name_constant(table)}.get(({arguments}))"
+            value = self._write_source(literal.value)
             agrees = f"(h := {fact}) is not None and compare_values(h, {literal.relation!r}, {value})"
             return f"not ({agrees})" if literal.negated else agrees
 
-        self._tests.append((find_variables(literal.term) | find_variables(literal.value), test))
+        self._tests.append((find_variables(literal.term) | find_variables(literal.value), write_test))
         if not literal.negated and literal.relation == "=":
             self._fact_literals.append(literal)
 
@@ -211,31 +230,43 @@ class RuleInstantiator:
     def _add_ready_tests(self) -> None:
         """Add the tests whose variables are all bound."""
         waiting = []
-        for needed, test in self._tests:
+        for needed, write_test in self._tests:
             if needed <= self._bound:
-                self.add_line(f"if not ({test()}): {'continue' if self._depth > 1 else 'return'}")
+                self.add_line(f"if not ({write_test()}): {'continue' if self._depth > 1 else 'return'}")
             else:
-                waiting.append((needed, test))
+                waiting.append((needed, write_test))
         self._tests = waiting
 
-    def _mark_bound(self, names: Iterable[str], *, checked: bool = False) -> None:
+    def _mark_bound(self, names: Iterable[str], *, in_sorts: bool = False) -> None:
+        """Mark variables as bound and add the tests that are now ready.
+
+        Args:
+            in_sorts: whether the loop ensures that the variables are members of their sorts.
+        """
         for name in names:
             if name not in self._bound:
                 self._bound.add(name)
-                if name in self._sorts and not checked:
-                    self._tests.append(({name}, self._test_sorts(name)))
+                if name in self._sorts and not in_sorts:
+                    self._tests.append(({name}, self._make_sort_test(name)))
         self._add_ready_tests()
 
     def _open_loop(self, targets: str, iterable: str) -> None:
+        """Append the head of a loop; later lines are inside of it."""
         self.add_line(f"for {targets} in {iterable}:")
         self._depth += 1
 
     def _bind_next_variable(self) -> None:
-        """Bind by an equation if possible, otherwise by facts, the smallest sort or a record."""
-        for name, other, test in self._equations:
+        """Bind a variable by an equation if possible, otherwise by facts, the smallest sort or a record.
+
+        Matching a fact binds its bare variables (whole arguments or the value); those inside of records and
+        arithmetic must be bound before. Matching a record binds the variables at any depth except those in
+        arithmetic.
+        """
+        for name, other, write_test in self._equations:
             if name not in self._bound and find_variables(other) <= self._bound:
-                self._tests = [pair for pair in self._tests if pair[1] is not test]  # true by construction
-                self.add_line(f"v_{name} = {self._write(other)}")
+                # the assignment makes the equation true
+                self._tests = [pair for pair in self._tests if pair[1] is not write_test]
+                self.add_line(f"v_{name} = {self._write_source(other)}")
                 self._mark_bound([name])
                 return
         for literal in self._fact_literals:
@@ -250,7 +281,7 @@ class RuleInstantiator:
                 self.add_line(f"v_{name} = {domain[0]!r}")
             else:
                 self._open_loop(f"v_{name}", self.name_constant(domain))
-            self._mark_bound([name], checked=True)
+            self._mark_bound([name], in_sorts=True)
             return
         for term, sort in self._records:
             if find_variables(term) - self._bound and find_arithmetic_variables(term) <= self._bound:
@@ -265,13 +296,14 @@ class RuleInstantiator:
         )
 
     def _list_domain(self, name: str) -> list[Value]:
+        """List the common members of a variable's sorts."""
         first, *others = (self._members(sort) for sort in self._sorts[name])
         if not others:
             return list(first)
         return [member for member in first if all(member in other for other in others)]
 
     def _loop_over_facts(self, literal: Literal) -> None:
-        """Bind variables to the facts that agree with the bound positions, through an index over these."""
+        """Loop over the facts that agree with the bound positions, found by an index over these positions."""
         parts = (*literal.term.arguments, literal.value)
         bound = [i for i, part in enumerate(parts) if find_variables(part) <= self._bound]
         free: dict[str, int] = {}
@@ -288,13 +320,13 @@ class RuleInstantiator:
             if all(row[i] == row[free[name]] for i, name in repeated):
                 key = tuple([row[i] for i in bound])
                 index.setdefault(key, []).append(tuple([row[i] for i in free.values()]))
-        key_source = "".join(f"{self._write(parts[i])}, " for i in bound)
+        key_source = "".join(f"{self._write_source(parts[i])}, " for i in bound)
         targets = "".join(f"v_{name}, " for name in free)
         self._open_loop(targets, f"{self.name_constant(index)}.get(({key_source}), ())")
         self._mark_bound(free)
 
     def _loop_over_records(self, term: Term, sort: str) -> None:
-        """Bind the variables of a record to the members of a sort that match it."""
+        """Loop over the members of a sort that match a record, found by an index over its bound variables."""
         names = sorted(find_variables(term))
         free = [name for name in names if name not in self._bound]
         bound = [name for name in names if name in self._bound and name in find_matched_variables(term)]

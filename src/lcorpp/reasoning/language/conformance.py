@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer, iter_variables
 from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
-from lcorpp.reasoning.language.signature import Signature, Slot
+from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
@@ -67,14 +67,14 @@ def check_ground_literal(literal: Literal, signature: Signature) -> None:
     """
     _check_ground_term(literal.term, signature)
     _check_ground((literal.value,))
-    check_slots(signature.literal_slots(literal), signature)
+    check_slots(signature.iter_literal_slots(literal), signature)
     check_order((literal,), {}, signature)
 
 
 def _check_ground_term(term: Term, signature: Signature) -> None:
     check_attribute(term, signature)
     _check_ground(term.arguments)
-    check_slots(signature.term_slots(term), signature)
+    check_slots(signature.iter_term_slots(term), signature)
 
 
 def _check_ground(expressions: Iterable[Expression]) -> None:
@@ -102,8 +102,8 @@ def check_attribute(term: Term, signature: Signature) -> None:
         )
 
 
-def check_slots(slots: Iterable[Slot], signature: Signature) -> None:
-    """Check that constants in slots are members of their sorts.
+def check_slots(slots: Iterable[ArgumentSlot], signature: Signature) -> None:
+    """Check that constants in argument slots are members of their sorts.
 
     Raises:
         SortMismatch: a constant is not.

@@ -107,7 +107,7 @@ def _parse_attribute_sort(cursor: Cursor, attribute: Term, new_sorts: list[SortD
     if cursor.kind == NAME and cursor.second_kind not in ("(", ".."):
         return cursor.take()
     if not cursor.next_is(NAME, HASH_NAME, INTEGER, "{", "(", "-"):
-        raise cursor.unexpected()
+        raise cursor.make_unexpected_error()
     at = cursor.at
     expression = parse_sort_expression(cursor)
     if isinstance(expression, SortName):
@@ -165,7 +165,7 @@ def _parse_simple_sort(cursor: Cursor) -> SortExpression:
     if cursor.next_is(NAME) and cursor.second_kind == "(":
         return _parse_record_sort(cursor)
     if not cursor.next_is(NAME, INTEGER, "-"):
-        raise cursor.unexpected()
+        raise cursor.make_unexpected_error()
     low = _parse_bound(cursor)
     cursor.expect("..")
     return Interval(low, _parse_bound(cursor), at=at)
@@ -260,7 +260,7 @@ def _parse_comparison(cursor: Cursor, variables: list[str | None]) -> Comparison
         return inside
     left = _parse_side(cursor, variables)
     if not cursor.next_is(*RELATIONS):
-        raise cursor.unexpected(("<",))
+        raise cursor.make_unexpected_error(("<",))
     sign = RELATION_SYNONYMS.get(cursor.word, cursor.word)
     cursor.take()
     return Comparison(left, sign, _parse_side(cursor, variables), at=left.at)

@@ -2,7 +2,7 @@
 
 plog 1.0, recognised by `#domain`: missing declarations are inferred, see `implicit_declarations`.
 plog 2.0: `?c.` of a boolean c asks for the probability of `c=true`.
-plog 2.0: a body literal `obs(a, v, true)` asks whether the program contains the observation `obs(a=v).`
+both dialects: a body literal `obs(a, v, true)` is true if the program contains the observation `obs(a=v).`
     It becomes the boolean attribute `observed_a(v, true)`, with a fact for each observation of the program.
     Observations of a query do not count.
 """
@@ -32,11 +32,11 @@ from lcorpp.reasoning.language.traversal import iter_literals, map_literals
 TRUE, FALSE = Term("true"), Term("false")
 
 
-def desugar(statements: Sequence[Statement], dialect: Semantics) -> tuple[Statement, ...]:
-    """Return plain statements.
+def desugar(statements: Sequence[Statement], semantics: Semantics) -> tuple[Statement, ...]:
+    """Rewrite the constructs of the dialects into plain statements.
 
     Args:
-        dialect: "2018" for plog 2.0.
+        semantics: "2018" for plog 2.0, "2009" for plog 1.0.
 
     Raises:
         SourceIssue: a body contains `do(...)` or an invalid `obs(...)`.
@@ -45,9 +45,9 @@ def desugar(statements: Sequence[Statement], dialect: Semantics) -> tuple[Statem
         from lcorpp.reasoning.language.implicit_declarations import infer_declarations  # rarely needed
 
         statements = infer_declarations(statements)
-    if dialect == "2018":
+    if semantics == "2018":
         statements = _rewrite_boolean_queries(statements)
-    return tuple(_rewrite_observed(statements))
+    return tuple(_rewrite_body_observations(statements))
 
 
 def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statement]:
@@ -63,44 +63,44 @@ def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statem
     ]
 
 
-def _rewrite_observed(statements: Sequence[Statement]) -> Sequence[Statement]:
+def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Statement]:
     """Replace each `obs(...)` in a body by an attribute, and add its declaration and facts."""
-    queried = _find_queried(statements)
-    if not queried:
+    observed_in_bodies = _find_body_observations(statements)
+    if not observed_in_bodies:
         return statements
     declared = {s.name: s for s in statements if isinstance(s, AttributeDeclaration)}
     new: list[Statement] = []
-    for name, term in queried.items():
+    for name, term in observed_in_bodies.items():
         attribute = declared.get(name)
         if attribute is None:
             raise SourceIssue(
                 term.at, f"{name!r} is not declared; expected an attribute in obs(attribute, value)"
             )
         sorts = (*attribute.arguments, attribute.range, BOOLEAN)
-        new.append(AttributeDeclaration(_name_record(name), sorts, BOOLEAN, at=attribute.at))
-    new.extend(_create_facts(statements, queried))
+        new.append(AttributeDeclaration(_format_observed_name(name), sorts, BOOLEAN, at=attribute.at))
+    new.extend(_create_observed_facts(statements, observed_in_bodies))
     return [*(map_literals(statement, _rewrite_literal) for statement in statements), *new]
 
 
-def _find_queried(statements: Sequence[Statement]) -> dict[str, Term]:
+def _find_body_observations(statements: Sequence[Statement]) -> dict[str, Term]:
     """Map the attributes in `obs(...)` of bodies to their first occurrence."""
-    queried: dict[str, Term] = {}
+    first_terms: dict[str, Term] = {}
     for statement in statements:
         for literal, _ in iter_literals(statement):
             if literal.term.name == "do":
                 raise SourceIssue(literal.at, "do(...) is not supported in the body of a rule")
             if literal.term.name == "obs":
-                observed = _split_observed(literal.term)[0]
-                queried.setdefault(observed.name, observed)
-    return queried
+                observed = _split_observation(literal.term)[0]
+                first_terms.setdefault(observed.name, observed)
+    return first_terms
 
 
-def _name_record(attribute: str) -> str:
+def _format_observed_name(attribute: str) -> str:
     return f"observed_{attribute}"
 
 
-def _split_observed(term: Term) -> tuple[Term, Expression, Expression]:
-    """Return attribute term, value and polarity of `obs(term, value, polarity)`."""
+def _split_observation(term: Term) -> tuple[Term, Expression, Expression]:
+    """Split `obs(term, value, polarity)`; value and polarity are `true` by default."""
     first, *rest = term.arguments or (None,)
     if not isinstance(first, Term) or len(rest) > 2:
         raise SourceIssue(
@@ -112,20 +112,30 @@ def _split_observed(term: Term) -> tuple[Term, Expression, Expression]:
 def _rewrite_literal(literal: Literal) -> Literal:
     if literal.term.name != "obs":
         return literal
-    observed, value, polarity = _split_observed(literal.term)
-    term = Term(_name_record(observed.name), (*observed.arguments, value, polarity), at=literal.term.at)
+    observed, value, polarity = _split_observation(literal.term)
+    term = Term(
+        _format_observed_name(observed.name), (*observed.arguments, value, polarity), at=literal.term.at
+    )
     return Literal(term, literal.relation, literal.value, literal.negated, at=literal.at)
 
 
-def _create_facts(statements: Sequence[Statement], queried: dict[str, Term]) -> Iterator[Rule]:
+def _create_observed_facts(
+    statements: Sequence[Statement], observed_in_bodies: dict[str, Term]
+) -> Iterator[Rule]:
     for statement in statements:
         if not isinstance(statement, Observation):
             continue
         literal, at = statement.literal, statement.at
-        if literal.negated or literal.term.name not in queried or literal.relation not in ("=", "!="):
+        if (
+            literal.negated
+            or literal.term.name not in observed_in_bodies
+            or literal.relation not in ("=", "!=")
+        ):
             continue
         polarity = TRUE if literal.relation == "=" else FALSE
         term = Term(
-            _name_record(literal.term.name), (*literal.term.arguments, literal.value, polarity), at=at
+            _format_observed_name(literal.term.name),
+            (*literal.term.arguments, literal.value, polarity),
+            at=at,
         )
         yield Rule(Literal(term, "=", TRUE, at=at), at=at)

@@ -56,7 +56,8 @@ def parse_sum(cursor: Cursor, arrow: bool = False) -> Expression | MinusTerm:
     """Parse a sum, or `-p`.
 
     Args:
-        arrow: whether `+-` is the arrow of a cr-rule; otherwise it adds a negative number.
+        arrow: whether `+-` is the arrow of a consistency-restoring rule (cr-rule); otherwise `+-` adds a
+            negative number.
     """
     left = _parse_product(cursor)
     while True:
@@ -76,12 +77,12 @@ def _parse_product(cursor: Cursor) -> Expression | MinusTerm:
     left = parse_factor(cursor)
     while True:
         if cursor.next_is("*", "/", "\\"):
-            sign = cursor.take().replace("\\", "mod")
+            operator = cursor.take().replace("\\", "mod")
         elif cursor.accept_word("mod"):
-            sign = "mod"
+            operator = "mod"
         else:
             return left
-        left = _combine(sign, left, parse_factor(cursor))
+        left = _combine(operator, left, parse_factor(cursor))
 
 
 def parse_factor(cursor: Cursor) -> Expression | MinusTerm:
@@ -104,7 +105,7 @@ def parse_factor(cursor: Cursor) -> Expression | MinusTerm:
         return Variable(_parse_variable_name(cursor), at=at)
     if cursor.kind == NAME and cursor.word not in RESERVED:
         return _parse_term(cursor, at)
-    raise cursor.unexpected((NAME, VARIABLE))
+    raise cursor.make_unexpected_error((NAME, VARIABLE))
 
 
 def _parse_number(cursor: Cursor, at: Place) -> Number:
@@ -125,8 +126,8 @@ def _parse_variable_name(cursor: Cursor) -> str:
 def _parse_term(cursor: Cursor, at: Place) -> Expression:
     name = cursor.take()
     if not cursor.accept("("):
-        given = cursor.constants.get(name)
-        return Term(name, at=at) if given is None else _copy_constant(given, at)
+        constant = cursor.constants.get(name)
+        return Term(name, at=at) if constant is None else _copy_constant(constant, at)
     cursor.enter()
     arguments = [parse_value(cursor)]
     while cursor.accept(","):
@@ -150,9 +151,9 @@ def _negate(at: Place, expression: Expression | MinusTerm) -> Expression:
     return _check_depth(Arithmetic("-", Number(Fraction(0), at=at), inner, at=at))
 
 
-def _combine(sign: str, left: Expression | MinusTerm, right: Expression | MinusTerm) -> Expression:
+def _combine(operator: str, left: Expression | MinusTerm, right: Expression | MinusTerm) -> Expression:
     first = require_value(left)
-    return _check_depth(Arithmetic(sign, first, require_value(right), at=first.at))
+    return _check_depth(Arithmetic(operator, first, require_value(right), at=first.at))
 
 
 def _check_depth(node: Term | Arithmetic) -> Term | Arithmetic:
@@ -166,21 +167,21 @@ def _check_depth(node: Term | Arithmetic) -> Term | Arithmetic:
 
 def parse_literal(cursor: Cursor, arrow: bool = False) -> Literal | Comparison:
     """Parse `term`, `-term` or `left relation right`."""
-    return parse_relation(parse_sum(cursor, arrow), cursor, arrow)
+    return parse_relation(cursor, parse_sum(cursor, arrow), arrow)
 
 
-def parse_relation(left: Expression | MinusTerm, cursor: Cursor, arrow: bool = False) -> Literal | Comparison:
+def parse_relation(cursor: Cursor, left: Expression | MinusTerm, arrow: bool = False) -> Literal | Comparison:
     """Parse the rest of a literal after its left side."""
     if not cursor.next_is(*RELATIONS):
         return _complete_literal(left)
-    sign = cursor.take()
+    relation = cursor.take()
     if isinstance(left, MinusTerm):
         raise SourceIssue(left.at, f"'-' before a literal with a value; write {left.term}!=...")
     right = require_value(parse_sum(cursor, arrow))
-    sign = RELATION_SYNONYMS.get(sign, sign)
+    relation = RELATION_SYNONYMS.get(relation, relation)
     if isinstance(left, Term):
-        return Literal(left, sign, right, at=left.at)
-    return Comparison(left, sign, right, at=left.at)
+        return Literal(left, relation, right, at=left.at)
+    return Comparison(left, relation, right, at=left.at)
 
 
 def _complete_literal(left: Expression | MinusTerm) -> Literal:
@@ -192,7 +193,10 @@ def _complete_literal(left: Expression | MinusTerm) -> Literal:
 
 
 def has_implicit_value(literal: Literal) -> bool:
-    """Whether the text of a literal has no value; the implicit one has the place of the literal."""
+    """Whether the text of a literal has no value.
+
+    The parser gives an implicit value the place of the literal, where no explicit value can begin.
+    """
     return literal.value.at == literal.term.at or literal.value.at == literal.at
 
 

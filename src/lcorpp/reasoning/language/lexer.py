@@ -46,42 +46,41 @@ _TOKEN = re.compile(
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
+_COMMENT_MARK = re.compile(r"%\*|\*%")
+
+_NO_LINE_END = re.compile(r"[^\r\n]")
+
 MAX_DEPTH = 100
 """Maximal nesting depth, so that recursive functions are safe."""
 
 
-def _blank_block_comments(text: str) -> str:
+def _erase_block_comments(text: str) -> str:
     """Replace block comments `%* ... *%` by spaces; keep line ends. `%*` without `*%` is a line comment.
 
-    Block comments are plog 2.0's; programs for plog 1.0 contain lines such as `%*Title*`.
+    Block comments are plog 2.0's and nest; programs for plog 1.0 contain lines such as `%*Title*`.
     """
     if "%*" not in text or "*%" not in text:
         return text
-    last = text.rindex("*%")
+    last_close = text.rindex("*%")
     parts: list[str] = []
-    done = start = 0
+    copied = start = 0  # `parts` covers text[:copied]
     while (start := text.find("%", start)) >= 0:
-        if not text.startswith("%*", start) or start + 2 > last:
-            end = _LINE_END.search(text, start)
-            if end is None:
+        if not text.startswith("%*", start) or start + 2 > last_close:  # a line comment
+            line_end = _LINE_END.search(text, start)
+            if line_end is None:
                 break
-            start = end.start()
+            start = line_end.start()
             continue
-        depth, end_of = 1, start + 2
+        depth, end = 1, start + 2
         while depth:
-            mark = _MARK.search(text, end_of)
+            mark = _COMMENT_MARK.search(text, end)
             if mark is None:
                 break
             depth += 1 if mark.group() == "%*" else -1
-            end_of = mark.end()
-        parts += [text[done:start], _VISIBLE.sub(" ", text[start:end_of])]
-        done = start = end_of
-    return "".join([*parts, text[done:]])
-
-
-_MARK = re.compile(r"%\*|\*%")
-
-_VISIBLE = re.compile(r"[^\r\n]")
+            end = mark.end()
+        parts += [text[copied:start], _NO_LINE_END.sub(" ", text[start:end])]
+        copied = start = end
+    return "".join([*parts, text[copied:]])
 
 
 class Cursor:
@@ -98,17 +97,17 @@ class Cursor:
         self.kinds: list[str] = []
         self.texts: list[str] = []
         self._starts: list[int] = []
-        for found in _TOKEN.finditer(_blank_block_comments(text)):
-            group = found.lastgroup
+        for token_match in _TOKEN.finditer(_erase_block_comments(text)):
+            group = token_match.lastgroup
             if group is None:
                 continue
-            token = found.group()
+            token = token_match.group()
             self.kinds.append(_KINDS.get(group, token))
             self.texts.append(token)
-            self._starts.append(found.start())
+            self._starts.append(token_match.start())
         self.kinds += [END, END]  # two: `second_kind` looks ahead
         self.texts += ["", ""]
-        self._lines = [0, *(found.end() for found in _LINE_END.finditer(text))]
+        self._lines = [0, *(line_end.end() for line_end in _LINE_END.finditer(text))]
         self.index = 0
         self.constants: dict[str, Expression] = {}
         self.uses_plog2 = False
@@ -136,10 +135,10 @@ class Cursor:
     def at(self) -> Place:
         """The place of the next token; at the end of the text, the place after its last visible character."""
         if self.kind == END:
-            return self._place(len(self.text.rstrip()))
-        return self._place(self._starts[self.index])
+            return self._find_place(len(self.text.rstrip()))
+        return self._find_place(self._starts[self.index])
 
-    def _place(self, offset: int) -> Place:
+    def _find_place(self, offset: int) -> Place:
         line = bisect_right(self._lines, offset)
         return Place(self.file, line, offset - self._lines[line - 1] + 1)
 
@@ -151,7 +150,7 @@ class Cursor:
         return token
 
     def accept(self, kind: str) -> bool:
-        """Consume the next token if it is of this kind; return whether it is."""
+        """Return whether the next token is of this kind; if so, consume it, else messages list the kind."""
         if self.kinds[self.index] == kind:
             self.take()
             return True
@@ -159,7 +158,7 @@ class Cursor:
         return False
 
     def accept_word(self, word: str) -> bool:
-        """Consume the next token if it is this name; return whether it is."""
+        """Return whether the next token is this name; if so, consume it, else messages list the name."""
         if self.kinds[self.index] == NAME and self.texts[self.index] == word:
             self.take()
             return True
@@ -167,7 +166,7 @@ class Cursor:
         return False
 
     def next_is(self, *kinds: str) -> bool:
-        """Whether the next token is of one of these kinds."""
+        """Return whether the next token is of one of these kinds; if not, messages list them as expected."""
         if self.kinds[self.index] in kinds:
             return True
         self._expected_kinds.update(kinds)
@@ -180,10 +179,10 @@ class Cursor:
             SourceIssue: the next token is of another kind.
         """
         if self.kinds[self.index] != kind:
-            raise self.unexpected((kind,))
+            raise self.make_unexpected_error((kind,))
         return self.take()
 
-    def unexpected(self, expected: Iterable[str] = ()) -> SourceIssue:
+    def make_unexpected_error(self, expected: Iterable[str] = ()) -> SourceIssue:
         """Return the error for the next token, with all tokens expected in its place."""
         kinds = {*self._expected_kinds, *expected} - _HINTS_OMITTED
         names = {kind if kind in _NAMED_KINDS else f"'{kind}'" for kind in kinds}

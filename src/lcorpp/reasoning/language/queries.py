@@ -52,7 +52,7 @@ def _apply_polarity(cursor: Cursor, literal: Literal) -> Literal:
     if cursor.accept_word("true"):
         return literal
     if not cursor.accept_word("false"):
-        raise cursor.unexpected()
+        raise cursor.make_unexpected_error()
     return Literal(
         literal.term, NEGATED_RELATIONS[literal.relation], literal.value, literal.negated, at=literal.at
     )
@@ -156,5 +156,5 @@ def _parse_conditions(cursor: Cursor) -> Conditions:
         elif cursor.kind == NAME and cursor.word == "do":
             interventions.append(parse_intervention(cursor))
         else:
-            raise cursor.unexpected(("obs", "do"))
+            raise cursor.make_unexpected_error(("obs", "do"))
     return tuple(observations), tuple(interventions)

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, iter_variables
 from lcorpp.reasoning.language.conformance import check_integer, check_order, check_slots
 from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.signature import Signature, Slot
+from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Comparison,
@@ -29,7 +29,7 @@ MAX_INSTANCES = 2_000_000
 def check_variables(
     at: Place,
     scope: Sequence[Expression],
-    slots: list[Slot],
+    slots: list[ArgumentSlot],
     body: Iterable[Literal | Comparison],
     signature: Signature,
     number: Expression | None = None,
@@ -49,7 +49,7 @@ def check_variables(
     """
     check_slots(slots, signature)
     used = [variable for expression in scope for variable in iter_variables(expression)]
-    sorts = variable_sorts(slots, used, signature)
+    sorts = find_variable_sorts(slots, used, signature)
     span = outcomes
     computed = _find_computed(body)
     for name, found in sorts.items():
@@ -79,10 +79,10 @@ def check_variables(
             _check_arithmetic(expression, bounds, sorts, signature)
 
 
-def variable_sorts(
-    slots: Iterable[Slot], used: Iterable[Variable], signature: Signature
+def find_variable_sorts(
+    slots: Iterable[ArgumentSlot], used: Iterable[Variable], signature: Signature
 ) -> dict[str, list[str]]:
-    """Map each variable to its sorts: those of its slots and of `#domain`."""
+    """Map each variable to its sorts: those of its argument slots and of `#domain`."""
     sorts: dict[str, list[str]] = {}
     for variable in used:
         if variable.name in signature.domains:

@@ -83,7 +83,7 @@ def _parse_statement(cursor: Cursor) -> Iterator[Statement]:
         yield parse_intervention(cursor)
         cursor.expect(".")
     elif kind == NAME and cursor.word == "not":
-        raise cursor.unexpected()
+        raise cursor.make_unexpected_error()
     else:
         yield from _parse_declaration_or_rule(cursor)
 
@@ -106,7 +106,7 @@ def _parse_declaration_or_rule(cursor: Cursor) -> Iterator[Statement]:
     elif cursor.kind == "=" and cursor.second_kind == "{":
         yield parse_plain_sort(cursor, left)
     else:
-        yield _parse_rule(cursor, parse_relation(left, cursor, arrow=True), None)
+        yield _parse_rule(cursor, parse_relation(cursor, left, arrow=True), None)
 
 
 def _parse_domains(cursor: Cursor) -> Iterator[DomainDirective]:
@@ -128,7 +128,7 @@ def _parse_domains(cursor: Cursor) -> Iterator[DomainDirective]:
 
 def _parse_domain_variable(cursor: Cursor) -> str:
     if cursor.word == "_":
-        raise cursor.unexpected((VARIABLE,))
+        raise cursor.make_unexpected_error((VARIABLE,))
     return cursor.expect(VARIABLE)
 
 

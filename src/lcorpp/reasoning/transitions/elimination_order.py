@@ -1,4 +1,4 @@
-"""Step 2a: order the components of a ground program so that the frontier stays small.
+"""Compilation, step 2: order the components of a ground program so that the frontier stays small.
 
 A component is a strongly connected set of terms of the dependency graph (usually one term); each comes after
 the components that its clauses name. The frontier after a component consists of the decided terms that
@@ -31,7 +31,7 @@ def order_components(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list
     joint: set[frozenset[int]] = set()  # the terms of a constraint are on the frontier until all are decided
     for clause in clauses:
         body = clause.body
-        if clause.term >= 0:
+        if clause.term >= 0:  # constraints have no head
             for literal in body:
                 needs[clause.term].add(literal[0])
         elif len(body) > 1:
@@ -42,7 +42,7 @@ def order_components(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list
     component_needs = needs
     constraints: Iterable[frozenset[int]] = joint
     if any(needed and max(needed) > term for term, needed in enumerate(needs)):  # cycles are possible
-        strong = strongly_connected_components(needs)
+        strong = find_strongly_connected_components(needs)
         if len(strong) < n_terms:
             components = sorted(strong)
             component_of = {term: i for i, terms in enumerate(components) for term in terms}
@@ -130,7 +130,7 @@ def _order_greedily(
     return order
 
 
-def strongly_connected_components(needs: Sequence[Iterable[int]]) -> list[tuple[int, ...]]:
+def find_strongly_connected_components(needs: Sequence[Iterable[int]]) -> list[tuple[int, ...]]:
     """Return the strongly connected components of a graph, each after the components it points to.
 
     Args:

@@ -1,4 +1,4 @@
-"""Step 2c: the local distribution of a recursive component, by the stable models of its clauses.
+"""Compilation, step 2: the local distribution of a recursive component, by the stable models of its clauses.
 
 A component is recursive if its terms depend on each other or on themselves. The cheapest method applies:
 
@@ -45,7 +45,11 @@ def build_component(
     """Choose the cheapest local distribution for a recursive component.
 
     Args:
-        clauses: the clauses with their bits; the bodies have literals of these terms only.
+        program: the ground program; its clauses are not used.
+        terms: the terms of the component.
+        clauses: each clause, with the literals about `terms` as body, and the state bit that is set if the
+            other literals of its body are satisfied; 0 if there are none.
+        cache: shared by all components, see `enumerate_outcomes`.
         queried: the terms whose outcomes are computed at once, those of other terms on demand.
     """
     has_selections = any(clause.kind is ClauseKind.SELECT for _, clause in clauses)
@@ -58,7 +62,11 @@ def build_component(
 
 @dataclass(slots=True, eq=False)
 class RecursiveComponent:
-    """The local distribution of a recursive component by enumeration of its stable models."""
+    """The local distribution of a recursive component by enumeration of its stable models.
+
+    program, terms, clauses, cache: as in `build_component`.
+    logged: whether the log reports the use of clingo already.
+    """
 
     program: GroundProgram
     terms: tuple[int, ...]
@@ -72,17 +80,25 @@ class RecursiveComponent:
 
     def _compute_outcomes(self, state: int) -> list[Outcome]:
         clauses = [clause for bit, clause in self.clauses if not bit or state & bit]
-        models = self._guess_models(clauses) if len(self.terms) == 1 else self._solve_models(clauses)
+        models = (
+            self._enumerate_single_term_models(clauses)
+            if len(self.terms) == 1
+            else self._enumerate_clingo_models(clauses)
+        )
         return [outcome for model in models if (outcome := self._weigh(model, clauses))]
 
-    def _guess_models(self, clauses: Sequence[Clause]) -> Iterator[dict[int, int]]:
-        """The stable models of one term: each outcome that is the least model of its own reduct."""
+    def _enumerate_single_term_models(self, clauses: Sequence[Clause]) -> Iterator[dict[int, int]]:
+        """Enumerate the stable models of one term: each outcome that is the least model of its own reduct.
+
+        `mask >> outcome & 1` is 1 if the outcome satisfies the literal with this mask.
+        """
         term = self.terms[0]
         no_value = len(self.program.values[term])
-        do = self.program.do.get(term)
+        do_value = self.program.do.get(term)  # None without an intervention
         for guess in range(no_value + 1):
+            # the clauses whose negated literals the guess satisfies
             reduct = [c for c in clauses if all(not n or mask >> guess & 1 for _, mask, n in c.body)]
-            values = {do} if do is not None and self.program.do_is_fact else set()
+            values = {do_value} if do_value is not None and self.program.do_is_fact else set()
             grown = True
             while grown and len(values) < 2:
                 before = set(values)
@@ -90,17 +106,17 @@ class RecursiveComponent:
                     if all(n or any(mask >> v & 1 for v in values) for _, mask, n in clause.body):
                         if clause.kind is ClauseKind.DERIVE:
                             values.add(clause.value)
-                        elif clause.kind is ClauseKind.SELECT and do is not None:
-                            values.add(do)
+                        elif clause.kind is ClauseKind.SELECT and do_value is not None:
+                            values.add(do_value)
                         elif clause.kind is ClauseKind.SELECT and guess < no_value:
-                            values.add(guess)  # the selection of another value is another guess
+                            values.add(guess)  # other selected values are tested by their own guess
                         elif clause.kind is ClauseKind.SELECT:
                             values |= {0, 1}  # contradicts the guess that the term has no value
                 grown = values != before
             if values == ({guess} if guess < no_value else set()):
                 yield {term: guess}
 
-    def _solve_models(self, clauses: Sequence[Clause]) -> Iterator[dict[int, int]]:
+    def _enumerate_clingo_models(self, clauses: Sequence[Clause]) -> Iterator[dict[int, int]]:
         if not self.logged:
             self.logged = True
             LOG.info(
@@ -108,7 +124,7 @@ class RecursiveComponent:
                 self.program.source.file,
                 self._format_terms(),
             )
-        for count, atoms in enumerate(stable_models("\n".join(self._translate(clauses)))):
+        for count, atoms in enumerate(enumerate_stable_models("\n".join(self._translate(clauses)))):
             if count == MAX_MODELS:
                 raise ProgramError(
                     f"{self.program.source.file}: more than {MAX_MODELS} stable models of"
@@ -123,7 +139,12 @@ class RecursiveComponent:
         return f"{names}{', ...' if len(self.terms) > 5 else ''}"
 
     def _translate(self, clauses: Sequence[Clause]) -> Iterator[str]:
-        """The component as an answer set program: h(term, value), sel(selection), pos(selection, ...)."""
+        """Translate the component to an answer set program.
+
+        h(term, value): the term has the value; sel(selection): the body of the selection is true;
+        pos(selection, term, value): the value is in the dynamic range; in(term, number): the outcome of the
+        term is in the set of outcomes with this number.
+        """
         yield "#show h/2. #defined h/2. #defined pos/3. :- h(T,V), h(T,W), V < W."
         do = self.program.do
         outcome_sets: dict[tuple[int, int], str] = {}
@@ -132,21 +153,21 @@ class RecursiveComponent:
             if term in do and self.program.do_is_fact:
                 yield f"h({term},{do[term]})."
         for clause in clauses:
-            if clause.kind is ClauseKind.ASSIGN:
+            if clause.kind is ClauseKind.ASSIGN:  # pr-atoms do not change the models, only their weights
                 continue
             condition, term = self._translate_body(clause.body, outcome_sets), clause.term
             if clause.kind is ClauseKind.DERIVE:
                 yield f"h({term},{clause.value}) :- {condition}."
                 continue
-            key = selections.setdefault((clause.statement, clause.instance), len(selections))
+            selection = selections.setdefault((clause.statement, clause.instance), len(selections))
             if clause.kind is ClauseKind.RANGE:
-                yield f"pos({key},{term},{clause.value}) :- {condition}."
+                yield f"pos({selection},{term},{clause.value}) :- {condition}."
             elif not (term in do and self.program.do_is_fact):
                 last = len(self.program.values[term]) - 1
                 chosen = f"h({term},{do[term]})" if term in do else f"1 {{ h({term},0..{last}) }} 1"
-                yield f"sel({key}) :- {condition}. {chosen} :- sel({key})."
+                yield f"sel({selection}) :- {condition}. {chosen} :- sel({selection})."
                 if self.program.has_dynamic_range(clause.statement):
-                    yield f":- sel({key}), h({term},V), not pos({key},{term},V)."
+                    yield f":- sel({selection}), h({term},V), not pos({selection},{term},V)."
         for (term, mask), name in outcome_sets.items():
             for value in range(len(self.program.values[term])):
                 if mask >> value & 1:
@@ -163,7 +184,7 @@ class RecursiveComponent:
         return ", ".join(parts) or "#true"
 
     def _weigh(self, model: dict[int, int], clauses: Sequence[Clause]) -> Outcome | None:
-        """The outcome of a stable model: the product of the probabilities of its random terms."""
+        """Weigh a stable model by the probabilities of its random terms; None if it is not a world."""
         clauses_of: dict[int, dict[ClauseKind, list[Clause]]] = {
             term: {kind: [] for kind in ClauseKind} for term in self.terms
         }
@@ -183,17 +204,18 @@ class RecursiveComponent:
                 kinds[ClauseKind.ASSIGN],
                 self.cache,
             )
-            outcome = next((o for o in outcomes if o[0] == model[term]), None)
+            outcome = next((outcome for outcome in outcomes if outcome[0] == model[term]), None)
             if outcome is None:
                 return None
-            weight *= outcome[1]
-            if outcome[2] and not violation:
-                violation = outcome[2]
+            _, probability, term_violation = outcome
+            weight *= probability
+            if term_violation and not violation:
+                violation = term_violation  # a new object of each call, not shared
                 violation.term_index = index
         return Outcome(tuple([model[term] for term in self.terms]), weight, violation)
 
 
-def stable_models(text: str) -> Iterator[dict[int, int]]:
+def enumerate_stable_models(text: str) -> Iterator[dict[int, int]]:
     """Enumerate the stable models of an answer set program that shows h(term, value), as term -> value."""
     import clingo  # here, as few programs need it
 

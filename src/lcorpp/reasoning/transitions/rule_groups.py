@@ -1,20 +1,22 @@
-"""Step 2b: group the clauses of a component by structure, so that equal components share all later work.
+"""Compilation, step 2: group clauses by structure, so that equal components share all later work.
 
 Relational programs say the same of most terms: ``x(T+1)`` depends on ``x(T)`` for each T. A `RuleGroup`
-therefore refers to the terms in its bodies only by the rank of the step that decides them, and to the bits of
-the state only by slots; `transition_builder` assigns bits to the slots of each component. For
+therefore refers to a term in its bodies only by the rank of the step that decides it (rank 0 for the earliest
+of these steps), and to a bit of the state only by a bit slot; `transition_builder` assigns a bit to each slot
+of each component. For
 
     x(5)=true :- x(4)=true, y(2)=true.      x(5)=true :- z(1)=true.
 
 decided in the order z(1), y(2), x(4), there are three dependencies (ranks 0, 1, 2) and one clause group with
-two bodies. One slot records that a body is satisfied; another that the first body, which spans ranks 1 to 2,
-is falsified.
+two bodies. The bit of one slot records that a body is satisfied; that of another slot that the first body,
+which spans ranks 1 to 2, is falsified.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram, Literal
 
@@ -27,10 +29,23 @@ DERIVE, ASSIGN, FORBID = (  # local names: the attribute access of Enum members 
 Conditions = tuple[tuple[int, int], ...]
 """(index of a term in its component, mask of the outcomes that satisfy the literal), for each literal."""
 
-BodyUpdate = tuple[Conditions, int, bool, int]
-"""How a step updates a body: the conditions on its terms, the slot of *falsified* (-1 if only this step
-matters for the body), whether this is the last step of the body, and the slot of *satisfied* (-1 for a
-constraint)."""
+NO_SLOT = -1
+"""The bit slot of what needs no bit."""
+
+
+class BodyUpdate(NamedTuple):
+    """How a step updates a body.
+
+    conditions: on the terms that the step decides.
+    falsified: the bit slot for "a literal is false", `NO_SLOT` if only this step matters for the body.
+    is_last: whether no later step matters for the body.
+    satisfied: the bit slot for "a body is satisfied", `NO_SLOT` for a constraint.
+    """
+
+    conditions: Conditions
+    falsified: int
+    is_last: bool
+    satisfied: int
 
 
 @dataclass(slots=True, eq=False)
@@ -39,28 +54,28 @@ class ClauseGroup:
 
     clause: the head, and those literals of the body that are about the component itself.
     always: whether one of the bodies is always true.
-    satisfied: the slot of the bit for "a body is satisfied", -1 if `always`.
+    satisfied: the bit slot for "a body is satisfied", `NO_SLOT` if `always`.
     """
 
     clause: Clause
     always: bool = False
-    satisfied: int = -1
+    satisfied: int = NO_SLOT
     bodies: list[Body] = field(default_factory=list)
 
 
 @dataclass(slots=True, eq=False)
 class Body:
-    """The literals of a body by the ranks of the steps that decide their terms.
+    """The literals of a body about other components, by the ranks of the steps that decide their terms.
 
     conditions: (rank, conditions on the terms of that step), sorted by rank.
     first, last: the lowest and highest rank.
-    falsified: the slot of the bit for "a literal is false", -1 if `first` is `last`.
+    falsified: the bit slot for "a literal is false", `NO_SLOT` if `first` is `last`.
     """
 
     conditions: Sequence[tuple[int, Conditions]]
     first: int
     last: int
-    falsified: int = -1
+    falsified: int = NO_SLOT
 
 
 @dataclass(slots=True, eq=False)
@@ -68,21 +83,21 @@ class Dependency:
     """The dependency of a rule group on one earlier step.
 
     rank: the position of the step among those that the rule group depends on.
-    allocates, releases: the slots whose bits this step uses first, and last.
+    allocates, releases: the bit slots whose bits this step uses first, and last.
     updates: the bodies that the step can satisfy or falsify.
-    groups: the clause groups with several bodies among them.
+    clause_groups: those clause groups with several bodies of which the step updates one.
     """
 
     rank: int
     allocates: list[int] = field(default_factory=list)
     releases: list[int] = field(default_factory=list)
     updates: list[BodyUpdate] = field(default_factory=list)
-    groups: list[ClauseGroup] = field(default_factory=list)
+    clause_groups: list[ClauseGroup] = field(default_factory=list)
 
-    def list_slots(self) -> list[int]:
-        """Return the slots of all bits that the step reads or writes."""
-        slots = {slot for _, falsified, _, satisfied in self.updates for slot in (falsified, satisfied)}
-        slots.update([body.falsified for group in self.groups for body in group.bodies])
+    def list_bit_slots(self) -> list[int]:
+        """Return the bit slots of all bits that the step reads or writes."""
+        slots = {slot for update in self.updates for slot in (update.falsified, update.satisfied)}
+        slots.update([body.falsified for group in self.clause_groups for body in group.bodies])
         return sorted(slots)
 
 
@@ -91,18 +106,19 @@ class RuleGroup:
     """The clauses of one component, or constraints over the same terms, without the names of other terms.
 
     terms: the terms of the first component with this rule group; none for constraints.
+    clause_groups: the clauses by head; none for constraints.
     always: the indexes of the clause groups with a body that is always true.
     dependencies: one for each step that decides a term of the bodies, in the order of the steps.
-    n_slots: the number of bits; those for *satisfied* come first, in the order of the clause groups.
+    n_bit_slots: the number of bits; those for *satisfied* come first, in the order of the clause groups.
     recursive: whether a term depends on itself, or several terms on each other.
     is_shared: whether several components have this rule group.
     """
 
     terms: tuple[int, ...]
-    groups: list[ClauseGroup]
+    clause_groups: list[ClauseGroup]
     always: list[int]
     dependencies: list[Dependency]
-    n_slots: int = 0
+    n_bit_slots: int = 0
     recursive: bool = False
     is_shared: bool = False
 
@@ -129,6 +145,7 @@ class RuleGroup:
                 constraints.append(body)
                 continue
             kind, key = clause.kind, None  # type: ClauseKind, object
+            # equal keys: one clause group; a number is unique, so that such a clause has its own group
             if own_literals:
                 key, recursive = number, True
             elif kind is ASSIGN:
@@ -139,45 +156,48 @@ class RuleGroup:
                 key = kind, clause.term, clause.value, clause.statement, clause.instance
             group = groups.get(key)
             if group is None:
-                group = groups[key] = ClauseGroup(_with_body(clause, own_literals))
+                group = groups[key] = ClauseGroup(_replace_body(clause, own_literals))
             if body.conditions:
                 group.bodies.append(body)
             else:
                 group.always = True
-        count = 1 + max([rank for rank, _ in needed.values()], default=-1)
+        n_steps = 1 + max([rank for rank, _ in needed.values()], default=-1)
         always = [number for number, group in enumerate(groups.values()) if group.always]
-        result = cls(terms, list(groups.values()), always, [Dependency(rank) for rank in range(count)])
+        result = cls(terms, list(groups.values()), always, [Dependency(rank) for rank in range(n_steps)])
         result.recursive = recursive
-        for group in result.groups:
+        for group in result.clause_groups:
             if group.always:
                 group.bodies = []
             else:
-                group.satisfied = result._new_slot()
-                first_end = min([body.last for body in group.bodies])
-                result.dependencies[first_end].allocates.append(group.satisfied)
-        for group in result.groups:
-            result._register(group.bodies, group.satisfied)
+                group.satisfied = result._add_bit_slot()
+                earliest_end = min([body.last for body in group.bodies])
+                result.dependencies[earliest_end].allocates.append(group.satisfied)
+        for group in result.clause_groups:
+            result._register_bodies(group.bodies, group.satisfied)
             if len(group.bodies) > 1:
                 for rank in {rank for body in group.bodies for rank, _ in body.conditions}:
-                    result.dependencies[rank].groups.append(group)
-        result._register(constraints, -1)
+                    result.dependencies[rank].clause_groups.append(group)
+        result._register_bodies(constraints, NO_SLOT)
         result.dependencies = [dependency for dependency in result.dependencies if dependency.updates]
         return result
 
-    def _register(self, bodies: Iterable[Body], satisfied: int) -> None:
-        """Add the updates of bodies that satisfy the same slot to the dependencies."""
+    def _register_bodies(self, bodies: Iterable[Body], satisfied: int) -> None:
+        """Add to the dependencies the updates of bodies with the same bit slot for *satisfied*."""
         dependencies = self.dependencies
         for body in bodies:
             if body.last > body.first:
-                body.falsified = self._new_slot()
+                body.falsified = self._add_bit_slot()
                 dependencies[body.first].allocates.append(body.falsified)
                 dependencies[body.last].releases.append(body.falsified)
             for rank, conditions in body.conditions:
-                dependencies[rank].updates.append((conditions, body.falsified, rank == body.last, satisfied))
+                dependencies[rank].updates.append(
+                    BodyUpdate(conditions, body.falsified, rank == body.last, satisfied)
+                )
 
-    def _new_slot(self) -> int:
-        self.n_slots += 1
-        return self.n_slots - 1
+    def _add_bit_slot(self) -> int:
+        """Add a bit slot; return it."""
+        self.n_bit_slots += 1
+        return self.n_bit_slots - 1
 
 
 def _split_body(
@@ -214,7 +234,7 @@ def _join_by_rank(conditions: Iterable[tuple[int, Conditions]]) -> list[tuple[in
     return list(joined.items())
 
 
-def _with_body(clause: Clause, body: Sequence[Literal]) -> Clause:
+def _replace_body(clause: Clause, body: Sequence[Literal]) -> Clause:
     """Return the clause with another body."""
     if len(body) == len(clause.body):
         return clause
@@ -253,7 +273,7 @@ def describe_structure(
         else:
             structure.append(kind)
         for other, allowed, negated in clause.body:
-            if other == term:
+            if other == term:  # -1 stands for the term itself
                 structure += -1, allowed, negated
                 continue
             if other in needed:

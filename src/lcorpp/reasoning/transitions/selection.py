@@ -26,7 +26,8 @@ PrAtom = tuple[int, Fraction, int]
 """A pr-atom that applies: the value, its probability, and the index of the statement."""
 
 GuardedClause = tuple[int, Clause]
-"""(bit, clause): the body of the clause is true if the bit is set in the state, or if the bit is 0."""
+"""(bit, clause): a mask with one set bit, or 0. The literals of the clause's body about other components are
+satisfied if the bit is set in the state, or if it is 0."""
 
 
 class ConditionViolation(Exception):
@@ -84,7 +85,7 @@ class AcyclicTerm:
 
     Args:
         group: the rule group of the term.
-        bits: the bits in the slots of the rule group.
+        bits: the bits in the bit slots of the rule group.
         cache: shared by all terms of a program: probabilities, and the outcomes of terms with one rule group.
     """
 
@@ -95,7 +96,7 @@ class AcyclicTerm:
     ) -> None:
         self._program, self._group, self._cache = program, group, cache
         self._clause_numbers = {
-            bits[g.satisfied]: number for number, g in enumerate(group.groups) if not g.always
+            bits[g.satisfied]: number for number, g in enumerate(group.clause_groups) if not g.always
         }
 
     def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:
@@ -128,7 +129,7 @@ class AcyclicTerm:
         selections: list[Clause] = []
         range_members: list[Clause] = []
         pr_atoms: list[Clause] = []
-        groups = self._group.groups
+        groups = self._group.clause_groups
         for number in sorted((*self._group.always, *true)):
             clause = groups[number].clause
             kind = clause.kind

@@ -1,4 +1,4 @@
-"""Step 2d: transitions, the effect of deciding one component on the state.
+"""Compilation, step 2: transitions, the effect of deciding one component on the state.
 
 The state is an integer. It describes the bodies whose terms are partly decided, by two kinds of bits:
 *falsified* (a literal of the body is false) and *satisfied* (this body, or one of several bodies with the
@@ -17,8 +17,10 @@ from lcorpp.reasoning.transitions.selection import LocalDistribution
 Effect = tuple[int, int, int, Mapping[int, int]]
 """The effect of an outcome on a state: (sets, requires, completes, satisfied_of).
 
-sets: bits to set. requires: falsified bits without which the world is impossible (constraints). completes:
-the falsified bits of the bodies that end here; if such a bit is not set, set its bit in satisfied_of instead.
+sets: bits to set.
+requires: falsified bits without which the world is impossible (constraints).
+completes: the falsified bits of the bodies whose last step this is.
+satisfied_of: if a bit in completes is not set in the state, set the bit to which this maps it.
 """
 
 MAX_ABSORBING_GROUPS = 64
@@ -26,18 +28,20 @@ MAX_ABSORBING_GROUPS = 64
 remain distinct, which costs time and does not change answers."""
 
 _Completion = tuple[int, bool, int]
-"""A body that an outcome does not falsify: its falsified bit (0 if none), whether it ends here, and its
-satisfied bit (0 for a constraint)."""
+"""A body that an outcome does not falsify: its falsified bit (0 if none), whether this is its last step, and
+its satisfied bit (0 for a constraint)."""
 
 
 class Transition:
-    """The decision of one component, or of several components with equal structure and bits.
+    """The outcomes of a component and their effect on the state.
+
+    Components with equal structure and bits share one transition.
 
     Args:
         n_terms: the number of terms in the component.
         distribution: the local distribution of the component.
         input_mask: the bits of the component's clauses, on which the distribution depends.
-        dependents: the dependencies of later rule groups on this step, each with the bits in its slots.
+        dependents: the dependencies of later rule groups on this step, each with the bits in its bit slots.
         live_mask: the bits that later steps need.
 
     absorptions: pairs (satisfied, falsified bits): once a body of a group is satisfied, the others are
@@ -67,7 +71,7 @@ class Transition:
         self._relevant: tuple[int, ...] | None = None
         for dependency, bits in dependents:
             for conditions, falsified, is_last, satisfied in dependency.updates:
-                body = bits[falsified], is_last, bits[satisfied]
+                body = bits[falsified], is_last, bits[satisfied]  # bits[NO_SLOT] is 0
                 if not is_last:
                     self._open |= body[0]
                 if n_terms > 1:
@@ -123,11 +127,11 @@ class Transition:
 
 
 def _find_absorptions(dependents: Sequence[tuple[Dependency, Sequence[int]]]) -> list[tuple[int, int]]:
-    """Pair the satisfied bit of each clause group with the falsified bits of its open bodies."""
+    """Pair the satisfied bit of each clause group with the falsified bits of its partly decided bodies."""
     begun = [
         (group, dependency.rank, bits)
         for dependency, bits in dependents
-        for group in dependency.groups
+        for group in dependency.clause_groups
         if bits[group.satisfied]
     ]
     if len(begun) > MAX_ABSORBING_GROUPS:
@@ -137,6 +141,7 @@ def _find_absorptions(dependents: Sequence[tuple[Dependency, Sequence[int]]]) ->
 
 
 def _find_open_bits(group: ClauseGroup, rank: int, bits: Sequence[int]) -> int:
+    """Compute the mask of the falsified bits of the bodies that the step of this rank leaves undecided."""
     mask = 0
     for body in group.bodies:
         if body.first <= rank < body.last:

@@ -1,4 +1,4 @@
-"""Step 2: a program as a transition system; each step decides one component and updates the state.
+"""Compilation, step 2: a program as a transition system whose steps decide one component each.
 
 ground program -> simplification -> elimination order -> transitions. `circuit.trellis` expands the
 result to all reachable states; `likelihood_weighting` samples paths of it.

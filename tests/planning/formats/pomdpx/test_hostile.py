@@ -23,7 +23,7 @@ from tests.planning.formats.pomdpx.texts import (
     template,
 )
 
-SUITE = settings(deadline=None, suppress_health_check=list(HealthCheck))
+SUITE = settings(suppress_health_check=list(HealthCheck))
 
 
 def test_document_types_are_refused():

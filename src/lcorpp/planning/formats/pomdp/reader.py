@@ -6,12 +6,9 @@ published files: a bare list of initial states, and a stray colon before the num
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from lcorpp.errors import ModelError
-from lcorpp.files import read_text
 from lcorpp.planning.formats.pomdp.preamble import Preamble, read_preamble
 from lcorpp.planning.formats.pomdp.rewards import expected_rewards
 from lcorpp.planning.formats.pomdp.statements import Statements
@@ -19,24 +16,6 @@ from lcorpp.planning.formats.pomdp.tables import Table
 from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE, Offsets, Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.planning.sparse import SparseTables
-
-
-def read_pomdp(path: str | Path) -> Pomdp:
-    """Read a model: PomdpX if the suffix is .pomdpx or the content is XML, otherwise .pomdp.
-
-    Raises:
-        FileError: the file cannot be read.
-        ParseError: the text is malformed; the message has file, line and column.
-        ModelError: the model is too large.
-    """
-    is_xml = Path(path).suffix.lower() == ".pomdpx"
-    text = "" if is_xml else read_text(path)
-    # PomdpX files are published under either suffix, and no .pomdp file starts with "<"
-    if is_xml or text.lstrip("\ufeff \t\r\n").startswith("<"):
-        from lcorpp.planning.formats.pomdpx.reader import read_pomdpx
-
-        return read_pomdpx(path)
-    return parse_pomdp(text, file=str(path))
 
 
 def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:

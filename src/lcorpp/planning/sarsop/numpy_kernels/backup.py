@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, row_entries
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, find_row_entries
 from lcorpp.planning.sarsop.numpy_kernels.node import Node
 from lcorpp.planning.sarsop.numpy_kernels.outcomes import predict
 from lcorpp.planning.sarsop.numpy_kernels.refresh import (
@@ -35,7 +35,7 @@ def backup(state: SearchState, node: Node) -> None:
 
 def _raise_lower_bound(state: SearchState, node: Node, action: int) -> None:
     update_best_vector(state, node)
-    if node.q_lower[action] > node.lower_value + MIN_GAIN * state.scale:
+    if node.q_lower[action] > node.lower_value + MIN_GAIN * state.max_abs_value:
         vector, depends_on = _make_vector(state, node, action)
         # the value of the vector here, not the look-ahead value: their rounding errors differ
         value = float(node.belief.weights[0] @ vector[node.belief.positions])
@@ -49,7 +49,7 @@ def _raise_lower_bound(state: SearchState, node: Node, action: int) -> None:
 
 def _reduce_upper_bound(state: SearchState, node: Node) -> None:
     update_upper_bound(state, node)
-    if node.upper < node.sawtooth_value - MIN_GAIN * state.scale:
+    if node.upper < node.sawtooth_value - MIN_GAIN * state.max_abs_value:
         replaced = node.point_stamp
         node.point_stamp = state.sawtooth.add(node.belief, node.upper)
         if replaced >= 0:
@@ -69,7 +69,7 @@ def _make_vector(state: SearchState, node: Node, action: int) -> tuple[Array, li
         state.sets[g].find(stamp) for g, stamp in zip(branch.group, branch.best_vectors, strict=True)
     ]
     states = model.group_states(node.belief.group)
-    index, owner = row_entries(model.transition, action * model.states + states)
+    index, owner = find_row_entries(model.transition, action * model.states + states)
     reached, which = np.unique(model.transition.columns[index].astype(np.intp), return_inverse=True)
     next_values, default_stamps = _next_values(state, node, action, chosen, reached)
     sums = np.bincount(owner, model.transition.values[index] * next_values[which], minlength=len(states))
@@ -92,7 +92,7 @@ def _next_values(
         The values, and the stamps of the default vectors that were used.
     """
     model = state.model
-    index, owner = row_entries(model.observation, action * model.states + reached)
+    index, owner = find_row_entries(model.observation, action * model.states + reached)
     observation, next_state = model.observation.columns[index], reached[owner]
     block, values, default_stamps = model.block[next_state], np.empty(len(index)), []
     for b in np.unique(block):

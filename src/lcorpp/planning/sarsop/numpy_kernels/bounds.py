@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from lcorpp.planning.sarsop.numpy_kernels.model import Indices, Model, row_entries
+from lcorpp.planning.sarsop.numpy_kernels.model import Indices, Model, find_row_entries
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
@@ -126,7 +126,7 @@ def _joint(model: Model, action: int) -> tuple[Any, Indices]:
     T, Z = model.transition, model.observation
     part = T.action_slice(action)
     reached = T.columns[part].astype(np.intp)
-    index, owner = row_entries(Z, action * model.states + reached)
+    index, owner = find_row_entries(Z, action * model.states + reached)
     state = T.rows[part][owner] - action * model.states
     weight = T.values[part][owner] * Z.values[index]
     pair, row = np.unique(state * model.observations + Z.columns[index], return_inverse=True)

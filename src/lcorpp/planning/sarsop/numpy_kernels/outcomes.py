@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcorpp.planning.belief import MIN_PROBABILITY
-from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, Model, row_entries
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, Model, find_row_entries
 from lcorpp.values import Array
 
 
@@ -42,7 +42,7 @@ class Outcomes:
 
 def predict(model: Model, belief: BeliefBatch, action: int) -> tuple[Indices, Array]:
     """The states that an action reaches from one belief and their probabilities, before any observation."""
-    index, owner = row_entries(model.transition, action * model.states + belief.states)
+    index, owner = find_row_entries(model.transition, action * model.states + belief.states)
     shares = belief.weights[0, owner] * model.transition.values[index]
     mass = np.bincount(model.transition.columns[index], shares, minlength=model.states)
     states = np.flatnonzero(mass)
@@ -52,7 +52,7 @@ def predict(model: Model, belief: BeliefBatch, action: int) -> tuple[Indices, Ar
 def compute_outcomes(model: Model, belief: BeliefBatch, action: int) -> Outcomes:
     """The children of one belief under an action."""
     reached, mass = predict(model, belief, action)
-    index, owner = row_entries(model.observation, action * model.states + reached)
+    index, owner = find_row_entries(model.observation, action * model.states + reached)
     seen = model.observation.columns[index]
     order = np.argsort(seen, kind="stable")
     observation, child = np.unique(seen[order], return_inverse=True)

@@ -99,5 +99,5 @@ def _prune_set(state: SearchState, group: int, nodes: list[Node], radius: float,
     kept = min_radius < radius
     kept[best] = True
     kept[blind] = True
-    state.dependencies.record_pruned(vectors, group, kept, MIN_GAIN * state.scale)
+    state.dependencies.record_pruned_vectors(vectors, group, kept, MIN_GAIN * state.max_abs_value)
     vectors.keep(kept)

@@ -84,7 +84,7 @@ def refresh_upper(state: SearchState, node: Node, action: int) -> None:
         return
     branch, outcomes = expand(state, node, action)
     for children, beliefs in outcomes.batches:
-        bound = sawtooth.bound(beliefs, branch.points_version)
+        bound = sawtooth.compute_bound(beliefs, branch.points_version)
         branch.upper[children] = np.minimum(branch.upper[children], bound)
     for c in np.flatnonzero(branch.child_nodes >= 0).tolist():
         of_node = state.nodes[branch.child_nodes[c]].upper + branch.lipschitz_slack[c]
@@ -111,7 +111,7 @@ def update_best_vector(state: SearchState, node: Node) -> float:
 
 def update_upper_bound(state: SearchState, node: Node) -> float:
     """Update the sawtooth value at a node; return the smaller of it and the node's own upper bound."""
-    newer = float(state.sawtooth.bound(node.belief, node.sawtooth_version)[0])
+    newer = float(state.sawtooth.compute_bound(node.belief, node.sawtooth_version)[0])
     node.sawtooth_value = min(node.sawtooth_value, newer)
     node.sawtooth_version = state.sawtooth.next_stamp
     return min(node.sawtooth_value, node.upper)
@@ -133,24 +133,24 @@ def expand(state: SearchState, node: Node, action: int) -> tuple[Branch, Outcome
     outcomes = compute_outcomes(state.model, node.belief, action)
     if branch is None:
         branch = Branch.of(outcomes)
-        if outcomes.size <= state.cache_left:
-            state.cache_left -= outcomes.size
+        if outcomes.size <= state.cache_budget:
+            state.cache_budget -= outcomes.size
             branch.outcomes = outcomes
         node.branches[action] = branch
     return branch, outcomes
 
 
-def add_child(state: SearchState, node: Node, action: int, child: int) -> int:
+def find_or_add_child(state: SearchState, node: Node, action: int, child: int) -> int:
     """Return the node of a child of an expanded action, created if necessary."""
     branch = node.branches[action]
     if branch.child_nodes[child] < 0:
         states, weights = expand(state, node, action)[1].belief(child)
         group = int(branch.group[child])
-        positions = state.model.positions(group, states)
-        number = state.add_node(BeliefBatch(group, states, positions, weights[None]))
+        positions = state.model.find_positions(group, states)
+        number = state.find_or_add_node(BeliefBatch(group, states, positions, weights[None]))
         # the values of two beliefs differ by at most the largest value times their distance
         difference = state.dense_belief(number)
         difference[states] -= weights
-        branch.lipschitz_slack[child] = state.scale * float(np.abs(difference).sum())
+        branch.lipschitz_slack[child] = state.max_abs_value * float(np.abs(difference).sum())
         branch.child_nodes[child] = number
     return int(branch.child_nodes[child])

@@ -20,14 +20,14 @@ from lcorpp.planning.sarsop.numpy_kernels.model import Model
 from lcorpp.planning.sarsop.numpy_kernels.node import Node
 from lcorpp.planning.sarsop.numpy_kernels.pruning import prune
 from lcorpp.planning.sarsop.numpy_kernels.refresh import (
-    add_child,
+    find_or_add_child,
     refresh,
     select_action,
     update_best_vector,
     update_upper_bound,
 )
 from lcorpp.planning.sarsop.numpy_kernels.search_state import SearchState
-from lcorpp.planning.sarsop.sampling import sample
+from lcorpp.planning.sarsop.path_sampling import sample
 from lcorpp.values import Array, Belief
 
 
@@ -42,8 +42,8 @@ class Tree:
     def __init__(self, model: Model, informed: Array, blind: Array) -> None:
         """
         Args:
-            informed: (A, S) Q values that are upper bounds.
-            blind: (A, S) values of repeating one action forever.
+            informed: (A, S) the fast informed bound: upper bounds on the Q values.
+            blind: (A, S) values of the blind policies, each of which repeats one action forever.
         """
         self._state = SearchState(model, copy_table(model, informed), copy_table(model, blind))
 
@@ -72,17 +72,17 @@ class Tree:
         """The number of blocks, plus one."""
         return len(self._state.sets)
 
-    def add_node(self, belief: Belief) -> int:
+    def find_or_add_node(self, belief: Belief) -> int:
         """Return the node of a belief (S,), created if necessary."""
-        return self._state.add_node(self._state.model.belief(belief))
+        return self._state.find_or_add_node(self._state.model.make_belief(belief))
 
-    def add_child(self, node: int, action: int, child: int) -> int:
+    def find_or_add_child(self, node: int, action: int, child: int) -> int:
         """Return the node of a child, created if necessary."""
         parent = self.node(node)
         branch = parent.branches.get(self._check_action(action))
         if branch is None or not 0 <= child < len(branch.child_nodes):
             raise IndexError("unknown child")
-        return add_child(self._state, parent, action, child)
+        return find_or_add_child(self._state, parent, action, child)
 
     def refresh(self, node: int) -> None:
         """Update the bounds of a node."""
@@ -105,7 +105,7 @@ class Tree:
         seconds: float,
         use_lower_bound: bool,
     ) -> int:
-        """Sample a path and back up its nodes; return their number. See sampling.py."""
+        """Sample a path and back up its nodes; return their number. See path_sampling.py."""
         self.node(root)
         if not target >= 0 or isnan(seconds):
             raise ValueError("target and seconds must not be NaN, target not negative")
@@ -172,13 +172,15 @@ class Tree:
     def dependencies(self, group: int) -> tuple[Array, npt.NDArray[np.int32]]:
         """The pruned vectors (K, n) of a group that others depend on, and their actions (K,)."""
         n = self._state.sets[self._check_group(group)].table.shape[0]
-        needed = [v for v in self._state.dependencies.needed(self._state.sets) if v.group == group]
+        needed = [
+            v for v in self._state.dependencies.find_needed_vectors(self._state.sets) if v.group == group
+        ]
         table = np.array([vector.values for vector in needed]).reshape(len(needed), n)
         return table, np.array([vector.action for vector in needed], dtype=np.int32)
 
     def points(self) -> tuple[Array, *PointArrays]:
         """The upper bound: corners (S,), and begins, states, weights and values of the points."""
-        return self._state.sawtooth.points()
+        return self._state.sawtooth.export_points()
 
     def add_vectors(self, group: int, vectors: Array, actions: npt.NDArray[np.int32]) -> None:
         """Import alpha vectors (K, n) over the states of a group, and their actions (K,)."""
@@ -189,7 +191,7 @@ class Tree:
                 "the vectors do not fit the states of the group or the actions, or are not finite"
             )
         for vector, action in zip(table, [self._check_action(a) for a in first.tolist()], strict=True):
-            state.dependencies.record_imported(state.next_vector)
+            state.dependencies.record_imported_vector(state.next_vector)
             own.add(vector, action, state.next_vector)
             state.next_vector += 1
 
@@ -202,7 +204,9 @@ class Tree:
         if not np.isfinite(values).all():
             raise ValueError("the value of a point is not finite")
         beliefs = [
-            self._state.model.sparse_belief(np.asarray(states)[begin:end], np.asarray(weights)[begin:end])
+            self._state.model.make_sparse_belief(
+                np.asarray(states)[begin:end], np.asarray(weights)[begin:end]
+            )
             for begin, end in pairwise(np.asarray(begins).tolist())
         ]
         for belief, value in zip(beliefs, np.asarray(values, dtype=np.float64).tolist(), strict=True):

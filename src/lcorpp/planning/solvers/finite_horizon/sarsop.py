@@ -48,7 +48,7 @@ def solve_finite_horizon(
         start: (S,) belief before the first step, or (N, S) several; the model's own when None.
         precision: stop when upper - lower is at most this, in reward units, at every start belief.
         time_limit: wall-clock seconds.
-        callback: called after each trial.
+        callback: called after each sampled path of beliefs.
         discount: above 0, at most 1 (the undiscounted sum of rewards); the model's own when None.
 
     Returns:
