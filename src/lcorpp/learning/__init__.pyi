@@ -32,9 +32,9 @@ from .evaluation.calibration import (
     fit_calibration as fit_calibration,
 )
 from .evaluation.leakage import (
-    Leak as Leak,
-    check_leakage as check_leakage,
-    leakage_note as leakage_note,
+    ShortcutScore as ShortcutScore,
+    format_leakage_warning as format_leakage_warning,
+    measure_leakage as measure_leakage,
 )
 from .evaluation.report import (
     ClassReport as ClassReport,

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
-from lcorpp.learning import check_leakage, cross_validate, paper_pipeline
+from lcorpp.learning import cross_validate, measure_leakage, paper_pipeline
 from lcorpp.simulation.recordings import simulate_recording
 from lcorpp.simulation.trajectories import SimulatedTrajectories, simulate_dataset
 
@@ -37,7 +37,7 @@ def test_no_shortcut_feature_reveals_the_class():
     recording = simulate_recording(
         load_domain("intention"), np.random.default_rng(0), tracks=1200, positives=600
     )
-    leaks = check_leakage(recording, divisions=2)
+    leaks = measure_leakage(recording, n_splits=2)
     assert {leak.name for leak in leaks} >= {"end position", "duration", "sampling"}
     for leak in leaks:
         assert leak.auc.estimate <= 0.58, leak.name

@@ -32,7 +32,7 @@ class EvidenceEncoder:
         self.sizes = [len(self.values[name]) + 1 for name in self.names]
         self.columns = {name: i for i, name in enumerate(self.names)}
 
-    def codes_of(self, name: str) -> Mapping[str, int]:
+    def get_codes(self, name: str) -> Mapping[str, int]:
         """The code of each value of an input."""
         return self._codes[name]
 

@@ -78,12 +78,12 @@ class WorldQueries:
         outcomes = self.trellis.outcomes
         return [arc for arc in arcs if all(outcomes[arc[2]][0][i] == value for i, value in observed)]
 
-    def exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
+    def compute_exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
         """Sum the measures of the worlds with the evidence, by the value of a term; "" is for no value."""
         return self._sum(query, evidence, [number for _, number in self.trellis.outcomes], Fraction(1))
 
-    def float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, float]:
-        """Sum as `exact_weights` in floating point; only the ratios matter."""
+    def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, float]:
+        """Sum as `compute_exact_weights` in floating point; only the ratios matter."""
         return self._sum(query, evidence, self.trellis.compute_weights(), 1.0)
 
     def _sum(

@@ -27,7 +27,7 @@ from lcorpp.errors import ProgramError
 from lcorpp.reasoning.enumeration.answer_set import AnswerSet
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.safety import variable_sorts
+from lcorpp.reasoning.language.safety import find_variable_sorts
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
@@ -191,7 +191,7 @@ def _translate_intervention(term: str, value: str, is_2018: bool) -> str:
 def _translate_rule(index: int, rule: Rule, signature: Signature, is_2018: bool, used: str = "") -> str:
     head = f"h({_write(rule.head.term)},{_write(rule.head.value)})" if rule.head else ""
     conditions = used + _translate_body(
-        rule.body, list(signature.slots(rule)), list_expressions(rule), signature
+        rule.body, list(signature.iter_slots(rule)), list_expressions(rule), signature
     )
     text = f"{head} :- {conditions}."
     if is_2018 and rule.head and rule.head.term.name in signature.selections:
@@ -205,7 +205,7 @@ def _translate_cr_rule(index: int, rule: CrRule, signature: Signature, is_2018: 
     inner = rule.statement
     names = sorted({variable.name for e in list_expressions(inner) for variable in iter_variables(e)})
     used = f"cr({index},{_write_tuple([Variable(name) for name in names])})"
-    guards = _translate_body((), list(signature.slots(inner)), list_expressions(inner), signature)
+    guards = _translate_body((), list(signature.iter_slots(inner)), list_expressions(inner), signature)
     text = f"{{ {used} }} :- {guards}. #minimize {{ 1,{index},I : cr({index},I) }}. "
     if isinstance(inner, Rule):
         return text + _translate_rule(index, inner, signature, is_2018, f"{used}; ")
@@ -217,7 +217,7 @@ def _translate_selection(
 ) -> str:
     term, label = _write(selection.term), _write_tuple(selection.label.arguments if selection.label else ())
     outer = list_expressions(selection)
-    slots = list(signature.slots(selection))
+    slots = list(signature.iter_slots(selection))
     chosen = selection.range
     inner = list(iter_expressions(chosen.condition)) if chosen else []
     shared = {variable.name for expression in outer for variable in iter_variables(expression)}
@@ -232,7 +232,10 @@ def _translate_selection(
     if chosen:
         value = chosen.variable.name
         inside = _translate_body(
-            chosen.condition, list(signature.range_slots(selection)), [chosen.variable, *inner], signature
+            chosen.condition,
+            list(signature.iter_range_slots(selection)),
+            [chosen.variable, *inner],
+            signature,
         )
         text += f" pos({index},{instance},{term},{value}) :- {applies}; {inside}."
         text += f" :- rnd({index},_,I,T); h(T,V); not pos({index},I,T,V)."
@@ -243,7 +246,7 @@ def _translate_probability(index: int, atom: Probability, signature: Signature) 
     term, label = _write(atom.term), _write_tuple(atom.label.arguments if atom.label else ())
     instance = _write_tuple([Variable(name) for name in list_pr_variables(atom)])
     conditions = _translate_body(
-        atom.condition, list(signature.slots(atom)), list_expressions(atom), signature
+        atom.condition, list(signature.iter_slots(atom)), list_expressions(atom), signature
     )
     return f"pr({index},{label},{instance},{term},{_write(atom.value)}) :- {conditions}; selected({term})."
 
@@ -258,7 +261,7 @@ def _translate_body(
     used = [variable for expression in scope for variable in iter_variables(expression)]
     guards = [
         f"s({sort},{name})"
-        for name, sorts in variable_sorts(slots, used, signature).items()
+        for name, sorts in find_variable_sorts(slots, used, signature).items()
         for sort in sorts
     ]
     guards.extend(

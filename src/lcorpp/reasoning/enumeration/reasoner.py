@@ -15,7 +15,7 @@ import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning.enumeration.measures import measure_worlds, satisfies
-from lcorpp.reasoning.errors import no_value_error
+from lcorpp.reasoning.errors import make_no_value_error
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
@@ -189,7 +189,7 @@ class Enumeration:
             else:
                 sums[value] += weight
         if no_value:
-            raise no_value_error(self.program, name, Fraction(no_value, table.total))
+            raise make_no_value_error(self.program, name, Fraction(no_value, table.total))
         return {value: Fraction(weight, table.total) for value, weight in sums.items()}
 
     # tables of worlds

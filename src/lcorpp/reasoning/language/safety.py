@@ -49,7 +49,7 @@ def check_variables(
     """
     check_slots(slots, signature)
     used = [variable for expression in scope for variable in iter_variables(expression)]
-    sorts = variable_sorts(slots, used, signature)
+    sorts = find_variable_sorts(slots, used, signature)
     span = outcomes
     computed = _find_computed(body)
     for name, found in sorts.items():
@@ -79,7 +79,7 @@ def check_variables(
             _check_arithmetic(expression, bounds, sorts, signature)
 
 
-def variable_sorts(
+def find_variable_sorts(
     slots: Iterable[ArgumentSlot], used: Iterable[Variable], signature: Signature
 ) -> dict[str, list[str]]:
     """Map each variable to its sorts: those of its argument slots and of `#domain`."""
