@@ -188,8 +188,8 @@ def _reject_given(reason: str, **given: object) -> None:
 
 def _note_storage_problem(training: Any) -> None:
     """Print before the training that its classifier cannot be saved."""
-    from lcorpp.experiments.classifier_training import storage_problem
+    from lcorpp.experiments.classifier_training import find_storage_problem
 
-    problem = storage_problem(training)
+    problem = find_storage_problem(training)
     if problem is not None:
         console.print_note(f"the classifier will not be saved: {problem}")
