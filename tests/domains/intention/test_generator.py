@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
-from lcorpp.learning import check_leakage, cross_validate, paper_pipeline
+from lcorpp.learning import cross_validate, measure_leakage, paper_pipeline
 from lcorpp.simulation.recordings import simulate_recording
 from lcorpp.simulation.trajectories import SimulatedTrajectories, simulate_dataset
 
@@ -37,7 +37,7 @@ def test_no_shortcut_feature_reveals_the_class():
     recording = simulate_recording(
         load_domain("intention"), np.random.default_rng(0), tracks=1200, positives=600
     )
-    leaks = check_leakage(recording, divisions=2)
+    leaks = measure_leakage(recording, n_splits=2)
     assert {leak.name for leak in leaks} >= {"end position", "duration", "sampling"}
     for leak in leaks:
         assert leak.auc.estimate <= 0.58, leak.name
@@ -47,16 +47,16 @@ def test_no_shortcut_feature_reveals_the_class():
 def test_passers_by_are_like_real_pedestrians(benchmark):
     scenes = benchmark.pedestrians(REAL)
     assert sorted(scenes) == ["eth", "hotel", "students03", "zara01", "zara02"]
-    ours = benchmark.measured(benchmark.passers_by(load_domain("intention"), 1000, 0), 0.396)
+    ours = benchmark.measure_motion(benchmark.passers_by(load_domain("intention"), 1000, 0), 0.396)
     for real_ones in (scenes, benchmark.walkers(scenes)):
-        them = benchmark.measured(benchmark.everybody(real_ones), 0.4)
+        them = benchmark.measure_motion(benchmark.all_tracks(real_ones), 0.4)
         for name, distance in benchmark.distances(ours, them).items():
             assert distance <= 0.25, name
 
 
 def test_quantities_of_a_known_walk(benchmark):
     turn = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 1.0], [2.0, 3.0]])
-    found = benchmark.measured([turn], 0.5)
+    found = benchmark.measure_motion([turn], 0.5)
     assert found["speed"].tolist() == [2, 2, 2, 4]
     assert np.allclose(found["acceleration"], [0, np.hypot(4, 4), 4])
     assert np.allclose(found["turning"], [0, np.pi, 0])
@@ -70,7 +70,9 @@ def test_rates_of_the_papers_lstm(benchmark, seed):
     balanced = simulate_dataset(domain, motion, domain.learning.tracks, np.random.default_rng([seed, 0]))
     found = {
         name: benchmark.rates(
-            cross_validate(paper_pipeline(random_state=seed), benchmark.part(balanced, points), seed=seed)
+            cross_validate(
+                paper_pipeline(random_state=seed), benchmark.take_points(balanced, points), seed=seed
+            )
         )
         for name, points in benchmark.PARTS.items()
     }
@@ -89,5 +91,5 @@ def test_the_papers_63_of_2286_with_class_weights(benchmark):
         benchmark.imbalanced(domain, 0),
     )
     found = benchmark.rates(validation)
-    assert found["least said"] > 0.1  # no fold collapses to one class
+    assert found["smallest share"] > 0.1  # no fold collapses to one class
     assert found["AUC"] > 0.77 - 0.03 - 0.07  # two standard errors of an AUC of 63 people
