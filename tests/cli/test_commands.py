@@ -102,7 +102,7 @@ def test_run_with_a_solved_policy(lcorpp, tmp_path):
     assert lcorpp(*common, "--policy", policy).code == 0
 
 
-def test_run_trains_an_lstm_on_a_made_up_domain_and_loads_it_again(lcorpp, tmp_path):
+def test_run_trains_an_lstm_on_another_domain_and_loads_it_again(lcorpp, tmp_path):
     """Shows 5 and 6; the classifier it saved is used again, and gives the same decisions."""
     common = ("run", ROOMS, "--trials", 60, "--jobs", 1, "--strategy", "LCORPP")
     first = lcorpp(*common, "--epochs", 3, "--out", tmp_path)

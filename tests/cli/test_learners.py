@@ -41,7 +41,7 @@ def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
     assert kept or "the classifier is not saved" in ended.out
 
 
-def test_one_of_your_own(lcorpp, tmp_path):
+def test_a_learner_of_the_users_file(lcorpp, tmp_path):
     file = tmp_path / "mine.py"
     file.write_text("from sklearn.dummy import DummyClassifier\ndef guess():\n    return DummyClassifier()\n")
     ended = lcorpp("run", *FEW, "--learner", f"{file}:guess")
@@ -111,7 +111,7 @@ def test_explain_with_a_likelihood(lcorpp):
         assert words in ended.out
 
 
-def test_options_that_make_no_sense(lcorpp, tmp_path):
+def test_wrong_options_end_in_one_message(lcorpp, tmp_path):
     refused(lcorpp("run", "--learner", "lstn"), "unknown learner 'lstn'; expected one of lstm, lstm-fast")
     refused(
         lcorpp("run", "--learner", "forest", "--epochs", 3, "--tracks", 40, "--jobs", 1), "makes no passes"

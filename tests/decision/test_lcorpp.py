@@ -56,7 +56,7 @@ def run(
     return batches, trained
 
 
-def test_it_grows_the_data_with_reported_labels_until_the_matrix_converges():
+def test_reported_labels_are_added_until_the_matrix_converges():
     batches, trained = run([[[8, 2], [3, 7]], [[80, 20], [10, 90]], [[80, 20], [10, 90]]])
     assert [batch.number for batch in batches] == [0, 1, 2]
     assert [batch.converged for batch in batches] == [False, False, True]

@@ -59,11 +59,11 @@ def learn(
     from lcorpp.domains import load_domain
     from lcorpp.experiments.active_learning import (
         ActiveLearningOptions,
-        initial_data,
+        make_initial_data,
         open_run_store,
         run_active_learning,
     )
-    from lcorpp.experiments.classifier_training import storage_problem
+    from lcorpp.experiments.classifier_training import find_storage_problem
     from lcorpp.experiments.results import FORMATS, write_batches
     from lcorpp.experiments.setup import TrainingOptions, solve_domain
     from lcorpp.planning import Planner
@@ -86,11 +86,11 @@ def learn(
     problem = None
     if out is not None:
         check_folder(out)
-        problem = storage_problem(training)
+        problem = find_storage_problem(training)
     print_domain(loaded)
     if problem is not None:
         console.print_note(f"the classifier will not be saved: {problem}")
-    initial = initial_data(loaded, chosen)
+    initial = make_initial_data(loaded, chosen)
     for text in initial.dataset.notes:
         console.print_note(text)
     written, has_complete_batch = None, False

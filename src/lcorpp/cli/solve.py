@@ -51,7 +51,7 @@ def solve(
 
     search = load_solver(name)
     pomdp = planning.read_pomdp(problem)
-    write = model_files.policy_writer(out)
+    write = model_files.make_policy_writer(out)
     if plot is not None:
         output_files.check_figure(plot)
     with console.show_delayed_progress("solving") as advance:

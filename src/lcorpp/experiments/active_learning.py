@@ -34,7 +34,7 @@ class ActiveLearningOptions:
     batch_size: K, decisions between two trainings.
     epsilon: the run ends when the confusion matrix changes by at most this much.
     max_batches: the run ends after this many batches.
-    seed: of everything that is drawn. jobs: processes for training.
+    seed: of all random numbers. jobs: processes for training.
     """
 
     training: TrainingOptions = PAPER_LEARNER
@@ -80,7 +80,7 @@ class BatchResult:
         return f"<BatchResult {self.batch.number}: {self.summary()}>"
 
 
-def initial_data(domain: Domain, options: ActiveLearningOptions) -> TrainingData:
+def make_initial_data(domain: Domain, options: ActiveLearningOptions) -> TrainingData:
     """Return the training data of the first classifier, recorded or simulated."""
     training = options.training
     if training.data is not None:
@@ -177,7 +177,7 @@ def run_active_learning(
         if not resumed:
             scores = _score_batch(domain, results) if results else None
             results.clear()
-            rows.append(_batch_row(batch, scores))
+            rows.append(_make_batch_row(batch, scores))
         if run_store is not None:
             run_store.save_checkpoint(batch, rows)
         yield BatchResult(batch, scores, tuple(rows), resumed)
@@ -196,7 +196,7 @@ def _score_batch(domain: Domain, results: Sequence[DecisionResult]) -> Scores:
     return score_decisions("LCORPP", counts, cost, return_, values=values, positive=domain.learning.positive)
 
 
-def _batch_row(batch: Batch, scores: Scores | None) -> Row:
+def _make_batch_row(batch: Batch, scores: Scores | None) -> Row:
     row: Row = {"batch": batch.number, "tracks": len(batch.dataset), "change": batch.change}
     if scores is not None:
         row |= {name: value for name, value in to_row(scores).items() if name in METRICS}

@@ -1,6 +1,6 @@
 """Composition of a run: the classifier with its error rates, the reasoner, the planner and the robot.
 
-Every function returns values and prints nothing; commands, web pages and figures call the same functions.
+Every function returns values and prints nothing.
 Classifiers that are trained or loaded come from `classifier_training`.
 """
 

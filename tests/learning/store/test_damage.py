@@ -159,6 +159,15 @@ def test_a_changed_record_is_reported_at_every_opening(tmp_path):
     assert not list(tmp_path.glob("*.damaged"))
 
 
+def test_a_changed_header_is_refused(tmp_path):
+    path = tmp_path / "s"
+    filled(path, 2)
+    edit(path, "UPDATE store SET interval = 9")
+    for act in (read_store, lambda path: Store(path, SCHEMA)):
+        with pytest.raises(DataError, match="a store whose header is damaged: its checksum is wrong"):
+            act(path)
+
+
 def test_missing_records_are_counted(tmp_path):
     path = tmp_path / "s"
     filled(path, 8)

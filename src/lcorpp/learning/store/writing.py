@@ -23,9 +23,10 @@ from lcorpp.learning.store.database import (
     sibling,
     write_store,
 )
+from lcorpp.learning.store.reading import load_snapshot
 from lcorpp.learning.store.records import NewTrack, Row, encode_label, encode_track, with_checksum
 from lcorpp.learning.store.schema import TrackSchema
-from lcorpp.learning.store.snapshot import Snapshot, load_snapshot
+from lcorpp.learning.store.snapshot import Snapshot
 from lcorpp.values import Distribution
 
 
