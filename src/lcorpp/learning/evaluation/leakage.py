@@ -49,20 +49,15 @@ KERNEL_WIDTHS, RIDGE_PENALTY = (0.3, 1.0), 0.5
 MAX_LANDMARKS = 300
 """Maximal number of landmarks, the training cases at which a kernel is centred."""
 
-KERNEL_JITTER = 1e-8
-"""Added to the diagonal of the landmarks' kernel matrix, which equal cases make singular."""
+KERNEL_JITTER = 1e-8  # added to the diagonal of the landmarks' kernel matrix, singular for equal cases
 
 BOOTSTRAP_REPLICATES, CONFIDENCE = 300, 0.95
 
 RELATIVE_TOLERANCE = 1e-9
 """Tolerance relative to the largest position: rounding error of sums of numbers with 15 digits."""
 
-COLLINEARITY_FACTOR = 4
-"""The deviation of a point from the line between its neighbours sums about this many rounding errors."""
-
-CLOCK_DECIMALS = 9
-"""Decimals of a sampling feature: the rounding of a clock is not a trace."""
-
+COLLINEARITY_FACTOR = 4  # rounding errors in the deviation of a point from the line between its neighbours
+CLOCK_DECIMALS = 9  # of a sampling feature: the rounding of a clock is not a trace
 MILLIMETRE = 1e-3
 
 SHORTCUT_FEATURES: Mapping[str, tuple[str, ...]] = {
