@@ -47,16 +47,16 @@ def test_no_shortcut_feature_reveals_the_class():
 def test_passers_by_are_like_real_pedestrians(benchmark):
     scenes = benchmark.pedestrians(REAL)
     assert sorted(scenes) == ["eth", "hotel", "students03", "zara01", "zara02"]
-    ours = benchmark.measured(benchmark.passers_by(load_domain("intention"), 1000, 0), 0.396)
+    ours = benchmark.measure_motion(benchmark.passers_by(load_domain("intention"), 1000, 0), 0.396)
     for real_ones in (scenes, benchmark.walkers(scenes)):
-        them = benchmark.measured(benchmark.everybody(real_ones), 0.4)
+        them = benchmark.measure_motion(benchmark.all_tracks(real_ones), 0.4)
         for name, distance in benchmark.distances(ours, them).items():
             assert distance <= 0.25, name
 
 
 def test_quantities_of_a_known_walk(benchmark):
     turn = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 1.0], [2.0, 3.0]])
-    found = benchmark.measured([turn], 0.5)
+    found = benchmark.measure_motion([turn], 0.5)
     assert found["speed"].tolist() == [2, 2, 2, 4]
     assert np.allclose(found["acceleration"], [0, np.hypot(4, 4), 4])
     assert np.allclose(found["turning"], [0, np.pi, 0])
@@ -70,7 +70,7 @@ def test_rates_of_the_papers_lstm(benchmark, seed):
     balanced = simulate_dataset(domain, motion, domain.learning.tracks, np.random.default_rng([seed, 0]))
     found = {
         name: benchmark.rates(
-            cross_validate(paper_pipeline(random_state=seed), benchmark.part(balanced, points), seed=seed)
+            cross_validate(paper_pipeline(random_state=seed), benchmark.take_points(balanced, points), seed=seed)
         )
         for name, points in benchmark.PARTS.items()
     }
