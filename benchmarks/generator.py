@@ -27,7 +27,7 @@ from scipy.stats import ks_2samp, t
 
 from lcorpp.domains import Domain, load_domain
 from lcorpp.files import make_folder, write_atomically
-from lcorpp.learning import Validation, check_leakage, cross_validate, paper_pipeline
+from lcorpp.learning import Validation, cross_validate, measure_leakage, paper_pipeline
 from lcorpp.simulation.recordings import simulate_recording
 from lcorpp.simulation.trajectories import SimulatedTrajectories, simulate_dataset
 from lcorpp.values import Array, Dataset
@@ -186,7 +186,7 @@ def _work(
 
 def _leaks(domain: Domain) -> list[str]:
     recording = simulate_recording(domain, np.random.default_rng(0), tracks=2000, positives=1000)
-    return [f"{leak.name} {leak.auc}" for leak in check_leakage(recording)]
+    return [f"{leak.name} {leak.auc}" for leak in measure_leakage(recording)]
 
 
 def _likeness(domain: Domain, scenes: dict[str, list[Array]]) -> list[str]:
@@ -233,7 +233,7 @@ def _table(domain: Domain, tracks: int, found: Measured, leaks: list[str], liken
         lines.append(f"| {name} | {len(entries)} | " + " | ".join(cells) + f" | {smallest:.2f} |")
     lines += [
         "",
-        "Label leakage (AUC of `check_leakage`, 1000 recordings of each class): " + ", ".join(leaks),
+        "Label leakage (AUC of `measure_leakage`, 1000 recordings of each class): " + ", ".join(leaks),
     ]
     if likeness:
         lines += [

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lcorpp import STRATEGIES, Planner, Reasoner, Robot, load_domain, solve
 from lcorpp.experiments.exact_evaluation import evaluate_exactly
-from lcorpp.simulation.channel import NoisyChannel
+from lcorpp.simulation.simulated_classifier import NoisyChannel
 
 domain = load_domain(Path(__file__).parent / "drinks")
 reasoner = Reasoner(domain.program)

@@ -23,7 +23,7 @@ INTERESTED, OTHER = {"intention": "interested"}, {"intention": "not_interested"}
 people = [INTERESTED, OTHER] * 200
 walkers = load_domain("intention").simulation.trajectories
 tracks = Dataset(walkers(people, RNG), tuple(person["intention"] for person in people))
-learner = with_prefix_ensemble(paper_pipeline(epochs=30), shares=(0.25, 0.5, 1.0))
+learner = with_prefix_ensemble(paper_pipeline(epochs=30), fractions=(0.25, 0.5, 1.0))
 timeline = cross_predict_over_time(learner, tracks, folds=3)
 print("AUC after a quarter, half, all of the track:", [round(timeline.auc_at(s), 2) for s in (0.25, 0.5, 1)])
 trained = train(learner, tracks)

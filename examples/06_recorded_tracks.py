@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.errors import LcorppError
-from lcorpp.learning import check_leakage, count_repairs, read_recording, to_dataset
+from lcorpp.learning import count_repairs, measure_leakage, read_recording, to_dataset
 
 rng = np.random.default_rng(0)
 lines = ["track,time,x,y,label"]
@@ -32,8 +32,8 @@ with tempfile.TemporaryDirectory() as folder:
 
 for reason, (rows, places) in count_repairs(recording.repairs).items():
     print(f"repaired: {reason}, {rows} rows in {places} places")
-for leak in check_leakage(recording):
-    print(f"{leak.name:<13} AUC {leak.auc.estimate:.2f} {'LEAK' if leak.flagged else ''}".rstrip())
+for leak in measure_leakage(recording):
+    print(f"{leak.name:<13} AUC {leak.auc.estimate:.2f} {'LEAK' if leak.is_suspicious else ''}".rstrip())
 data = to_dataset(recording, interval=0.1, points=101)  # ten seconds of each track: equal durations
 print(f"a data set of {data.trajectories.shape}: {', '.join(data.channels)} every {data.interval:g} s")
-print(f"duration      AUC {check_leakage(data)[1].auc.estimate:.2f}")
+print(f"duration      AUC {measure_leakage(data)[1].auc.estimate:.2f}")

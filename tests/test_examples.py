@@ -31,7 +31,7 @@ def test_example_runs(script):
         assert word in done.stdout
 
 
-def test_the_drinks_by_hand():
+def test_the_posterior_of_the_drinks_computed_by_hand():
     """P(tea) in the morning, looking at the kettle: regulars .1, newcomers 1/3 tea; kettle .7, .1, .25."""
     tea = (0.7 * 0.1 + 0.3 / 3) * 0.7
     coffee = (0.7 * 0.8 + 0.3 / 3) * 0.1

@@ -6,18 +6,20 @@ namespace lcorpp::lstm {
 
 namespace {
 
-// Calls visit(ours, theirs, which) for every weight: its index in Layout, and its index in array `which` of numpy.
+// Calls visit(layout_index, numpy_index, array) for every weight: its index in Layout, and its index in one of the numpy
+// arrays, in the order of ConstArrays: 0 inputs, 1 recurrent, 2 bias, 3 dense, 4 dense bias.
+// A column of the gates has K = U + C + 1 rows: hidden units, input channels, bias.
 template <typename Visit>
-void each_weight(Shape shape, Visit visit) {
+void for_each_weight(Shape shape, Visit visit) {
     const Index U = shape.units, C = shape.channels, K = shape.rows();
     const Layout layout{shape};
     for (Index gate = 0; gate < 4; ++gate) {
         for (Index u = 0; u < U; ++u) {
             const Index row = gate * U + u;
-            const auto ours = [&](Index k) { return (k * U + u) * 4 + gate; };
-            for (Index k = 0; k < U; ++k) visit(ours(k), row * U + k, 1);
-            for (Index c = 0; c < C; ++c) visit(ours(U + c), row * C + c, 0);
-            visit(ours(K - 1), row, 2);
+            const auto layout_index = [&](Index k) { return (k * U + u) * 4 + gate; };
+            for (Index k = 0; k < U; ++k) visit(layout_index(k), row * U + k, 1);
+            for (Index c = 0; c < C; ++c) visit(layout_index(U + c), row * C + c, 0);
+            visit(layout_index(K - 1), row, 2);
         }
     }
     for (Index i = layout.gates(); i < layout.dense(); ++i) visit(i, i - layout.gates(), 3);
@@ -29,13 +31,17 @@ void each_weight(Shape shape, Visit visit) {
 Floats gather(Shape shape, const ConstArrays& arrays) {
     Floats weights(Layout{shape}.all());
     const float* const parts[] = {arrays.inputs, arrays.recurrent, arrays.bias, arrays.dense, arrays.dense_bias};
-    each_weight(shape, [&](Index ours, Index theirs, int part) { weights.data()[ours] = parts[part][theirs]; });
+    for_each_weight(shape, [&](Index layout_index, Index numpy_index, int array) {
+        weights.data()[layout_index] = parts[array][numpy_index];
+    });
     return weights;
 }
 
 void scatter(Shape shape, const float* weights, const Arrays& arrays) {
     float* const parts[] = {arrays.inputs, arrays.recurrent, arrays.bias, arrays.dense, arrays.dense_bias};
-    each_weight(shape, [&](Index ours, Index theirs, int part) { parts[part][theirs] = weights[ours]; });
+    for_each_weight(shape, [&](Index layout_index, Index numpy_index, int array) {
+        parts[array][numpy_index] = weights[layout_index];
+    });
 }
 
 Network::Network(const Kernels& kernels, Shape shape, const ConstArrays& arrays)
@@ -49,13 +55,13 @@ Network::Network(const Kernels& kernels, Shape shape, const ConstArrays& arrays)
 
 void Network::scores(Index n, Index times, const float* tracks, float* scores) const {
     const Index U = shape().units, C = shape().channels, K = shape().rows();
-    // Two of each, used alternately: the state before and after a time point.
+    // Two buffers of rows (K, kLanes) and of cells (U, kLanes), used alternately: the state before and after a time point.
     Floats rows(2 * K * kLanes), cells(2 * U * kLanes), gates(4 * U * kLanes);
     for (Index begin = 0; begin < n; begin += kLanes) {
         const Index cases = std::min(n - begin, kLanes);
         std::fill_n(rows.data(), 2 * K * kLanes, 0.0f);
         std::fill_n(cells.data(), 2 * U * kLanes, 0.0f);
-        for (Index side = 0; side < 2; ++side) std::fill_n(rows.data() + (side * K + K - 1) * kLanes, kLanes, 1.0f);
+        for (Index buffer = 0; buffer < 2; ++buffer) std::fill_n(rows.data() + (buffer * K + K - 1) * kLanes, kLanes, 1.0f);
         for (Index t = 0; t < times; ++t) {
             float* now = rows.data() + t % 2 * K * kLanes;
             float* next = rows.data() + (t + 1) % 2 * K * kLanes;

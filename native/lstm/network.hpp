@@ -27,9 +27,11 @@ class Floats {
     std::unique_ptr<float[], Free> data_;
 };
 
-// The layout of all weights, and of their gradients, in one array: (K, U, 4) gates, (O, U) dense, (O,) dense bias.
+// The layout of all weights, and of their gradients, in one array: gates (K, U, 4), dense (O, U), dense bias (O), with
+// K = U + C + 1 rows: hidden units, input channels, bias.
 struct Layout {
     Shape shape;
+    // The indices after the last weight of the gates, of the dense layer, and of its bias.
     Index gates() const { return shape.rows() * shape.units * 4; }
     Index dense() const { return gates() + shape.outputs * shape.units; }
     Index all() const { return dense() + shape.outputs; }
@@ -61,6 +63,7 @@ class Network {
     void step(Index n, const float* points, float* hidden, float* cell, float* scores) const;
 
   private:
+    // The scores (cases, O) of the outputs (U, kLanes) of the units, by the dense layer.
     void dense(Index cases, const float* outputs, float* scores) const;
 
     const Kernels& kernels_;

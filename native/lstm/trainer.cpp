@@ -10,7 +10,7 @@ namespace {
 
 // Replaces the scores (O, kLanes) of some cases by the gradients of their losses, times their factors. The loss is the
 // cross-entropy: of a sigmoid for one score, which is that of class 1; of a softmax for several.
-void loss_gradients(Index outputs, Index cases, const std::int32_t* targets, const float* factors, float* scores) {
+void replace_by_loss_gradients(Index outputs, Index cases, const std::int32_t* targets, const float* factors, float* scores) {
     for (Index i = 0; i < cases; ++i) {
         float* score = scores + i;
         if (outputs == 1) {
@@ -98,7 +98,7 @@ void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* 
             for (Index i = 0; i < kLanes; ++i) score[i] += dense[o * U + u] * last[u * kLanes + i];
         }
     }
-    loss_gradients(O, cases, targets, factors, scores.data());
+    replace_by_loss_gradients(O, cases, targets, factors, scores.data());
 
     // Unused lanes have gradients of 0, and so add nothing to any sum.
     float* const dense_gradient = gradients_.data() + layout_.gates();

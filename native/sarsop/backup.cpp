@@ -11,7 +11,7 @@ namespace lcorpp {
 void Tree::backup(Index number) {
     refresh(number);
     Node& node = nodes[static_cast<std::size_t>(number)];
-    Index action = best_lower_action(node);
+    Index action = find_best_lower_action(node);
     for (int attempt = 0; attempt < 2; ++attempt) {
         Branch& branch = node.branches[static_cast<std::size_t>(action)];
         const bool pruned = std::any_of(branch.children.begin(), branch.children.end(), [&](const Child& child) {
@@ -24,10 +24,10 @@ void Tree::backup(Index number) {
             other.vectors_version = 0;
         }
         refresh(number);
-        action = best_lower_action(node);
+        action = find_best_lower_action(node);
     }
     update_best_vector(node);
-    if (node.branches[static_cast<std::size_t>(action)].lower > node.lower_value + kMinGain * scale) {
+    if (node.branches[static_cast<std::size_t>(action)].lower > node.lower_value + kMinGain * max_abs_value) {
         std::vector<Stamp> depends_on;
         const std::vector<double> vector = make_vector(node, action, depends_on);
         // The value of the vector here, not the look-ahead value: their rounding errors differ.
@@ -46,7 +46,7 @@ void Tree::backup(Index number) {
     }
     node.lower = node.lower_value;
     upper_bound(number);
-    if (node.upper < node.sawtooth_value - kMinGain * scale) {
+    if (node.upper < node.sawtooth_value - kMinGain * max_abs_value) {
         const Stamp replaced = node.point_stamp;
         node.point_stamp = sawtooth.add(node.belief, node.group, node.upper);
         if (replaced >= 0) sawtooth.remove(replaced);

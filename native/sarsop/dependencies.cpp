@@ -14,12 +14,12 @@ void VectorDependencies::record(Stamp vector, std::vector<Stamp> depends_on) {
     depends_on_[vector] = std::move(depends_on);
 }
 
-void VectorDependencies::record_imported(Stamp vector) {
+void VectorDependencies::record_imported_vector(Stamp vector) {
     depends_on_[kImported].push_back(vector);
     depends_on_[vector] = {kImported};
 }
 
-void VectorDependencies::record_pruned(const VectorSet& set, Index group, const std::vector<char>& kept, double slack) {
+void VectorDependencies::record_pruned_vectors(const VectorSet& set, Index group, const std::vector<char>& kept, double slack) {
     for (std::size_t row = 0; row < set.count(); ++row) {
         if (kept[row]) continue;
         const Index dominating = set.find_dominating(row, kept, slack);
@@ -41,7 +41,7 @@ Stamp VectorDependencies::find_replacement(Stamp stamp) const {
 }
 
 // The stamps of the vectors in the sets and of all vectors that they depend on, directly or not.
-std::vector<Stamp> VectorDependencies::find_needed(const std::vector<VectorSet>& sets) {
+std::vector<Stamp> VectorDependencies::find_needed_stamps(const std::vector<VectorSet>& sets) {
     std::vector<Stamp> queue;
     std::unordered_set<Stamp> visited;
     const auto visit = [&](Stamp stamp) {
@@ -62,7 +62,7 @@ std::vector<Stamp> VectorDependencies::find_needed(const std::vector<VectorSet>&
 }
 
 void VectorDependencies::forget_unneeded(const std::vector<VectorSet>& sets) {
-    const std::vector<Stamp> needed = find_needed(sets);  // it resolves all replacements
+    const std::vector<Stamp> needed = find_needed_stamps(sets);  // it resolves all replacements
     decltype(depends_on_) depends_on;
     decltype(pruned_) pruned;
     for (const Stamp stamp : needed) {
@@ -74,8 +74,8 @@ void VectorDependencies::forget_unneeded(const std::vector<VectorSet>& sets) {
     replaced_by_.clear();
 }
 
-std::vector<const PrunedVector*> VectorDependencies::needed(const std::vector<VectorSet>& sets) {
-    std::vector<Stamp> stamps = find_needed(sets);
+std::vector<const PrunedVector*> VectorDependencies::find_needed_vectors(const std::vector<VectorSet>& sets) {
+    std::vector<Stamp> stamps = find_needed_stamps(sets);
     std::sort(stamps.begin(), stamps.end());
     std::vector<const PrunedVector*> needed;
     for (const Stamp stamp : stamps) {

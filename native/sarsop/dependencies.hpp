@@ -28,23 +28,23 @@ class VectorDependencies {
     void record(Stamp vector, std::vector<Stamp> depends_on);
 
     // Record a vector that was imported from another search: it may depend on any other imported vector.
-    void record_imported(Stamp vector);
+    void record_imported_vector(Stamp vector);
 
     // Record the rows whose entry in `kept` is 0, before the set drops them. Losses up to `slack` are rounding errors.
-    void record_pruned(const VectorSet& set, Index group, const std::vector<char>& kept, double slack);
+    void record_pruned_vectors(const VectorSet& set, Index group, const std::vector<char>& kept, double slack);
 
     // Forget all vectors that the vectors in the sets do not depend on.
     void forget_unneeded(const std::vector<VectorSet>& sets);
 
     // The pruned vectors that the vectors in the sets depend on, by rising stamps.
-    std::vector<const PrunedVector*> needed(const std::vector<VectorSet>& sets);
+    std::vector<const PrunedVector*> find_needed_vectors(const std::vector<VectorSet>& sets);
 
   private:
     // Stands for all imported vectors.
     static constexpr Stamp kImported = std::numeric_limits<Stamp>::max();
 
     Stamp find_replacement(Stamp stamp) const;
-    std::vector<Stamp> find_needed(const std::vector<VectorSet>& sets);
+    std::vector<Stamp> find_needed_stamps(const std::vector<VectorSet>& sets);
 
     Stamp blind_;
     std::unordered_map<Stamp, std::vector<Stamp>> depends_on_;

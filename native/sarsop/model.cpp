@@ -130,7 +130,7 @@ const Weights& Successors::predict(const Weights& belief, Index action) {
     return predicted_;
 }
 
-const Outcomes& Successors::outcomes(const Weights& belief, Index action) {
+const Outcomes& Successors::compute_outcomes(const Weights& belief, Index action) {
     const SparseTables& Z = model_.observation;
     predict(belief, action);
     Outcomes& out = outcomes_;
@@ -167,7 +167,7 @@ const Outcomes& Successors::outcomes(const Weights& belief, Index action) {
         const std::size_t from = out.begins[c], to = out.begins[c + 1], start = written;
         double total = 0.0;
         for (std::size_t i = from; i < to; ++i) total += out.weight[i];
-        if (total < kImpossible) continue;
+        if (total < kMinProbability) continue;
         for (std::size_t i = from; i < to; ++i) {
             if (out.weight[i] == 0.0) continue;
             out.state[written] = out.state[i];

@@ -11,7 +11,7 @@ using Index = std::int32_t;
 using Stamp = std::int64_t;
 
 // The smallest normal double. A smaller probability has no significant digits: dividing by it is meaningless.
-constexpr double kImpossible = 2.2250738585072014e-308;
+constexpr double kMinProbability = 2.2250738585072014e-308;
 
 // Largest deviation of the sum of a distribution from 1; rounding stays far below.
 constexpr double kSumTolerance = 1e-6;
@@ -42,7 +42,7 @@ struct Weights {
     }
 };
 
-// The problem. Blocks partition the states: after every action and observation the belief lies within one block. A
+// The POMDP as sparse tables, and its partition into blocks. Blocks partition the states: after every action and observation the belief lies within one block. A
 // model with fully observed parts (a MOMDP; Ong, Png, Hsu and Lee, 2010) has many blocks, and beliefs and alpha vectors
 // are stored over their own block only. A group is a block, or (the last one) all states, for beliefs over several blocks.
 class Model {
@@ -89,7 +89,7 @@ class Successors {
     explicit Successors(const Model& model);
 
     // The children of a belief and an action.
-    const Outcomes& outcomes(const Weights& belief, Index action);
+    const Outcomes& compute_outcomes(const Weights& belief, Index action);
 
     // The distribution of the next state, before any observation.
     const Weights& predict(const Weights& belief, Index action);
@@ -98,8 +98,8 @@ class Successors {
     const Model& model_;
     Weights predicted_;
     Outcomes outcomes_;
-    std::vector<double> mass_;          // (S) scratch, zero between calls
-    std::vector<std::size_t> entries_;  // (O) scratch, zero between calls
+    std::vector<double> mass_;          // (S) reusable memory, zero between calls
+    std::vector<std::size_t> entries_;  // (O) reusable memory, zero between calls
 };
 
 }  // namespace lcorpp

@@ -13,7 +13,7 @@
 #include "arguments.hpp"
 #include "bounds.hpp"
 #include "model.hpp"
-#include "sampling.hpp"
+#include "path_sampling.hpp"
 #include "tree.hpp"
 
 using namespace lcorpp;
@@ -48,7 +48,7 @@ auto collect_branches(Tree& tree, Index node, double Branch::*field) {
     return make_array(std::move(values));
 }
 
-auto points_of(const Sawtooth& sawtooth) {
+auto export_points(const Sawtooth& sawtooth) {
     std::vector<std::int64_t> begins{0};
     std::vector<Index> states;
     std::vector<double> weights, values;
@@ -67,7 +67,7 @@ auto points_of(const Sawtooth& sawtooth) {
                            make_array(std::move(weights)), make_array(std::move(values)));
 }
 
-auto children_of(const Branch& branch) {
+auto export_children(const Branch& branch) {
     std::vector<Index> observation, node;
     std::vector<double> probability, lower, upper;
     for (const Child& child : branch.children) {
@@ -101,7 +101,7 @@ void bind_model(nb::module_& m) {
             "n_actions"_a, "n_states"_a, "n_observations"_a, "transition_begins"_a.noconvert(),
             "transition_columns"_a.noconvert(), "transition_values"_a, "observation_begins"_a.noconvert(),
             "observation_columns"_a.noconvert(), "observation_values"_a, "reward"_a, "discount"_a)
-        .def("blocks", [](const Model& model) { return make_array(model.block); });
+        .def("export_blocks", [](const Model& model) { return make_array(model.block); });
 }
 
 void bind_bounds(nb::module_& m) {
@@ -142,7 +142,7 @@ void bind_predictor(nb::module_& m) {
             "tree"_a, "node"_a)
         .def(
             "predict",
-            [](const ValuePredictor& predictor, Tree& tree, Index node) { return predictor.value(get_node(tree, node)); },
+            [](const ValuePredictor& predictor, Tree& tree, Index node) { return predictor.predict(get_node(tree, node)); },
             "tree"_a, "node"_a);
 }
 
@@ -161,13 +161,13 @@ void bind_tree(nb::module_& m) {
         .def_prop_ro("point_count", [](const Tree& tree) { return tree.sawtooth.count(); })
         .def_prop_ro("group_count", [](const Tree& tree) { return tree.sets.size(); })
         .def(
-            "add_node", [](Tree& tree, InputArray<double, 1> belief) { return tree.add_node(make_belief(tree.model, belief)); },
+            "find_or_add_node", [](Tree& tree, InputArray<double, 1> belief) { return tree.find_or_add_node(make_belief(tree.model, belief)); },
             "belief"_a)
         .def(
-            "add_child",
+            "find_or_add_child",
             [](Tree& tree, Index node, Index action, std::size_t child) {
                 if (child >= get_branch(tree, node, action).children.size()) throw nb::index_error("unknown child");
-                return tree.add_child(node, action, child);
+                return tree.find_or_add_child(node, action, child);
             },
             "node"_a, "action"_a, "child"_a)
         .def(
@@ -220,7 +220,7 @@ void bind_tree(nb::module_& m) {
             },
             "node"_a)
         .def(
-            "children", [](Tree& tree, Index node, Index action) { return children_of(get_branch(tree, node, action)); },
+            "children", [](Tree& tree, Index node, Index action) { return export_children(get_branch(tree, node, action)); },
             "node"_a, "action"_a)
         .def(
             "vectors",
@@ -243,7 +243,7 @@ void bind_tree(nb::module_& m) {
                 const std::size_t states = get_set(tree, group).states();
                 std::vector<double> table;
                 std::vector<Index> actions;
-                for (const PrunedVector* pruned : tree.dependencies.needed(tree.sets)) {
+                for (const PrunedVector* pruned : tree.dependencies.find_needed_vectors(tree.sets)) {
                     if (static_cast<std::size_t>(pruned->group) != group) continue;
                     actions.push_back(pruned->action);
                     table.insert(table.end(), pruned->values.begin(), pruned->values.end());
@@ -252,7 +252,7 @@ void bind_tree(nb::module_& m) {
                 return std::make_tuple(make_array(std::move(table), {count, states}), make_array(std::move(actions)));
             },
             "group"_a)
-        .def("points", [](Tree& tree) { return points_of(tree.sawtooth); })
+        .def("points", [](Tree& tree) { return export_points(tree.sawtooth); })
         .def(
             "add_vectors",
             [](Tree& tree, std::size_t group, InputArray<double, 2> vectors, InputArray<Index, 1> actions) {

@@ -6,6 +6,13 @@
 
 namespace lcorpp {
 
+namespace {
+
+// The memory of removed points is released if three times their number exceeds that of the other points by more than this.
+constexpr std::size_t kCompactionMargin = 96;
+
+}  // namespace
+
 Sawtooth::Sawtooth(const Model& model, std::vector<double> informed, std::size_t groups)
     : model_(model),
       actions_(static_cast<std::size_t>(model.actions)),
@@ -47,6 +54,9 @@ double Sawtooth::informed_value(const Weights& belief, Index action) const {
     return sum;
 }
 
+// bound = min(informed bound, corners.b + lowest), with lowest = min over the points of phi * excess, at most 0, and
+// phi = min over the support of p of b(s) / p(s). Each point is listed at the rarest state of its support, so a loop over
+// the states of b meets every point with phi > 0 once. `threshold` is the phi below which a point cannot lower the bound.
 double Sawtooth::bound(const Index* states, const double* weights, std::size_t n, Index group, Stamp since) {
     double plane = 0.0, mass = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
@@ -67,7 +77,7 @@ double Sawtooth::bound(const Index* states, const double* weights, std::size_t n
             const Entry* entry = entries_.data() + point.begin;
             const Entry* end = entries_.data() + point.end;
             for (; entry != end; ++entry) {
-                const double ratio = dense_[static_cast<std::size_t>(entry->state)] * entry->inverse;
+                const double ratio = dense_[static_cast<std::size_t>(entry->state)] * entry->inverse_weight;
                 if (ratio <= threshold) break;
                 if (ratio < phi) phi = ratio;
             }
@@ -92,14 +102,14 @@ Stamp Sawtooth::add(const Weights& belief, Index group, double value) {
         return -1;
     }
     Point point{next_stamp_++, value, 0.0, entries_.size(), entries_.size() + belief.size(), group, false};
-    for (std::size_t i = 0; i < belief.size(); ++i) entries_.push_back({belief.state[i], 1.0 / std::max(belief.weight[i], kImpossible)});
+    for (std::size_t i = 0; i < belief.size(); ++i) entries_.push_back({belief.state[i], 1.0 / std::max(belief.weight[i], kMinProbability)});
     auto& counts = point_counts_[static_cast<std::size_t>(group)];
     for (const Index s : belief.state) ++counts[position(group, s)];
-    // States that few points have come first: they show soonest that a point does not count at a belief.
+    // Sort the rarest states first: they exclude a point soonest.
     std::sort(entries_.begin() + static_cast<std::ptrdiff_t>(point.begin), entries_.end(),
               [&](const Entry& a, const Entry& b) {
-                  const Index here = counts[position(group, a.state)], there = counts[position(group, b.state)];
-                  return here != there ? here < there : a.inverse < b.inverse;
+                  const Index count_a = counts[position(group, a.state)], count_b = counts[position(group, b.state)];
+                  return count_a != count_b ? count_a < count_b : a.inverse_weight < b.inverse_weight;
               });
     point.excess = excess(point);
     points_.push_back(point);
@@ -119,7 +129,7 @@ void Sawtooth::remove(Stamp stamp) {
 }
 
 void Sawtooth::compact() {
-    if (3 * removed_ <= count_ + 96) return;
+    if (3 * removed_ <= count_ + kCompactionMargin) return;
     std::vector<Entry> entries;
     std::size_t kept = 0;
     for (auto& group : points_by_state_) {
@@ -147,7 +157,7 @@ void Sawtooth::compact() {
 double Sawtooth::excess(const Point& point) const {
     double plane = 0.0;
     for (std::size_t i = point.begin; i < point.end; ++i) {
-        plane += corners_[static_cast<std::size_t>(entries_[i].state)] / entries_[i].inverse;
+        plane += corners_[static_cast<std::size_t>(entries_[i].state)] / entries_[i].inverse_weight;
     }
     return std::min(0.0, point.value - plane);
 }

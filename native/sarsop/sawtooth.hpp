@@ -10,8 +10,9 @@ namespace lcorpp {
 
 // An upper bound on the value, positively homogeneous: arguments are beliefs times a probability.
 //
-// At b it is the minimum of max over a of Q(a).b and of corners.b + phi(b) (v - corners.p) over all points (p, v),
-// with phi(b) = min over the support of p of b(s) / p(s), which is 0 if b does not contain the support of p.
+// bound(b) = min(max over a of Q(a).b, corners.b + min over the points (p, v) of phi(b, p) (v - corners.p)), with
+// phi(b, p) = min over the support of p of b(s) / p(s), which is 0 if b does not contain the support of p. The excess of a
+// point is v - corners.p. The corners are the bounds at the corners of the belief simplex.
 // A point counts only at beliefs of its own group.
 class Sawtooth {
   public:
@@ -43,11 +44,12 @@ class Sawtooth {
             inverses.clear();
             for (std::size_t i = point.begin; i < point.end; ++i) {
                 states.push_back(entries_[i].state);
-                inverses.push_back(entries_[i].inverse);
+                inverses.push_back(entries_[i].inverse_weight);
             }
             f(states, inverses, point.value, point.group);
         }
     }
+    // (S) the bound at each corner of the belief simplex, where the state is known.
     const std::vector<double>& corners() const { return corners_; }
 
     // Remove a point that a newer one at the same belief has replaced.
@@ -66,7 +68,7 @@ class Sawtooth {
     };
     struct Entry {
         Index state;
-        double inverse;  // 1 / p(s)
+        double inverse_weight;  // 1 / p(s)
     };
 
     double excess(const Point& point) const;
@@ -75,15 +77,15 @@ class Sawtooth {
 
     const Model& model_;
     const std::size_t actions_;
-    std::vector<double> informed_;
-    std::vector<double> corners_;
+    std::vector<double> informed_;  // (S, A)
+    std::vector<double> corners_;   // (S)
     std::vector<Point> points_;  // by rising stamp
     std::vector<Entry> entries_;
     // Points by group and position of the rarest state of their support: only points whose rarest state has weight
     // can count at a belief.
     std::vector<std::vector<std::vector<Index>>> points_by_state_;
     std::vector<std::vector<Index>> point_counts_;  // by group and position: number of points with that state
-    std::vector<double> dense_;                     // (S) scratch, zero between calls
+    std::vector<double> dense_;                     // (S) reusable memory, zero between calls
     Stamp next_stamp_ = 0;
     std::size_t count_ = 0, removed_ = 0;
 };

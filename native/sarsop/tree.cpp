@@ -9,24 +9,30 @@ namespace lcorpp {
 
 namespace {
 
-// Beliefs that agree to within 1 / kBeliefResolution share a node. The lower bound of a node is used only at its own
-// belief; the upper bound also at a parent's next belief, plus the Lipschitz slack between the two.
+// Beliefs whose weights are equal after rounding to multiples of 1 / kBeliefResolution share a node. The lower bound of a
+// node is used only at its own belief; the upper bound also at a parent's next belief, plus the Lipschitz slack between
+// the two.
 constexpr double kBeliefResolution = 1e10;
 
+// Constants of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): the increment, and the first multiplier of its mixing.
+constexpr std::uint64_t kGolden = 0x9E3779B97F4A7C15ull, kMultiplier = 0xBF58476D1CE4E5B9ull;
+
+// A hash of the states with a rounded weight above 0 and of these weights. Equal keys are compared by same_belief.
 std::uint64_t hash_belief(const Weights& belief) {
-    std::uint64_t hash = 0x9E3779B97F4A7C15ull;
+    std::uint64_t hash = kGolden;
     for (std::size_t i = 0; i < belief.size(); ++i) {
         const auto weight = static_cast<std::uint64_t>(std::llround(belief.weight[i] * kBeliefResolution));
         if (weight == 0) continue;
-        for (const std::uint64_t part : {static_cast<std::uint64_t>(belief.state[i]), weight}) {
-            hash ^= part + 0x9E3779B97F4A7C15ull + (hash << 6) + (hash >> 2);
-            hash *= 0xBF58476D1CE4E5B9ull;
+        for (const std::uint64_t number : {static_cast<std::uint64_t>(belief.state[i]), weight}) {
+            hash ^= number + kGolden + (hash << 6) + (hash >> 2);
+            hash *= kMultiplier;
             hash ^= hash >> 31;
         }
     }
     return hash;
 }
 
+// Whether the rounded weights of two beliefs are equal.
 bool same_belief(const Weights& a, const Weights& b) {
     std::size_t i = 0, j = 0;
     while (true) {
@@ -41,6 +47,7 @@ bool same_belief(const Weights& a, const Weights& b) {
     }
 }
 
+// The sum over the states of |a(s) - b(s)|.
 double l1_distance(const Weights& a, const Weights& b) {
     double sum = 0.0;
     std::size_t i = 0, j = 0;
@@ -56,6 +63,7 @@ double l1_distance(const Weights& a, const Weights& b) {
     return sum;
 }
 
+// A table (A, S) as (S, A).
 std::vector<double> transpose(const Model& model, const std::vector<double>& table) {
     const auto states = static_cast<std::size_t>(model.states), actions = static_cast<std::size_t>(model.actions);
     std::vector<double> transposed(states * actions);
@@ -75,20 +83,21 @@ Tree::Tree(const Model& model_, const std::vector<double>& informed, const std::
       all_states_(static_cast<std::size_t>(model_.states)),
       next_values_(static_cast<std::size_t>(model_.states)) {
     std::iota(all_states_.begin(), all_states_.end(), 0);
-    for (const double value : blind) scale = std::max(scale, std::abs(value));
-    for (const double value : informed) scale = std::max(scale, std::abs(value));
+    for (const double value : blind) max_abs_value = std::max(max_abs_value, std::abs(value));
+    for (const double value : informed) max_abs_value = std::max(max_abs_value, std::abs(value));
     const std::size_t groups = model.members.size() + 1;
     for (std::size_t g = 0; g < groups; ++g) {
         const std::vector<Index>& states = group_states(static_cast<Index>(g));
         sets.emplace_back(states.size());
         if (groups == 2 && g == 1) break;  // with one block, no belief is over several blocks
         for (Index a = 0; a < model.actions; ++a) {
-            std::vector<double> part;
+            std::vector<double> values;
             for (const Index s : states) {
-                part.push_back(blind[static_cast<std::size_t>(a) * static_cast<std::size_t>(model.states) +
+                values.push_back(blind[static_cast<std::size_t>(a) * static_cast<std::size_t>(model.states) +
                                      static_cast<std::size_t>(s)]);
             }
-            sets.back().add(part, a, a);
+            const Stamp stamp = a;  // the blind policies have the stamps 0 to A - 1
+            sets.back().add(values, a, stamp);
         }
     }
     next_vector_ = model.actions;
@@ -96,7 +105,7 @@ Tree::Tree(const Model& model_, const std::vector<double>& informed, const std::
 }
 
 void Tree::add_vector(Index group, const std::vector<double>& vector, Index action) {
-    dependencies.record_imported(next_vector_);
+    dependencies.record_imported_vector(next_vector_);
     sets[static_cast<std::size_t>(group)].add(vector, action, next_vector_++);
 }
 
@@ -125,7 +134,7 @@ Best Tree::find_best_vector(Index group, const Index* states, const double* weig
     return set.best(positions_.data(), weights, n, first);
 }
 
-Index Tree::add_node(Weights belief) {
+Index Tree::find_or_add_node(Weights belief) {
     const std::uint64_t hash = hash_belief(belief);
     const auto range = node_index_.equal_range(hash);
     for (auto entry = range.first; entry != range.second; ++entry) {
@@ -161,7 +170,7 @@ Index Tree::add_node(Weights belief) {
 const Outcomes& Tree::expand(Node& node, Index action) {
     Branch& branch = node.branches[static_cast<std::size_t>(action)];
     if (branch.outcomes) return *branch.outcomes;
-    const Outcomes& outcomes = successors_.outcomes(node.belief, action);
+    const Outcomes& outcomes = successors_.compute_outcomes(node.belief, action);
     if (!branch.expanded) {
         branch.expanded = true;
         branch.children.resize(outcomes.count());
@@ -170,15 +179,15 @@ const Outcomes& Tree::expand(Node& node, Index action) {
             branch.children[c].probability = outcomes.probability[c];
             branch.children[c].group = model.block[static_cast<std::size_t>(outcomes.states(c)[0])];
         }
-        if (outcomes.state.size() <= cache_left_) {
-            cache_left_ -= outcomes.state.size();
+        if (outcomes.state.size() <= cache_budget_) {
+            cache_budget_ -= outcomes.state.size();
             branch.outcomes = std::make_unique<Outcomes>(outcomes);
         }
     }
     return outcomes;
 }
 
-Index Tree::add_child(Index number, Index action, std::size_t c) {
+Index Tree::find_or_add_child(Index number, Index action, std::size_t c) {
     Node& node = nodes[static_cast<std::size_t>(number)];
     Branch& branch = node.branches[static_cast<std::size_t>(action)];
     if (branch.children[c].node < 0) {
@@ -187,9 +196,9 @@ Index Tree::add_child(Index number, Index action, std::size_t c) {
         next.state.assign(outcomes.states(c), outcomes.states(c) + outcomes.size(c));
         next.weight.assign(outcomes.weights(c), outcomes.weights(c) + outcomes.size(c));
         for (double& weight : next.weight) weight /= outcomes.probability[c];
-        branch.children[c].node = add_node(next);
+        branch.children[c].node = find_or_add_node(next);
         // The values of two beliefs differ by at most the largest value times their distance.
-        branch.children[c].lipschitz_slack = scale * l1_distance(next, nodes[static_cast<std::size_t>(branch.children[c].node)].belief);
+        branch.children[c].lipschitz_slack = max_abs_value * l1_distance(next, nodes[static_cast<std::size_t>(branch.children[c].node)].belief);
     }
     return branch.children[c].node;
 }

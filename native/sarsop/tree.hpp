@@ -19,7 +19,7 @@ namespace lcorpp {
 // Largest number of cached entries of outcomes, 12 bytes each; further ones are recomputed at each visit.
 constexpr std::size_t kMaxCachedOutcomes = std::size_t{1} << 25;
 
-// Smallest improvement of a bound, relative to the largest value; smaller ones are rounding errors.
+// Smallest improvement of a bound, relative to Tree::max_abs_value; smaller ones are rounding errors.
 constexpr double kMinGain = 1e-11;
 
 // Bins of the value predictor, for the initial upper bound and for the entropy.
@@ -65,7 +65,8 @@ struct Node {
 
 class Tree {
   public:
-    // informed: (A, S) Q values that are upper bounds. blind: (A, S) values of repeating one action forever.
+    // informed: (A, S) the fast informed bound: upper bounds on the Q values. blind: (A, S) lower bounds on the values of
+    // the blind policies, each of which repeats one action forever. Both in row-major order.
     Tree(const Model& model, const std::vector<double>& informed, const std::vector<double>& blind);
     Tree(const Tree&) = delete;
     Tree& operator=(const Tree&) = delete;
@@ -73,9 +74,9 @@ class Tree {
     const Model& model;
 
     // The node of a belief, created if necessary.
-    Index add_node(Weights belief);
+    Index find_or_add_node(Weights belief);
     // The node of a child, created if necessary.
-    Index add_child(Index node, Index action, std::size_t child);
+    Index find_or_add_child(Index node, Index action, std::size_t child);
 
     // Update the bounds of a node with the vectors and points since its last visit.
     void refresh(Index node);
@@ -107,7 +108,7 @@ class Tree {
     std::vector<VectorSet> sets;  // by group
     VectorDependencies dependencies;
     Sawtooth sawtooth;
-    double scale = 1.0;  // the largest value in the model, the unit of rounding errors
+    double max_abs_value = 1.0;  // largest absolute initial bound, at least 1: the unit of rounding errors
 
   private:
     const Outcomes& expand(Node& node, Index action);
@@ -115,8 +116,8 @@ class Tree {
     void refresh_lower(Node& node, Index action);
     void refresh_upper(Node& node, Index action);
     void update_best_vector(Node& node);
-    static Index best_lower_action(const Node& node);
-    static Index best_upper_action(const Node& node);
+    static Index find_best_lower_action(const Node& node);
+    static Index find_best_upper_action(const Node& node);
     // A new vector; the stamps of the vectors it depends on are appended to `depends_on`.
     std::vector<double> make_vector(Node& node, Index action, std::vector<Stamp>& depends_on);
     Best find_best_vector(Index group, const Index* states, const double* weights, std::size_t n, std::size_t first);
@@ -126,12 +127,12 @@ class Tree {
 
     Successors successors_;
     Stamp next_vector_ = 0;
-    std::size_t cache_left_ = kMaxCachedOutcomes;
-    std::unordered_multimap<std::uint64_t, Index> node_index_;
+    std::size_t cache_budget_ = kMaxCachedOutcomes;  // how many more entries of outcomes may be cached
+    std::unordered_multimap<std::uint64_t, Index> node_index_;  // by hash of the belief
     std::vector<Index> all_states_;
     std::vector<std::size_t> sizes_after_pruning_;  // by group: number of vectors after the last pruning
-    std::vector<Index> positions_;                  // scratch
-    std::vector<double> next_values_;               // (S) scratch
+    std::vector<Index> positions_;                  // reusable memory
+    std::vector<double> next_values_;               // (S) reusable memory
 };
 
 }  // namespace lcorpp

@@ -51,7 +51,7 @@ class ProgramError(LcorppError):
 
 
 class TooLargeError(ProgramError):
-    """A P-log program with too many states to compile."""
+    """A P-log program is too large to be compiled: its decision diagram would fill the memory."""
 
 
 class UndefinedError(LcorppError):

@@ -36,7 +36,7 @@ def read_bytes(path: str | Path) -> bytes:
     try:
         return Path(path).read_bytes()
     except (OSError, ValueError) as error:
-        raise FileError(f"{_printable(path)}: cannot be read: {_reason(error)}") from None
+        raise FileError(f"{_make_printable(path)}: cannot be read: {_describe_reason(error)}") from None
 
 
 def open_text(path: str | Path) -> TextIO:
@@ -48,7 +48,7 @@ def open_text(path: str | Path) -> TextIO:
     try:
         return open(path, encoding="utf-8-sig")
     except (OSError, ValueError) as error:
-        raise FileError(f"{_printable(path)}: cannot be read: {_reason(error)}") from None
+        raise FileError(f"{_make_printable(path)}: cannot be read: {_describe_reason(error)}") from None
 
 
 def write_atomically(path: str | Path, content: str | bytes) -> None:
@@ -78,13 +78,13 @@ def open_atomically(path: str | Path) -> Iterator[BinaryIO]:
             prefix = f".{target.name[:100]}."
             handle, name = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=target.parent)
     except (OSError, ValueError) as error:
-        raise FileError(f"{_printable(path)}: cannot be written: {_reason(error)}") from None
+        raise FileError(f"{_make_printable(path)}: cannot be written: {_describe_reason(error)}") from None
     if special:  # replacing a device would destroy it; opening a folder fails
         try:
             with open(target, "wb") as device:
                 yield device
         except OSError as error:
-            raise FileError(f"{path}: cannot be written: {_reason(error)}") from None
+            raise FileError(f"{path}: cannot be written: {_describe_reason(error)}") from None
         return
     try:
         with os.fdopen(handle, "wb") as file:
@@ -97,7 +97,7 @@ def open_atomically(path: str | Path) -> Iterator[BinaryIO]:
         os.replace(name, target)
     except OSError as error:
         Path(name).unlink(missing_ok=True)
-        raise FileError(f"{path}: cannot be written: {_reason(error)}") from None
+        raise FileError(f"{path}: cannot be written: {_describe_reason(error)}") from None
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
@@ -142,15 +142,18 @@ def make_folder(path: str | Path) -> Path:
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        raise FileError(f"{_printable(path)}: cannot create the folder: {_reason(error)}") from None
+        raise FileError(
+            f"{_make_printable(path)}: cannot create the folder: {_describe_reason(error)}"
+        ) from None
     return Path(path)
 
 
-def _reason(error: OSError | ValueError) -> str:
+def _describe_reason(error: OSError | ValueError) -> str:
     """Return the system's message; a ValueError means an impossible file name."""
     return str(getattr(error, "strerror", None) or error)
 
 
-def _printable(path: str | Path) -> str:
+def _make_printable(path: str | Path) -> str:
+    """Return a path for a message: at most 300 characters, in ASCII if it has unprintable ones."""
     text = str(path)
     return text if len(text) <= 300 and text.isprintable() else ascii(text)[:300]

@@ -17,12 +17,12 @@ def html_table(
 ) -> str:
     """Return an HTML table; all texts are escaped, and at most `limit` rows are shown."""
     every = list(rows)
-    lines = [_row("th", header), *(_row("td", row) for row in every[:limit])]
+    lines = [_format_row("th", header), *(_format_row("td", row) for row in every[:limit])]
     if len(every) > limit:
-        lines.append(_row("td", [f"... ({len(every)} rows in all)"]))
+        lines.append(_format_row("td", [f"... ({len(every)} rows in all)"]))
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return f"<table>{title}{''.join(lines)}</table>"
 
 
-def _row(tag: str, cells: Sequence[str]) -> str:
+def _format_row(tag: str, cells: Sequence[str]) -> str:
     return "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"

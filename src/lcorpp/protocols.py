@@ -12,14 +12,14 @@ from lcorpp.values import Belief, Distribution, Instance, Label
 
 
 class Classifier(Protocol):
-    """rho of Algorithm 2: from a trajectory to a class."""
+    """rho of Algorithm 2: predicts the class of a trajectory."""
 
     def classify(self, instance: Instance) -> Label | None:
         """Return the person's class or the likelihood of each class; None if the robot does not classify."""
 
 
 class Reasoner(Protocol):
-    """theta of Algorithm 2: from evidence to the marginal of an attribute."""
+    """theta of Algorithm 2: computes the marginal of an attribute from evidence."""
 
     def posterior(self, attribute: str, evidence: Mapping[str, Label]) -> Distribution | None:
         """Return the marginal of `attribute` given the evidence; None if the robot does not reason.
@@ -71,8 +71,8 @@ class DomainInterface(Protocol):
     def values(self) -> tuple[str, ...]:
         """The values of the target."""
 
-    def evidence(self, context: Mapping[str, str], label: Label | None) -> Mapping[str, Label]:
-        """Return the reasoner's evidence: the observed facts and the classifier's label, if any."""
+    def evidence(self, context: Mapping[str, str], predicted: Label | None) -> Mapping[str, Label]:
+        """Return the reasoner's evidence: the observed facts and, if there is one, the predicted class."""
 
     def target_of_label(self, evidence: Mapping[str, Label]) -> Label | None:
         """Return the target value (or likelihood of the values) of the label in the evidence, if any."""

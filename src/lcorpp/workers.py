@@ -10,10 +10,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def ignore_sigint() -> Iterator[None]:
-    """Ignore SIGINT while worker processes start, so that they ignore it from their first import on.
+    """Ignore SIGINT while worker processes start, so that they inherit this setting.
 
-    A child process inherits ignored signals. The parent ignores SIGINT meanwhile, too: a Ctrl-C in the
-    fraction of a second in which workers start is lost. (A blocked signal would not be lost, but the
+    The parent process ignores SIGINT meanwhile, too: a Ctrl-C in the fraction of a second in which workers
+    start is lost. (A blocked signal would not be lost, but the
     resource trackers of multiprocessing and loky unblock it.)
     """
     if threading.current_thread() is not threading.main_thread():  # only the main thread sets handlers

@@ -26,7 +26,7 @@ def coin(tmp_path):
     return file
 
 
-def test_why_takes_the_answer_apart(lcorpp, coin):
+def test_why_prints_the_parts_of_an_answer(lcorpp, coin):
     ended = lcorpp("ask", coin, "?{q} | obs(p)", "--why", "--exact")
     assert ended.code == 0, ended.err
     assert [line.rstrip() for line in ended.out.splitlines() if line.strip()] == [
@@ -76,7 +76,7 @@ def test_cr_rules(lcorpp):
 
 
 @pytest.mark.parametrize("query", ["intention", "?{intention=interested}"])
-def test_too_large_a_program_is_estimated_aloud(lcorpp, monkeypatch, query):
+def test_a_program_too_large_to_compile_is_estimated_with_a_warning(lcorpp, monkeypatch, query):
     monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (1,))
     ended = lcorpp("ask", PLOG / "lcorpp.plog", query)
     assert ended.code == 0

@@ -75,7 +75,7 @@ def test_a_policy_of_another_model(lcorpp, tmp_path):
     refused(lcorpp("run", "--preset", "authors", "--policy", out, "--trials", 1), "another model")
 
 
-def test_options_that_make_no_sense(lcorpp, tmp_path):
+def test_wrong_options_end_in_one_message(lcorpp, tmp_path):
     refused(lcorpp("run", "--preset", "wild"), "unknown preset 'wild'; expected one of paper, authors")
     refused(lcorpp("run", "--strategy", "X"), "unknown strategy 'X'")
     refused(lcorpp("run", "--classifier", tmp_path / "none.npz"), "none.npz")
@@ -94,7 +94,7 @@ def test_options_that_make_no_sense(lcorpp, tmp_path):
     refused(lcorpp("run", "--out", tmp_path / "file"), "is a file; --out expects a folder")
 
 
-def test_an_input_that_ends(lcorpp, monkeypatch):
+def test_an_end_of_the_input_is_an_error(lcorpp, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO("morning\n"))
     refused(lcorpp("explain", "--interactive"), "the input ended")
 

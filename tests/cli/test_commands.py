@@ -102,7 +102,7 @@ def test_run_with_a_solved_policy(lcorpp, tmp_path):
     assert lcorpp(*common, "--policy", policy).code == 0
 
 
-def test_run_trains_an_lstm_on_a_made_up_domain_and_loads_it_again(lcorpp, tmp_path):
+def test_run_trains_an_lstm_on_another_domain_and_loads_it_again(lcorpp, tmp_path):
     """Shows 5 and 6; the classifier it saved is used again, and gives the same decisions."""
     common = ("run", ROOMS, "--trials", 60, "--jobs", 1, "--strategy", "LCORPP")
     first = lcorpp(*common, "--epochs", 3, "--out", tmp_path)
@@ -144,7 +144,7 @@ def test_learn_grows_and_keeps_every_batch(lcorpp, tmp_path):
         rows = list(csv.DictReader(file))
     assert [int(row["tracks"]) for row in rows] == [30, 35, 40]
     assert (tmp_path / "batches.png").read_bytes().startswith(b"\x89PNG")
-    assert "it has not settled yet" in ended.out
+    assert "the confusion matrix has not converged" in ended.out
 
 
 @pytest.mark.parametrize(

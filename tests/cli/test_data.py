@@ -62,7 +62,7 @@ def test_plot(lcorpp, tmp_path):
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_describe_says_what_was_repaired_and_writes_each(lcorpp, tmp_path):
+def test_describe_prints_and_writes_the_repairs(lcorpp, tmp_path):
     file = tmp_path / "a.csv"
     file.write_text(GOOD + "c,0,1,1,in\n" + rows("d", "") + "b,1")
     refused(lcorpp("data", "describe", file), "a.csv:39:1: ", "repair 'cut' would leave out the last line")
@@ -114,7 +114,7 @@ def test_fetch(lcorpp, tmp_path, monkeypatch):
     assert len(read_recording(tmp_path / "new" / "people here.csv")) == 3
 
 
-def test_what_makes_no_sense(lcorpp, tmp_path):
+def test_wrong_arguments_of_data_end_in_one_message(lcorpp, tmp_path):
     good = tmp_path / "a.csv"
     good.write_text(GOOD)
     refused(
@@ -153,7 +153,7 @@ def test_the_help_names_every_repair(lcorpp):
         assert f" {name}" in ended.out
 
 
-def test_what_a_hostile_tester_found(lcorpp, tmp_path):
+def test_extreme_input_of_data_ends_in_one_message(lcorpp, tmp_path):
     """A huge number, a report over its own source, two meanings of a label, no address: one message each."""
     file = tmp_path / "people.csv"
     file.write_text("track,time,x,y,label\na,0,0,0,p\na,1,1,0,p\na,2,1e200,0,p\nb,0,0,0,q\nb,1,1,1,q\n")

@@ -26,7 +26,7 @@ def stored(path):
     return said, reading.trajectories().tolist()
 
 
-def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monkeypatch):
+def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(lcorpp, tmp_path, monkeypatch):
     monkeypatch.setattr("lcorpp.experiments.figures.files.write_figure", lambda *_: [])  # takes half the time
     learn = ("learn", ROOMS, *OPTIONS, "--max-batches", 3)
     plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")
@@ -77,7 +77,7 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(lcorpp, tmp_path, monk
     assert len(read_store(tmp_path / "s.tracks")) == 16
 
 
-def test_what_a_store_cannot_be(lcorpp, tmp_path):
+def test_paths_that_cannot_be_a_store_are_rejected(lcorpp, tmp_path):
     (tmp_path / "text").write_text("hello")
     Store(tmp_path / "other", TrackSchema(("x", "y"), 0.033, ("a", "b"))).close()
     for path, words in (

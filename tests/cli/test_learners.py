@@ -41,7 +41,7 @@ def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
     assert kept or "the classifier is not saved" in ended.out
 
 
-def test_one_of_your_own(lcorpp, tmp_path):
+def test_a_learner_of_the_users_file(lcorpp, tmp_path):
     file = tmp_path / "mine.py"
     file.write_text("from sklearn.dummy import DummyClassifier\ndef guess():\n    return DummyClassifier()\n")
     ended = lcorpp("run", *FEW, "--learner", f"{file}:guess")
@@ -103,11 +103,15 @@ def test_explain_with_a_likelihood(lcorpp):
     facts = ("explain", "--fact", "time=afternoon", "--fact", "location=classroom", "--seed", 1)
     ended = lcorpp(*facts, "--likelihood", "one=0.24", "--likelihood", "zero=0.71")
     assert ended.code == 0, ended.err
-    for words in ("in proportion", "0.359531", "0.220250"):  # as the label of rates .24 and .71 would have it
+    for words in (
+        "scaled to a maximum of 1",
+        "0.359531",
+        "0.220250",
+    ):  # as the label of rates .24 and .71 would have it
         assert words in ended.out
 
 
-def test_options_that_make_no_sense(lcorpp, tmp_path):
+def test_wrong_options_end_in_one_message(lcorpp, tmp_path):
     refused(lcorpp("run", "--learner", "lstn"), "unknown learner 'lstn'; expected one of lstm, lstm-fast")
     refused(
         lcorpp("run", "--learner", "forest", "--epochs", 3, "--tracks", 40, "--jobs", 1), "makes no passes"

@@ -48,7 +48,7 @@ def test_simulate_agrees_with_what_the_policy_promises(lcorpp, solved):
     )
 
 
-def test_simulate_tells_episodes_step_by_step(lcorpp, solved):
+def test_simulate_prints_episodes_step_by_step(lcorpp, solved):
     ended = lcorpp("simulate", AUTHORS, solved, "--trials", 3, "--trace", 2, "--steps", 4)
     assert ended.code == 0
     assert ended.out.count("episode ") == 2
@@ -64,7 +64,7 @@ def test_simulate_tells_episodes_step_by_step(lcorpp, solved):
     assert table[-2].startswith("  ends in ")
 
 
-def test_simulate_says_what_was_cut_off(lcorpp, tiger, tmp_path):
+def test_simulate_prints_the_effect_of_truncation(lcorpp, tiger, tmp_path):
     lcorpp("solve", tiger, "-o", tmp_path / "a.alpha")
     ended = lcorpp("simulate", tiger, tmp_path / "a.alpha", "--trials", 50, "--steps", 10)
     assert "50 episodes were cut off" in ended.out
@@ -100,7 +100,7 @@ def test_show_writes_the_policys_graph(lcorpp, solved, tmp_path):
     )
 
 
-def test_show_says_what_a_model_holds(lcorpp):
+def test_show_prints_the_facts_of_a_model(lcorpp):
     ended = lcorpp("show", AUTHORS)
     assert (ended.code, ended.err) == (0, "")
     facts = dict(line.strip().split(None, 1) for line in ended.out.splitlines()[1:])

@@ -48,7 +48,7 @@ def test_solve_by_any_solver_and_check(lcorpp, tiger, tmp_path, name):
     assert name in lcorpp("solve", "--help").out
 
 
-def test_solve_says_when_a_claim_is_refuted(lcorpp, tiger, tmp_path, monkeypatch):
+def test_solve_reports_a_refuted_bound(lcorpp, tiger, tmp_path, monkeypatch):
     """A solver that promises too much: its policy is written all the same, and the exit code is 1."""
     from dataclasses import replace
 
@@ -166,7 +166,7 @@ def test_the_bar_shows_bounds_and_never_goes_back():
     assert told[1][1] == "0 to 10, 7 vectors"
 
 
-def test_pictures_are_told_by_the_suffixes_that_can_be_drawn():
+def test_figure_suffixes_are_those_of_the_plots():
     from lcorpp.cli.output_files import FIGURE_SUFFIXES
     from lcorpp.plot_style import SUFFIXES
 

@@ -17,8 +17,8 @@ class FakeDomain:
     target = "wish"
     values = VALUES
 
-    def evidence(self, context: Mapping[str, str], label: str | None) -> dict[str, str]:
-        return {**context, **({} if label is None else {"label": label})}
+    def evidence(self, context: Mapping[str, str], predicted: str | None) -> dict[str, str]:
+        return {**context, **({} if predicted is None else {"label": predicted})}
 
     def target_of_label(self, evidence: Mapping[str, str]) -> str | None:
         return evidence.get("label")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lcorpp.decision import Batch, ResumePoint, lcorpp
-from lcorpp.decision.lcorpp import ssub
+from lcorpp.decision.lcorpp import compute_ssub
 from lcorpp.errors import DecisionError
 from lcorpp.values import ConfusionMatrix, Dataset
 from tests.decision.fakes import (
@@ -28,11 +28,11 @@ def run(
     """Run with the given confusion counts, one matrix per training; also return the learner's data sets."""
     matrices, trained, reasoned = iter(counts), [], []
 
-    def learn(dataset: Dataset):
+    def train(dataset: Dataset):
         trained.append(dataset)
         return FakeClassifier(), ConfusionMatrix(VALUES, np.array(next(matrices)))
 
-    def reason(confusion: ConfusionMatrix):
+    def make_reasoner(confusion: ConfusionMatrix):
         reasoned.append(confusion)
         return FakeReasoner()
 
@@ -40,8 +40,8 @@ def run(
     batches = list(
         lcorpp(
             START,
-            learn=learn,
-            reason=reason,
+            train=train,
+            make_reasoner=make_reasoner,
             planner=FakePlanner(),
             domain=FakeDomain(),
             collect=lambda: (
@@ -56,10 +56,10 @@ def run(
     return batches, trained
 
 
-def test_it_grows_the_data_with_reported_labels_until_the_matrix_settles():
+def test_reported_labels_are_added_until_the_matrix_converges():
     batches, trained = run([[[8, 2], [3, 7]], [[80, 20], [10, 90]], [[80, 20], [10, 90]]])
     assert [batch.number for batch in batches] == [0, 1, 2]
-    assert [batch.settled for batch in batches] == [False, False, True]
+    assert [batch.converged for batch in batches] == [False, False, True]
     assert [len(data) for data in trained] == [2, 5, 8]
     assert trained[1].labels == ("yes", "no", "yes", "no", "yes")
     first, second, third = trained[1].groups[2:]
@@ -79,15 +79,15 @@ def test_change_is_between_successive_matrices_not_zero_as_the_printed_line_woul
 
 def test_a_classifier_as_good_as_chance_does_not_start_the_loop():
     batches, _ = run([[[5, 5], [5, 5]]])
-    assert [(batch.number, batch.settled) for batch in batches] == [(0, True)]
+    assert [(batch.number, batch.converged) for batch in batches] == [(0, True)]
 
 
 def test_the_caller_may_stop_at_any_batch():
     rng = np.random.default_rng(1)
     loop = lcorpp(
         START,
-        learn=lambda _: (FakeClassifier(), ConfusionMatrix(VALUES, rng.random((2, 2)) * 9)),
-        reason=lambda _: FakeReasoner(),
+        train=lambda _: (FakeClassifier(), ConfusionMatrix(VALUES, rng.random((2, 2)) * 9)),
+        make_reasoner=lambda _: FakeReasoner(),
         planner=FakePlanner(),
         domain=FakeDomain(),
         collect=lambda: (make_instance(0), FakeWorld("nod")),
@@ -104,8 +104,8 @@ def resume(
     given = iter(matrices)
     return lcorpp(
         dataset,
-        learn=lambda _: (FakeClassifier(), ConfusionMatrix(VALUES, np.array(next(given)))),
-        reason=lambda _: FakeReasoner(),
+        train=lambda _: (FakeClassifier(), ConfusionMatrix(VALUES, np.array(next(given)))),
+        make_reasoner=lambda _: FakeReasoner(),
         planner=FakePlanner(),
         domain=FakeDomain(),
         collect=lambda: (make_instance(index := next(line)), FakeWorld("nod" if index == 0 else "shake")),
@@ -127,17 +127,17 @@ def test_a_resumed_run_ends_like_an_uninterrupted_one(decided):
     made = whole[2].dataset.take(range(len(stopped.dataset) + decided))
     resumed = ResumePoint(1, stopped.classifier, stopped.confusion, stopped.change, decided)
     again, last = itertools.islice(resume(resumed, made, MATRICES[2:], iter(LINE[4 + decided :])), 2)
-    assert (again.number, again.change, again.settled) == (1, stopped.change, False)
+    assert (again.number, again.change, again.converged) == (1, stopped.change, False)
     assert again.confusion is stopped.confusion
     assert (last.number, last.change, len(last.episodes)) == (2, whole[2].change, 4 - decided)
     assert np.array_equal(last.dataset.trajectories, whole[2].dataset.trajectories)
     assert (last.dataset.labels, last.dataset.groups) == (whole[2].dataset.labels, whole[2].dataset.groups)
 
 
-def test_a_settled_run_does_nothing_more():
+def test_resuming_a_converged_run_makes_no_decision():
     matrix = ConfusionMatrix(VALUES, np.array(MATRICES[0]))
     batches = list(resume(ResumePoint(5, FakeClassifier(), matrix, 0.01, 0), START, [], iter(())))
-    assert [(batch.number, batch.settled, batch.episodes) for batch in batches] == [(5, True, ())]
+    assert [(batch.number, batch.converged, batch.episodes) for batch in batches] == [(5, True, ())]
 
 
 @pytest.mark.parametrize(
@@ -150,4 +150,4 @@ def test_invalid_settings(batch_size, epsilon, words):
 
 
 def test_ssub_sums_absolute_differences():
-    assert ssub(np.array([[0.5, 0.5], [0.2, 0.8]]), np.array([[0.75, 0.25], [0.2, 0.8]])) == 0.5
+    assert compute_ssub(np.array([[0.5, 0.5], [0.2, 0.8]]), np.array([[0.75, 0.25], [0.2, 0.8]])) == 0.5

@@ -47,11 +47,11 @@ def test_presets_of_the_paper_s_domain():
     assert (paper.preset, authors.preset) == ("paper", "authors")
     np.testing.assert_allclose(paper.pomdp.start, [0.5, 0.5, 0, 0, 0])
     np.testing.assert_allclose(authors.pomdp.start, [0.2] * 5)
-    channel = authors.simulation.confusion_channel
+    channel = authors.simulation.noisy_channel
     assert channel is not None
     assert channel["interested"]["one"] == 0.594
     assert channel["not_interested"]["one"] == 0.119
-    assert paper.simulation.confusion_channel == {
+    assert paper.simulation.noisy_channel == {
         "interested": {"one": 0.76, "zero": 0.24},
         "not_interested": {"one": 0.29, "zero": 0.71},
     }
@@ -75,7 +75,7 @@ def test_a_domain_with_three_values():
     evidence = rooms.evidence({"badge": "staff"}, likelihood)
     assert dict(evidence["heading"]) == {"right": 1, "left": 0.5, "ahead": 0.25}
     assert list(rooms.target_of_label(evidence)) == [("lab", 0.5), ("office", 0.25), ("store", 1)]
-    with pytest.raises(DomainError, match="a likelihood of a, b; expected one of lab, office, store"):
+    with pytest.raises(DomainError, match="a likelihood over a, b; expected the classes lab, office, store"):
         rooms.evidence({}, Likelihood(("a", "b"), [1, 1]))
     sure = Reasoner(rooms.soft_program).posterior("goal", {"badge": "staff", "heading": "right"})
     assert sure["store"] == 1  # there the label equals the target
@@ -87,10 +87,8 @@ def test_a_domain_with_three_values():
         load_domain(ROOMS, preset="hectic").simulation.feedback_model[0, 0], [0.6, 0.2, 0.2, 0]
     )
     # goal=lab has .7 for staff; the other headings share what 'left' leaves
-    assert rooms.simulation.confusion_channel is not None
-    assert rooms.simulation.confusion_channel["lab"] == pytest.approx(
-        {"left": 0.8, "ahead": 0.1, "right": 0.1}
-    )
+    assert rooms.simulation.noisy_channel is not None
+    assert rooms.simulation.noisy_channel["lab"] == pytest.approx({"left": 0.8, "ahead": 0.1, "right": 0.1})
 
 
 def test_a_new_confusion_matrix_gives_a_new_program():

@@ -55,7 +55,7 @@ def test_a_plug_in_without_recordings(tmp_path):
         ("(5, 3)", "(5, 4)", r"of shape \(samples, 3\)"),
         ("(5, 3)", "(0, 3)", r"of shape \(samples, 3\)"),
         ("seconds[0])", "float('nan'))", "a recording has a value that is not a number"),
-        ("seconds[0])", "-1.0)", "the times of a recording do not rise"),
+        ("seconds[0])", "-1.0)", "the times of a recording do not increase"),
         (
             "return [np",
             "raise KeyError('no')\n    return [np",

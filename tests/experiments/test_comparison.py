@@ -27,5 +27,5 @@ def test_a_comparison_prints_nothing_and_returns_everything(capsys):
 
 
 def test_exact_scores_need_a_channel():
-    with pytest.raises(DomainError, match="--exact needs --classifier channel"):
+    with pytest.raises(DomainError, match="exact scores require the noisy channel"):
         compare_strategies(load_domain(ROOMS), ComparisonOptions(classifier=TrainingOptions(), trials=None))

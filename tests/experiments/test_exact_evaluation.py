@@ -14,7 +14,7 @@ from lcorpp.experiments.exact_evaluation import evaluate_exactly
 from lcorpp.experiments.metrics import Scores
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.reasoning import Enumeration
-from lcorpp.simulation.channel import NoisyChannel
+from lcorpp.simulation.simulated_classifier import NoisyChannel
 
 # strategy: F1, accuracy, cost, its standard deviation, return
 TABLE = {
@@ -93,5 +93,7 @@ def test_return_is_report_reward_minus_cost():
 def test_reactions_drawn_by_python_cannot_be_enumerated():
     domain, robot, channel = parts("paper")
     drawn = replace(domain.simulation, reaction=lambda person, action, rng: "pos")
-    with pytest.raises(DomainError, match=r"people\.py draws its reactions, so only simulation can score it"):
+    with pytest.raises(
+        DomainError, match=r"people\.py draws reactions, so only simulated trials can score this"
+    ):
         evaluate_exactly(replace(domain, simulation=drawn), robot, channel, STRATEGIES)

@@ -5,7 +5,12 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.stats import binomtest
 
-from lcorpp.experiments.metrics import mean_interval, score_decisions, score_probabilities, wilson_interval
+from lcorpp.experiments.metrics import (
+    compute_mean_interval,
+    compute_wilson_interval,
+    score_decisions,
+    score_probabilities,
+)
 
 VALUES = ("yes", "no")
 
@@ -36,7 +41,7 @@ def test_no_report_counts_as_wrong_and_spoils_recall_not_precision():
     assert (result.precision.estimate, result.recall.estimate, result.accuracy.estimate) == (1.0, 0.75, 0.9)
 
 
-def test_nothing_called_positive():
+def test_scores_without_positive_predictions():
     result = of([[0, 40, 0], [0, 60, 0]])
     assert (result.precision.estimate, result.recall.estimate, result.f1.estimate) == (0, 0, 0)
     assert (result.precision.low, result.precision.high) == (0, 1)
@@ -52,10 +57,10 @@ def test_average_over_all_values():
 def test_wilson_is_scipys(hits, misses):
     total = hits + misses
     if total == 0:
-        assert wilson_interval(0, 0).high == 1
+        assert compute_wilson_interval(0, 0).high == 1
         return
     expected = binomtest(hits, total).proportion_ci(method="wilson")
-    found = wilson_interval(hits, total)
+    found = compute_wilson_interval(hits, total)
     assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=1e-12)
 
 
@@ -65,13 +70,13 @@ def test_wilson_is_scipys(hits, misses):
     ),
     st.sampled_from(["yes", None]),
 )
-def test_every_interval_holds_its_value(counts, positive):
+def test_every_interval_contains_its_estimate(counts, positive):
     result = of(counts, positive)
     for interval in (result.f1, result.precision, result.recall, result.accuracy):
         assert 0 <= interval.low <= interval.estimate <= interval.high <= 1
 
 
-def test_intervals_hold_the_truth_about_95_times_in_100():
+def test_intervals_cover_the_truth_in_95_of_100_samples():
     """1000 experiments of 200 decisions: the number of hits is binomial(1000, .95), so 920 is 4 SD below."""
     rng = np.random.default_rng(7)
     joint = np.array([[0.3, 0.1, 0], [0.15, 0.45, 0]])
@@ -88,13 +93,13 @@ def test_intervals_hold_the_truth_about_95_times_in_100():
 
 def test_mean_has_the_normal_interval():
     figures = np.array([1.0, 2.0, 3.0, 4.0])
-    interval = mean_interval(figures)
+    interval = compute_mean_interval(figures)
     half = 1.959964 * figures.std(ddof=1) / 2
     assert (interval.estimate, interval.low, interval.high) == pytest.approx((2.5, 2.5 - half, 2.5 + half))
-    assert mean_interval(np.array([3.0])).low == 3.0
+    assert compute_mean_interval(np.array([3.0])).low == 3.0
 
 
-def test_exact_scores_have_no_width():
+def test_exact_scores_have_intervals_of_width_0():
     result = score_probabilities(
         "X", np.array([[0.3, 0.1, 0], [0.2, 0.4, 0]]), 9.0, 50.0, 7.0, values=VALUES, positive="yes"
     )

@@ -99,7 +99,7 @@ def batch(number: int, dataset: Dataset) -> Batch:
     return Batch(number, dataset, trained, confusion, 0.125, (), (), False)
 
 
-def test_a_run_goes_on_where_it_ended(opened, ended):
+def test_a_run_resumes_where_it_ended(opened, ended):
     run_store = opened()
     resumed = run_store.resume(never)
     assert (run_store.notes, run_store.number, run_store.n_people) == ([], 1, 5)
@@ -118,7 +118,7 @@ def test_a_run_goes_on_where_it_ended(opened, ended):
     assert np.array_equal(omega.trajectories[-1], walks(1, seed=3).trajectories[0])
 
 
-def test_what_is_kept_tells_its_origin(opened, path):
+def test_stored_decisions_contain_their_run_and_batch(opened, path):
     run_store = opened()
     id = decide(run_store, 7, "slow", simulated={"actual": "fast"})
     (stored,) = read_store(path)
@@ -134,7 +134,7 @@ def test_what_is_kept_tells_its_origin(opened, path):
     assert stored.extra["simulated"] == {"actual": "fast"}
 
 
-def test_a_classifier_in_the_soft_way(opened):
+def test_a_soft_classifier_is_restored_from_the_checkpoint(opened):
     run_store = opened()
     first = batch(0, run_store.dataset())
     soft = first.classifier.soft()
@@ -144,7 +144,7 @@ def test_a_classifier_in_the_soft_way(opened):
     assert [str(likelihood) for likelihood in again] == [str(one) for one in soft.classify_many(tracks)]
 
 
-def test_a_classifier_that_cannot_be_stored_is_trained_once_more(opened, path):
+def test_a_classifier_that_cannot_be_stored_is_trained_again(opened, path):
     """On its own training data, without the decisions since, as in a run without a crash."""
 
     class Odd:
@@ -160,7 +160,7 @@ def test_a_classifier_that_cannot_be_stored_is_trained_once_more(opened, path):
     assert (resumed.decided, resumed.classifier.classify(None)) == (1, "slow")
 
 
-def test_what_persons_add_in_between_is_learnt_at_once(opened, ended, path):
+def test_labels_of_persons_cause_a_training_at_the_next_start(opened, ended, path):
     opened().close()
     with Store(path, read_store(path).schema) as store:
         (first, *_) = store.snapshot()
@@ -186,7 +186,7 @@ def test_what_persons_add_in_between_is_learnt_at_once(opened, ended, path):
         ({"data": walks(30)}, "not used, data was 24 tracks, "),
     ],
 )
-def test_other_settings_begin_anew_with_all_that_is_stored(opened, ended, settings, words):
+def test_a_checkpoint_of_other_settings_is_not_used(opened, ended, settings, words):
     run_store = opened(**settings)
     assert run_store.resume(never) is None
     assert words in run_store.notes[0]
@@ -240,10 +240,10 @@ def test_a_checkpoint_that_cannot_be_used_costs_a_training(opened, ended, path, 
     ("how", "words"),
     [
         (("classifier-*", lambda file: file.unlink()), "cannot be read"),
-        (("classifier-*", cut), "is not as it was written; trained again"),
+        (("classifier-*", cut), "differs from the file that was written; trained again"),
     ],
 )
-def test_a_damaged_classifier_is_trained_once_more(opened, ended, path, how, words):
+def test_a_damaged_classifier_is_trained_again(opened, ended, path, how, words):
     opened().close()
     spoilt(path, how)
     run_store = opened()
@@ -262,7 +262,7 @@ def lose_records(path, after):
         connection.commit()
 
 
-def test_lost_decisions_are_made_again(opened, ended, path):
+def test_a_run_resumes_after_the_last_stored_decision(opened, ended, path):
     """One of the two decisions since the last training is lost."""
     opened().close()
     lose_records(path, after=4)

@@ -14,12 +14,12 @@ from lcorpp.decision import STRATEGIES, Robot, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError
 from lcorpp.experiments import trials
-from lcorpp.experiments.exact_evaluation import joint_distribution
+from lcorpp.experiments.exact_evaluation import compute_joint_distribution
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.learning import TrainedClassifier, fit_calibration
 from lcorpp.reasoning import Enumeration, Reasoner
-from lcorpp.simulation.channel import NoisyChannel
 from lcorpp.simulation.population import Population
+from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.simulation.trajectories import RecordedTrajectories, SimulatedTrajectories, simulate_dataset
 from lcorpp.simulation.world import SimulationModel
 from lcorpp.values import ConfusionMatrix, Dataset, Likelihood
@@ -36,7 +36,7 @@ def rooms() -> Experiment:
     return Experiment(domain, robot, channel, channel, STRATEGIES, 3)
 
 
-def test_a_made_up_domain_runs_all_strategies(rooms):
+def test_all_strategies_run_on_another_domain(rooms):
     results, done = run_trials(rooms, 300)
     assert done == 300
     by_name = {result.strategy: result for result in results}
@@ -72,7 +72,7 @@ class Column:
 
 
 @pytest.mark.parametrize("place", [ROOMS, "intention"])
-def test_a_likelihood_that_is_the_label_s_column_decides_as_the_label(place):
+def test_the_likelihood_of_a_label_decides_like_the_label(place):
     """Both go through the same program; the rules of the hard one hold the same rates."""
     domain = load_domain(place)
     channel = NoisyChannel.of(domain)
@@ -86,20 +86,20 @@ def test_a_likelihood_that_is_the_label_s_column_decides_as_the_label(place):
     assert counts[0] == counts[1]
 
 
-def test_a_strategy_alone_meets_the_same_people(rooms):
+def test_a_single_strategy_gets_the_same_people(rooms):
     together, _ = run_trials(rooms, 200)
     alone, _ = run_trials(replace(rooms, strategies=STRATEGIES[-1:]), 200)
     np.testing.assert_array_equal(together[-1].counts, alone[0].counts)
     assert together[-1].cost == alone[0].cost
 
 
-def test_another_seed_is_another_result(rooms):
+def test_another_seed_gives_another_result(rooms):
     one, _ = run_trials(rooms, 100)
     other, _ = run_trials(replace(rooms, seed=4), 100)
     assert any((a.counts != b.counts).any() for a, b in zip(one, other, strict=True))
 
 
-def test_an_interruption_keeps_what_is_done(rooms, monkeypatch):
+def test_an_interrupt_keeps_the_complete_trials(rooms, monkeypatch):
     honest = trials.run_chunk
 
     def tired(experiment, number, size):
@@ -115,7 +115,7 @@ def test_an_interruption_keeps_what_is_done(rooms, monkeypatch):
     np.testing.assert_array_equal(results[0].counts, whole[0].counts)
 
 
-def test_nothing_done_is_nothing_to_keep(rooms, monkeypatch):
+def test_an_interrupt_before_the_first_chunk_is_raised(rooms, monkeypatch):
     def tired(*_):
         raise KeyboardInterrupt
 
@@ -126,7 +126,7 @@ def test_nothing_done_is_nothing_to_keep(rooms, monkeypatch):
         run_trials(rooms, 0)
 
 
-def test_people_come_as_the_truth_program_says():
+def test_people_are_drawn_from_the_truth_program():
     """P(interested) = .4 (.3, .1 and .8 in equal parts); 4000 people, so 4 standard errors are .031."""
     people = Population(load_domain("intention")).sample(4000, np.random.default_rng(2))
     share = np.mean([person["intention"] == "interested" for person in people])
@@ -135,8 +135,8 @@ def test_people_come_as_the_truth_program_says():
     assert abs(library - 0.8) < 0.05
 
 
-def test_cells_are_exact():
-    cells = joint_distribution(load_domain("intention"), ("identity", "intention"))
+def test_the_joint_distribution_is_exact():
+    cells = compute_joint_distribution(load_domain("intention"), ("identity", "intention"))
     assert cells["visitor", "interested"] == pytest.approx(0.8 / 3)
     assert sum(cells.values()) == pytest.approx(1)
 
@@ -164,7 +164,7 @@ def test_answers_are_flipped_with_the_noise_and_scored_by_the_truth():
     assert (worlds[1].cost, worlds[1].return_) == (2.0, -82.0)
 
 
-def test_a_reaction_of_ones_own():
+def test_people_py_replaces_the_feedback_model():
     domain = load_domain("intention")
     honest = replace(domain.simulation, reaction=lambda person, action, rng: "neg")
     world = SimulationModel(replace(domain, simulation=honest)).make_world(
@@ -179,7 +179,7 @@ def test_a_reaction_of_ones_own():
         world.act("greet")
 
 
-def test_recorded_people_are_of_the_right_kind():
+def test_recorded_tracks_have_the_class_of_the_person():
     data = Dataset(np.arange(8.0).reshape(4, 1, 2), ("a", "b", "a", "b"), channels=("x",))
     tracks = RecordedTrajectories("wish", data).trajectories([{"wish": "b"}] * 20, np.random.default_rng(0))
     assert {float(track[0, 0]) for track in tracks} == {2.0, 6.0}

@@ -17,7 +17,7 @@ LABELS = {"interested": "one", "not_interested": "zero"}
 MATRIX = ConfusionMatrix(CLASSES, [[75, 25], [28, 71]])
 
 
-def test_rates_go_into_the_rules_exactly() -> None:
+def test_rules_contain_the_exact_smoothed_rates() -> None:
     new = with_classifier(PROGRAM, "classifier", "intention", MATRIX, LABELS)
     rates = Enumeration(new).exact("classifier", {"intention": "interested"})
     assert rates == {"one": Fraction(151, 202), "zero": Fraction(51, 202)}
@@ -26,7 +26,7 @@ def test_rates_go_into_the_rules_exactly() -> None:
     assert Enumeration(new).exact("identity", {}) == Enumeration(PROGRAM).exact("identity", {})
 
 
-def test_the_old_program_is_as_it_was_and_rules_are_replaced_not_added() -> None:
+def test_classifier_rules_are_replaced_and_the_program_is_unchanged() -> None:
     before = program_text(PROGRAM)
     once = with_classifier(PROGRAM, "classifier", "intention", MATRIX, LABELS)
     assert program_text(PROGRAM) == before
@@ -75,7 +75,7 @@ def test_the_old_program_is_as_it_was_and_rules_are_replaced_not_added() -> None
         ),
     ],
 )
-def test_names_that_do_not_fit(
+def test_names_that_do_not_match_the_program_are_errors(
     attribute: str, target: str, classes: tuple[str, ...], labels: dict[str, str], words: str
 ) -> None:
     with pytest.raises(ProgramError) as caught:

@@ -31,7 +31,7 @@ def use(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", EXAMPLES, ids=range(len(EXAMPLES)))
-def test_example_says_what_happens(text: str) -> None:
+def test_examples_have_the_answers_in_their_comments(text: str) -> None:
     refused = re.findall(r"^% refused: (.*)$", text, re.MULTILINE)
     expected = re.findall(r"^% expect: (.*) = (\S+)$", text, re.MULTILINE)
     assert bool(refused) != bool(expected)

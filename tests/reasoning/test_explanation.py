@@ -48,7 +48,7 @@ def test_worlds_given_evidence():
     assert interested == found.answer["interested"]
 
 
-def test_the_rules_that_fired():
+def test_explanations_list_the_fired_rules_of_each_world():
     program = parse_plog(
         "p, q, r : boolean.\nrandom(p).\nrandom(q) :- p.\nq=false :- p=false.\npr(q | p) = 3/4.\n"
         "r :- q, not p=false.\nr=false :- not r."
@@ -67,14 +67,14 @@ def test_the_rules_that_fired():
     assert others[3].statement == str(program.statements[-2])
 
 
-def test_what_is_set_is_not_random():
+def test_intervened_terms_are_not_explained_as_random():
     program = read_plog(PLOG / "rat.plog")
     ((_, fired), *_) = asked(program, "?{arsenic} | do(death)").worlds
     assert not any("death is random" in rule.effect or rule.effect.startswith("death=") for rule in fired)
     assert any(rule.effect.startswith("arsenic is random") for rule in fired)
 
 
-def test_a_condition_that_makes_it_impossible():
+def test_explanation_of_impossible_conditions():
     program = parse_plog("p, q : boolean. random(p). random(q). :- p, q.")
     found = asked(program, "?{p} | obs(p), obs(q)")
     assert found.answer is None
@@ -82,7 +82,7 @@ def test_a_condition_that_makes_it_impossible():
     assert found.worlds == ()
 
 
-def test_an_answer_that_is_lost_without_a_condition():
+def test_explanation_if_the_answer_is_undefined_without_a_condition():
     program = parse_plog("p, q : boolean. random(p). random(q) :- p.", file="a.plog")
     found = asked(program, "q | obs(p)")
     assert found.answer == {"true": Fraction(1, 2), "false": Fraction(1, 2)}

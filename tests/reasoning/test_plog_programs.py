@@ -20,7 +20,7 @@ def expectations(path: Path) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
-def test_program_answers_as_it_says(path: Path) -> None:
+def test_programs_have_the_answers_in_their_comments(path: Path) -> None:
     program = read_plog(path)
     reasoner = Enumeration(program)
     assert expectations(path)
@@ -34,7 +34,7 @@ def test_program_answers_as_it_says(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
-def test_the_compiled_engine_gives_the_same_fractions(path: Path) -> None:
+def test_reasoner_and_enumeration_agree_on_fractions(path: Path) -> None:
     program = read_plog(path)
     worlds, engine = Enumeration(program), Reasoner(program)
     for text, _ in expectations(path):

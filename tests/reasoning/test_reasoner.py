@@ -38,7 +38,7 @@ def test_posterior_by_reasoner_and_enumeration():
     assert expected["student"] == pytest.approx(0.359531, abs=5e-7)
 
 
-def test_answers_are_kept_until_there_are_many(monkeypatch):
+def test_answers_are_cached_and_a_full_cache_is_cleared(monkeypatch):
     reasoner = Reasoner(LCORPP)
     first = reasoner.posterior("intention", GOLDEN)
     assert reasoner.posterior("intention", GOLDEN) is first
@@ -51,7 +51,7 @@ def test_answers_are_kept_until_there_are_many(monkeypatch):
     assert reasoner.posterior("intention", GOLDEN)["interested"] == first["interested"]
 
 
-def test_doing_is_not_seeing():
+def test_interventions_differ_from_observations():
     reasoner = Reasoner(read_plog(PLOG / "rat.plog"))
     assert reasoner.posterior("arsenic", {"death": "true"})["true"] == pytest.approx(0.981595, abs=5e-7)
     assert reasoner.posterior("arsenic", do={"death": "true"})["true"] == pytest.approx(0.4, abs=1e-12)
@@ -83,7 +83,7 @@ def test_doing_is_not_seeing():
         (("time", {"time": "morning", " time": "evening"}), "the evidence gives  time two values"),
     ],
 )
-def test_wrong_questions(arguments, words):
+def test_invalid_terms_and_evidence_are_errors(arguments, words):
     reasoner = Reasoner(LCORPP)
     for ask in (reasoner.posterior, reasoner.exact):
         with pytest.raises(ProgramError, match=words):
@@ -120,14 +120,14 @@ def test_ask_for_a_distribution_or_a_conjunction():
     assert list(reasoner.ask(query)) == ["student", "professor", "visitor"]
 
 
-def test_ask_what_never_holds():
+def test_impossible_queries_have_probability_0():
     program = parse_plog("p, q : boolean. random(p). pr(p) = 0.")
     for text in ("?{p}", "?{q}", "?{p, not p}", "?{p=true, p=false}"):
         assert Reasoner(program).ask(parse_query(text, program), exact=True) == 0
     assert Reasoner(program).ask(parse_query("?{not q}", program), exact=True) == 1
 
 
-def test_a_query_of_another_program():
+def test_queries_that_do_not_match_the_program_are_errors():
     other = parse_plog("weather : boolean. random(weather).")
     with pytest.raises(ProgramError, match="'weather' is not declared"):
         Reasoner(LCORPP).ask(parse_query("?{weather}", other))
@@ -173,7 +173,7 @@ def test_too_large_warns_and_estimates(small):
     assert 0 < asked.error < 0.02
 
 
-def test_too_large_for_what_must_be_exact(small):
+def test_exact_methods_of_a_too_large_program_are_errors(small):
     reasoner = Reasoner(LCORPP)
     for answer in (
         lambda: reasoner.exact("intention", {}),
@@ -185,7 +185,7 @@ def test_too_large_for_what_must_be_exact(small):
             answer()
 
 
-def test_too_large_and_undefined(small):
+def test_estimates_of_undefined_answers_are_errors(small):
     program = parse_plog("p, q : boolean. random(p). random(q) :- p.")
     with (
         pytest.warns(ReasoningWarning),
@@ -215,7 +215,7 @@ def test_no_warning_without_reason():
         Reasoner(LCORPP).posterior("intention", GOLDEN)
 
 
-def test_worlds_are_drawn_by_their_probability():
+def test_samples_follow_the_world_probabilities():
     reasoner, draws, rng = Reasoner(LCORPP), 3000, np.random.default_rng(7)
     for given in ({}, {"classifier": "one"}):
         counts = Counter(reasoner.sample(rng, given)["intention"] for _ in range(draws))

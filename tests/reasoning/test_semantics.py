@@ -32,7 +32,7 @@ def probability(program: Program, query: str) -> Fraction:
         ("sorts #semantics 2009.", "2009"),
     ],
 )
-def test_the_dialect_tells_the_semantics(mark: str, semantics: str) -> None:
+def test_the_dialect_determines_the_semantics(mark: str, semantics: str) -> None:
     program = parse_plog(mark)
     assert program.semantics == semantics
     assert parse_plog(program_text(program)) == program
@@ -61,7 +61,7 @@ def test_do_and_a_dynamic_range() -> None:
     assert probability(parse_plog(RANGED + "do(x=c).", semantics="2018"), "?{p}") == 0
 
 
-def test_the_example_of_the_paper() -> None:
+def test_worlds_of_the_example_of_the_paper() -> None:
     # P1: do(a, false) on a random a leaves two worlds, {-a, b, c} and {-a, -c}
     text = "a, b, c : #boolean. random(a). b :- c, a = false. do(a, false). random(c)."
     worlds = Enumeration(parse_plog(text)).worlds
@@ -106,7 +106,7 @@ def test_condition_1(rules: str, old: str | None, new: str | None) -> None:
         assert "in the world {" in str(caught.value)
 
 
-def test_condition_1_speaks_of_terms_that_are_random_in_the_world() -> None:
+def test_condition_1_ignores_terms_set_by_an_intervention() -> None:
     text = "p, q : boolean. random(p). random(q). q :- p. do(q)."
     assert probability(parse_plog(text, semantics="2018"), "?{q}") == 1
 

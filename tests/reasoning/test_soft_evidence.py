@@ -39,7 +39,7 @@ def weighed(asked: str, facts: dict[str, str], soft: dict[str, Likelihood]) -> d
     st.sampled_from(["identity", "intention", "location", "time", "classifier"]),
     st.sampled_from([{}, {"location": "classroom"}, {"identity": "visitor"}]),
 )
-def test_every_world_has_its_weight(classifier, time, asked, facts):
+def test_likelihoods_weigh_the_enumerated_worlds(classifier, time, asked, facts):
     soft = {
         "classifier": Likelihood(("one", "zero"), classifier),
         "time": Likelihood(("morning", "afternoon", "evening"), time),
@@ -57,7 +57,7 @@ def test_every_world_has_its_weight(classifier, time, asked, facts):
         assert found[value] == pytest.approx(p, abs=1e-12)
 
 
-def test_certainty_is_a_fact_and_indifference_nothing():
+def test_a_certain_likelihood_equals_a_fact_and_an_even_one_no_evidence():
     facts = {"time": "afternoon", "location": "classroom"}
     sure = REASONER.posterior("intention", {**facts, "classifier": Likelihood(("one", "zero"), [0, 3])})
     hard = REASONER.posterior("intention", {**facts, "classifier": "zero"})
@@ -75,7 +75,7 @@ def test_only_ratios_matter_and_the_order_of_values_does_not():
     np.testing.assert_allclose(one.probabilities, other.probabilities, atol=1e-12)
 
 
-def test_interventions_go_with_it():
+def test_soft_evidence_with_an_intervention():
     soft = {"classifier": Likelihood(("one", "zero"), [1, 3])}
     done = REASONER.posterior("identity", soft, {"intention": "interested"})
     alone = REASONER.posterior("identity", {})
@@ -97,12 +97,12 @@ def test_interventions_go_with_it():
         ),
     ],
 )
-def test_what_it_is_not_about(evidence, words):
+def test_likelihoods_that_do_not_match_the_program_are_errors(evidence, words):
     with pytest.raises(ProgramError, match=words):
         REASONER.posterior("intention", evidence)
 
 
-def test_weights_that_the_facts_rule_out():
+def test_likelihoods_that_contradict_the_facts_are_undefined():
     certain = parse_plog(
         "s={a,b}. x:s. y:s. [r] random(x). [q] random(y). [q] pr(y=a|x=a)=1. [q] pr(y=a|x=b)=0."
     )
@@ -111,21 +111,21 @@ def test_weights_that_the_facts_rule_out():
     assert Reasoner(certain).posterior("x", {"y": Likelihood(("a", "b"), [1, 3])})["b"] == pytest.approx(0.75)
 
 
-def test_a_program_whose_evidence_makes_worlds_has_no_soft_one():
+def test_programs_with_cr_rules_reject_soft_evidence():
     program = parse_plog("s={a,b}. x:s. x=a :- not x=b. [c] x=b +-.")
     with pytest.raises(ProgramError, match="no meaning for a program with cr-rules"):
         Reasoner(program).posterior("x", {"x": Likelihood(("a", "b"), [1, 1])})
 
 
 @pytest.mark.parametrize("weights", [[0, 0], [-1, 2], [np.nan, 1], [np.inf, 1], [1]])
-def test_weights_that_are_none(weights):
+def test_invalid_likelihoods_are_errors(weights):
     with pytest.raises(ModelError, match="likelihood"):
         Likelihood(("a", "b"), weights)
     with pytest.raises(ModelError):
         Likelihood(("a", "a"), [1, 2])
 
 
-def test_a_likelihood_says_what_it_is():
+def test_likelihoods_can_be_printed_renamed_and_pickled():
     likelihood = Likelihood(("a", "b"), [1, 4])
     assert (str(likelihood), likelihood.most_likely()) == ("a:b as 0.25:1", "b")
     assert dict(likelihood.rename({"a": "x", "b": "y"})) == {"x": 0.25, "y": 1.0}

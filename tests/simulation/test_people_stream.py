@@ -13,7 +13,7 @@ from lcorpp.values import Episode
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 
 
-def test_a_run_that_goes_on_meets_those_whom_it_would_have_met():
+def test_a_resumed_run_draws_the_people_of_an_uninterrupted_run():
     """Whatever was asked of those before, and within a group that is simulated at once."""
     domain = load_domain(ROOMS)
     ask = next(name for name in domain.pomdp.actions if domain.reported_value(name) is None)
@@ -39,7 +39,7 @@ def test_a_run_that_goes_on_meets_those_whom_it_would_have_met():
     )
 
 
-def test_outcomes_are_kept_beside_the_track(tmp_path):
+def test_the_result_of_a_decision_is_stored_with_the_track(tmp_path):
     outcome = DecisionResult("a", "b", 2.5, -7.0)
     extras = [outcome.to_extra(), {}, {"simulated": {"cost": 1}}]
     with Store(tmp_path / "s", TrackSchema(("x",), 1, ("a", "b"))) as store:

@@ -9,7 +9,7 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
-from lcorpp.learning import check_leakage
+from lcorpp.learning import measure_leakage
 from lcorpp.simulation.recordings import simulate_recording
 
 
@@ -39,7 +39,7 @@ def test_a_seed_makes_the_same_people(intention):
     assert not np.array_equal(one.tracks[2].positions[:, :9], other.tracks[2].positions[:, :9])
 
 
-def test_what_cannot_be_made(intention):
+def test_impossible_recordings_are_rejected(intention):
     rng = np.random.default_rng(0)
     with pytest.raises(DomainError, match="7 of 6 tracks cannot be positive"):
         simulate_recording(intention, rng, tracks=6, positives=7)
@@ -52,10 +52,10 @@ def test_what_cannot_be_made(intention):
 
 
 @pytest.mark.slow
-def test_nothing_but_motion_tells_who_is_interested(intention):
+def test_no_feature_but_motion_reveals_the_intention(intention):
     """End position, duration and sampling alone, mean of 5 seeds; .49 to .51 measured over 10."""
     areas = []
     for seed in range(5):
         recording = simulate_recording(intention, np.random.default_rng(seed), tracks=800, positives=400)
-        areas.append([leak.auc.estimate for leak in check_leakage(recording, divisions=3, seed=seed)])
+        areas.append([leak.auc.estimate for leak in measure_leakage(recording, n_splits=3, seed=seed)])
     assert np.all(np.mean(areas, axis=0) <= 0.58)

@@ -19,6 +19,10 @@ KINDS = (
 )
 
 
+AUTHORS_FILE = "interposx.csv"
+"""A file that identifies a folder of the authors' recorded tracks."""
+
+
 def check(
     path: Annotated[Path, typer.Argument(metavar="FILE|FOLDER", help=f"What to check: {KINDS}.")],
     model: Annotated[
@@ -34,7 +38,7 @@ def check(
     from lcorpp.learning.store import is_store
 
     suffix = path.suffix.lower()
-    if path.is_dir() and (path / "interposx.csv").exists():
+    if path.is_dir() and (path / AUTHORS_FILE).exists():
         _check_tracks(path)
     elif path.is_dir() or path.name == "domain.toml":
         _check_domain(path if path.is_dir() else path.parent)
@@ -57,7 +61,9 @@ def check(
 def _check_tracks(path: Path) -> None:
     from lcorpp.learning import check_trainable, read_authors
 
-    data = read_authors(path, labels={"0": "0", "1": "1"})
+    data = read_authors(
+        path, labels={"0": "0", "1": "1"}
+    )  # labels as in the file: no domain names the classes
     try:
         check_trainable(data)
     except DataError as error:
@@ -85,9 +91,9 @@ def _check_store(path: Path) -> None:
 
 def _check_domain(folder: Path) -> None:
     from lcorpp.domains import load_domain
-    from lcorpp.domains.toml import preset_names
+    from lcorpp.domains.toml import read_preset_names
 
-    for preset in preset_names(folder) or (None,):
+    for preset in read_preset_names(folder) or (None,):
         domain = load_domain(folder, preset=preset)
         name = f"{domain.name}, preset {preset}" if preset else domain.name
         console.out.print(

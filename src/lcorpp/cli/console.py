@@ -1,4 +1,4 @@
-"""The console of all commands: output, progress displays and probability bars."""
+"""Console output of all commands: notes, progress displays, headings and probability bars."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ def __getattr__(name: str) -> Console:
     return created
 
 
-DELAY = 0.3
-"""Seconds before a delayed progress bar appears; short steps then need not load rich."""
+MIN_STEP_SECONDS = 0.3
+"""A delayed progress bar appears only if its step takes longer; short steps then need not load rich."""
 
 
-def cores(jobs: int | None) -> int:
+def count_processes(jobs: int | None) -> int:
     """Return the number of processes: `jobs`, or one for each core."""
     return jobs or os.cpu_count() or 1
 
 
-def note(text: str) -> None:
+def print_note(text: str) -> None:
     """Print a note."""
     _console("out").print(f"note: {text}", style="yellow", markup=False)
 
@@ -50,12 +50,19 @@ def warn(text: str) -> None:
 
 
 @contextmanager
-def progress(
+def show_progress(
     title: str, total: int | None = None, /, *, kept: str = "nothing is kept"
 ) -> Iterator[Callable[[int, int | None], None]]:
     """Display a step on standard error: a spinner, and a bar with counts if the total is known.
 
-    An interrupt during the step is raised again with a message: the step, and what is `kept`.
+    Yields a function of the completed and the total number of parts.
+
+    Args:
+        title: the step, e.g. "solving the POMDP".
+        kept: the results that an interrupt leaves, for the message.
+
+    Raises:
+        KeyboardInterrupt: an interrupt; the message names the step and `kept`.
     """
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -68,10 +75,10 @@ def progress(
     )
     err = _console("err")
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as display:
-        task = display.add_task(title, total=total, count=_count(0, total))
+        task = display.add_task(title, total=total, count=_format_count(0, total))
 
         def advance(done: int, total: int | None = None) -> None:
-            display.update(task, completed=done, total=total, count=_count(done, total))
+            display.update(task, completed=done, total=total, count=_format_count(done, total))
 
         try:
             yield advance
@@ -79,25 +86,26 @@ def progress(
             raise KeyboardInterrupt(f"interrupted while {title}; {kept}") from None
 
 
-def _count(done: int, total: int | None) -> str:
+def _format_count(done: int, total: int | None) -> str:
     return "" if total is None else f"{done}/{total}"
 
 
 @contextmanager
-def delayed_progress(title: str) -> Iterator[Callable[[float, str], None]]:
-    """Display the completed share of a step and a text, once the step has taken a while.
+def show_delayed_progress(title: str) -> Iterator[Callable[[float, str], None]]:
+    """Display the completed share of a step and a text, once the step has taken `MIN_STEP_SECONDS`.
 
-    Nothing is displayed if standard error is not a terminal.
+    Yields a function of the share, from 0 to 1, and the text. Nothing is displayed if standard error is not a
+    terminal.
     """
-    began = monotonic()
+    start = monotonic()
     visible = sys.stderr is not None and sys.stderr.isatty()
     with ExitStack() as stack:
         update: Callable[[float, str], None] | None = None
 
         def advance(share: float, text: str) -> None:
             nonlocal update
-            if update is None and visible and monotonic() - began > DELAY:
-                update = stack.enter_context(_bar_with_text(title))
+            if update is None and visible and monotonic() - start > MIN_STEP_SECONDS:
+                update = stack.enter_context(_show_bar_with_text(title))
             if update is not None:
                 update(share, text)
 
@@ -105,7 +113,8 @@ def delayed_progress(title: str) -> Iterator[Callable[[float, str], None]]:
 
 
 @contextmanager
-def _bar_with_text(title: str) -> Iterator[Callable[[float, str], None]]:
+def _show_bar_with_text(title: str) -> Iterator[Callable[[float, str], None]]:
+    """Display a bar with a text; yield the function that updates both."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"))
@@ -125,13 +134,16 @@ def print_heading(number: int, title: str, subtitle: str = "") -> None:
 
 
 def print_probability(name: str, probability: float, width: int) -> None:
-    """Print a name, its probability and a bar."""
+    """Print a name, padded to `width` characters, its probability and a bar."""
     from rich.text import Text
 
-    _console("out").print(Text.assemble(f"     {name:<{width}}  {probability:8.6f}  ", _bar(probability)))
+    _console("out").print(
+        Text.assemble(f"     {name:<{width}}  {probability:8.6f}  ", _format_bar(probability))
+    )
 
 
-def _bar(share: float, width: int = 30) -> Text:
+def _format_bar(share: float, width: int = 30) -> Text:
+    """Return a bar of at most `width` characters, in steps of an eighth of a character."""
     from rich.text import Text
 
     eighths = round(share * width * 8)
@@ -140,6 +152,6 @@ def _bar(share: float, width: int = 30) -> Text:
 
 
 def _console(name: str) -> Console:
-    """Return `out` or `err`; inside of this module the lazy attribute does not apply."""
+    """Return `out` or `err`; within this module, `__getattr__` is not called for its own globals."""
     created: Console = globals().get(name) or __getattr__(name)
     return created

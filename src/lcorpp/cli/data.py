@@ -125,14 +125,14 @@ def fetch(
         raise DataError("--sha256 is for a URL; the checksums of the authors' files are known")
     downloads = dict(AUTHORS) if what == "authors" else {what: sha256}
     for url, digest in downloads.items():
-        with console.progress(f"downloading {url.rsplit('/', 1)[-1]}", kept=PARTIAL) as advance:
+        with console.show_progress(f"downloading {url.rsplit('/', 1)[-1]}", kept=PARTIAL) as advance:
             file = download(url, out, sha256=digest, progress=advance)
-        console.out.print(f"{file}: {file.stat().st_size} bytes, {_checksum(file)}")
+        console.out.print(f"{file}: {file.stat().st_size} bytes, {_find_checksum(file)}")
     if what == "authors":
         console.out.print("note: their repository names no licence; the tracks are their authors'")
 
 
-def _checksum(file: Path) -> str:
+def _find_checksum(file: Path) -> str:
     import hashlib
 
     with open(file, "rb") as opened:
@@ -205,7 +205,7 @@ def _read(
         labels = labels or {}
         if labels.setdefault(word, name) != name:
             raise DataError(f"--label {word}: has the classes {labels[word]!r} and {name!r}; expected one")
-    with console.progress(f"reading {path.name}") as advance:
+    with console.show_progress(f"reading {path.name}") as advance:
         return read_recording(
             path,
             labels=labels,

@@ -9,7 +9,7 @@ from lcorpp.errors import DataError
 from lcorpp.learning.data.describe import ClassSummary, Description, Quantiles, describe, join_pairs
 from lcorpp.learning.data.repairs import REPAIRS
 from lcorpp.learning.data.tracks import Recording, count_repairs
-from lcorpp.learning.evaluation.leakage import MIN_SUSPICIOUS_AUC, check_leakage
+from lcorpp.learning.evaluation.leakage import MIN_SUSPICIOUS_AUC, measure_leakage
 
 
 def print_description(recording: Recording, path: Path, seed: int) -> None:
@@ -93,12 +93,12 @@ def _print_repairs(recording: Recording) -> None:
 def _print_leaks(recording: Recording, seed: int) -> None:
     emit = console.out.print
     try:
-        leaks = check_leakage(recording, seed=seed)
+        leaks = measure_leakage(recording, seed=seed)
     except DataError as error:
         emit(f"leak check: not possible: {error}")
         return
     emit(f"leak check: AUC of the label predicted without motion; {MIN_SUSPICIOUS_AUC:g} or more is a leak")
     for leak in leaks:
-        verdict = "LEAK" if leak.flagged else "no leak"
-        style = "bold red" if leak.flagged else ""
+        verdict = "LEAK" if leak.is_suspicious else "no leak"
+        style = "bold red" if leak.is_suspicious else ""
         emit(f"  {leak.name:<12}  {leak.auc}  {verdict}", style=style)

@@ -59,39 +59,41 @@ def learn(
     from lcorpp.domains import load_domain
     from lcorpp.experiments.active_learning import (
         ActiveLearningOptions,
-        initial_data,
+        make_initial_data,
         open_run_store,
         run_active_learning,
     )
-    from lcorpp.experiments.classifier_training import storage_problem
+    from lcorpp.experiments.classifier_training import find_storage_problem
     from lcorpp.experiments.results import FORMATS, write_batches
     from lcorpp.experiments.setup import TrainingOptions, solve_domain
     from lcorpp.planning import Planner
 
     loaded = load_domain(domain, preset=preset)
     default = loaded.learning.classifier if loaded.learning.classifier != "channel" else "lstm"
-    training = TrainingOptions(learner or default, epochs, device, tracks=tracks, data=data)
+    training = TrainingOptions(
+        learner=learner or default, epochs=epochs, device=device, tracks=tracks, data=data
+    )
     chosen = ActiveLearningOptions(
         training,
-        evidence is options.Evidence.soft,
-        batch_size,
-        epsilon,
-        max_batches,
-        seed,
-        console.cores(jobs),
+        soft=evidence is options.Evidence.soft,
+        batch_size=batch_size,
+        epsilon=epsilon,
+        max_batches=max_batches,
+        seed=seed,
+        jobs=console.count_processes(jobs),
     )
     figures = [item.value for item in formats] if formats else FORMATS
     problem = None
     if out is not None:
         check_folder(out)
-        problem = storage_problem(training)
+        problem = find_storage_problem(training)
     print_domain(loaded)
     if problem is not None:
-        console.note(f"the classifier will not be saved: {problem}")
-    initial = initial_data(loaded, chosen)
+        console.print_note(f"the classifier will not be saved: {problem}")
+    initial = make_initial_data(loaded, chosen)
     for text in initial.dataset.notes:
-        console.note(text)
-    written, complete = None, False
+        console.print_note(text)
+    written, has_complete_batch = None, False
     with ExitStack() as stack:
         run_store = None
         if store is not None:
@@ -99,7 +101,7 @@ def learn(
             _print_run_store(run_store)
         notes_printed = len(run_store.notes) if run_store else 0
         try:
-            with console.progress("solving the POMDP"):
+            with console.show_progress("solving the POMDP"):
                 solution = solve_domain(loaded)
             print_solution(solution)
             results = run_active_learning(
@@ -108,32 +110,34 @@ def learn(
                 Planner(solution),
                 chosen,
                 run_store=run_store,
-                progress=console.progress,
+                progress=console.show_progress,
             )
             for result in results:
                 for text in run_store.notes[notes_printed:] if run_store else []:
-                    console.note(text)
+                    console.print_note(text)
                 notes_printed = len(run_store.notes) if run_store else 0
-                batch, complete = result.batch, True
+                batch, has_complete_batch = result.batch, True
                 title = "resumed" if result.resumed else f"batch {batch.number}"
                 console.out.print(f"{title}: {result.summary()}")
                 if out is not None:
                     written = write_batches(out, loaded.name, result, formats=figures)
-                if batch.settled:
+                if batch.converged:
                     console.out.print(
-                        f"settled: the confusion matrix changed by {batch.change:.3f}, at most {epsilon:g}"
+                        f"converged: the confusion matrix changed by {batch.change:.3f}, at most {epsilon:g}"
                     )
                 elif batch.number >= max_batches:
-                    console.out.print(f"stopped after {batch.number} batches; it has not settled yet")
+                    console.out.print(
+                        f"stopped after {batch.number} batches; the confusion matrix has not converged"
+                    )
         except KeyboardInterrupt:
-            kept = "the batches above are kept" if complete else "no batch is complete"
+            kept = "the batches above are kept" if has_complete_batch else "no batch is complete"
             kept += "" if store is None else f"; every decision is kept in {store}"
             console.err.print(f"interrupted: {kept}", markup=False)
-            if not complete and store is None:
+            if not has_complete_batch and store is None:
                 raise typer.Exit(130) from None
     if written is not None:
         if written.problem is not None and problem is None:
-            console.note(f"the classifier is not saved: {written.problem}")
+            console.print_note(f"the classifier is not saved: {written.problem}")
         console.out.print(f"wrote {', '.join(str(path) for path in written.paths)}", markup=False)
 
 
@@ -142,7 +146,7 @@ def _print_run_store(run_store: RunStore) -> None:
     path = run_store.store.path
     console.out.print(f"{path}: {run_store.store.snapshot().summary()}", markup=False)
     for text in run_store.notes:
-        console.note(text)
+        console.print_note(text)
     if run_store.number is not None:
         count = len(run_store.pending)
         pending = f", {count} decisions of the next batch are stored" if count else ""

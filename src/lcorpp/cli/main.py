@@ -58,13 +58,13 @@ def main() -> None:
         print(f"lcorpp: {error.strerror or error}", file=sys.stderr)
         sys.exit(2)
     except SystemExit as ended:
-        interrupt = _interrupt_of(ended)
+        interrupt = _find_interrupt(ended)
         if interrupt is not None:
             print(f"lcorpp: {interrupt or 'interrupted'}", file=sys.stderr)
         raise
 
 
-def _interrupt_of(ended: SystemExit) -> str | None:
+def _find_interrupt(ended: SystemExit) -> str | None:
     """Return the message of the Ctrl-C that typer turned into an exit; None if there was none."""
     error: BaseException | None = ended
     while error is not None:

@@ -42,10 +42,10 @@ def read_policy(path: Path, pomdp: Pomdp, problem: Factored | None = None) -> Po
 
     if path.suffix.lower() == ".alpha":
         return planning.read_alphas(path, pomdp)
-    return planning.read_policy(path, pomdp, blocks=None if problem is None else _blocks(problem))
+    return planning.read_policy(path, pomdp, blocks=None if problem is None else _find_blocks(problem))
 
 
-def _blocks(problem: Factored) -> list[Indices]:
+def _find_blocks(problem: Factored) -> list[Indices]:
     """Return the states of each value of the observed variables, in the order of APPL's policies."""
     import numpy as np
 
@@ -56,7 +56,7 @@ def _blocks(problem: Factored) -> list[Indices]:
     return [block.astype(np.intp) for block in states.reshape(count, -1)]
 
 
-def policy_writer(path: Path) -> Callable[[Policy], None]:
+def make_policy_writer(path: Path) -> Callable[[Policy], None]:
     """Return the function that writes a policy to `path`: an alpha file for .alpha, else APPL's XML.
 
     Raises:

@@ -87,7 +87,7 @@ def print_classifier(setup: ClassifierSetup, source: str) -> None:
         text = f"  true class {cells[0].true} ({cells[0].cases} cases); predicted: {rates}"
         console.out.print(text, markup=False)
     if report is not None:
-        console.out.print(_report_table(report))
+        console.out.print(_make_report_table(report))
     if setup.trained.threshold is not None:
         console.out.print(f"decision threshold: {setup.trained.threshold}")
 
@@ -107,7 +107,7 @@ def print_solution(solution: Solution) -> None:
         )
 
 
-def _report_table(report: EvaluationReport) -> Table:
+def _make_report_table(report: EvaluationReport) -> Table:
     """Return a table with one column per class: AUC, Brier score, calibration and the best thresholds."""
     from rich import box
     from rich.table import Table

@@ -83,7 +83,7 @@ def run(
     from lcorpp.values import JEFFREYS, LAPLACE
 
     loaded = load_domain(domain, preset=preset)
-    kind = _classifier_kind(loaded, classifier, learner, data)
+    kind = _find_classifier_kind(loaded, classifier, learner, data)
     soft, laplace = evidence is options.Evidence.soft, smoothing is options.Smoothing.laplace
     rows = strategies(strategy or [])
     training = {
@@ -98,55 +98,57 @@ def run(
     _check_combination(kind, exact=exact, soft=soft, laplace=laplace, threshold=threshold)
     source: ClassifierOptions = None
     if kind == "channel":
-        _reject("nothing is trained, as the classifier is a channel", data=data, **training)
+        _reject_given("nothing is trained, as the classifier is a channel", data=data, **training)
     elif not any(row.learns for row in rows):
-        _reject("nothing is trained, as no strategy learns", **training)
+        _reject_given("nothing is trained, as no strategy learns", **training)
     elif kind == "file":
         from lcorpp.experiments.setup import StoredOptions
 
-        _reject("nothing is trained, as --classifier gives a file", **training)
+        _reject_given("nothing is trained, as --classifier gives a file", **training)
         source = StoredOptions(Path(classifier or ""), data)
     else:
         names = tuple(name.strip() for name in features.split(","))
         source = TrainingOptions(kind, epochs, device, names, threshold, prevalence, tracks, data)
     chosen = ComparisonOptions(
-        rows,
-        source,
-        EvidenceOptions(soft, LAPLACE if laplace else JEFFREYS),
-        None if exact else trials,
-        seed,
-        console.cores(jobs),
+        strategies=rows,
+        classifier=source,
+        evidence=EvidenceOptions(soft, LAPLACE if laplace else JEFFREYS),
+        trials=None if exact else trials,
+        seed=seed,
+        jobs=console.count_processes(jobs),
     )
     if out is not None:
         check_folder(out)
     print_domain(loaded)
     if out is not None and isinstance(source, TrainingOptions):
         _note_storage_problem(source)
-    known = None
+    given_policy = None
     if policy is not None:
         from lcorpp.cli.model_files import read_policy
 
-        known = read_policy(policy, loaded.pomdp)
-    comparison = compare_strategies(loaded, chosen, policy=known, progress=console.progress)
+        given_policy = read_policy(policy, loaded.pomdp)
+    comparison = compare_strategies(loaded, chosen, policy=given_policy, progress=console.show_progress)
     print_scores(comparison.scores, loaded.learning.positive, comparison.trials)
     label = classifier if kind == "file" else kind
     print_classifier(comparison.classifier, str(label))
     if comparison.solution is not None:
         print_solution(comparison.solution)
     for text in comparison.classifier.notes:
-        console.note(text)
+        console.print_note(text)
     if out is not None:
         figures = tuple(item.value for item in formats) if formats else FORMATS
         configuration = describe_run(loaded, chosen, comparison, str(label), policy)
         written = write_comparison(out, comparison, configuration, formats=figures)
         if written.problem is not None:
-            console.note(f"the classifier is not saved: {written.problem}")
+            console.print_note(f"the classifier is not saved: {written.problem}")
         console.out.print("wrote " + ", ".join(str(path) for path in written.paths), markup=False)
     if comparison.trials is not None and comparison.trials < trials:
         console.err.print(f"interrupted: {comparison.trials} of {trials} trials are kept")
 
 
-def _classifier_kind(domain: Domain, classifier: str | None, learner: str | None, data: Path | None) -> str:
+def _find_classifier_kind(
+    domain: Domain, classifier: str | None, learner: str | None, data: Path | None
+) -> str:
     """Return "channel", "file", or the name of a learner."""
     from lcorpp.domains.sections.learning import CLASSIFIERS
 
@@ -166,7 +168,8 @@ def _check_combination(kind: str, *, exact: bool, soft: bool, laplace: bool, thr
     """Reject options that exclude each other."""
     if exact and kind != "channel":
         raise DomainError(
-            "--exact needs --classifier channel: the errors of a trained one are known from trials only"
+            "--exact needs --classifier channel: the error rates of a trained classifier are known from"
+            " trials only"
         )
     if soft and kind == "channel":
         raise DomainError("--evidence soft needs a trained classifier: a channel has labels only")
@@ -176,8 +179,8 @@ def _check_combination(kind: str, *, exact: bool, soft: bool, laplace: bool, thr
         raise DomainError("--smoothing applies to the labels of a trained classifier only")
 
 
-def _reject(reason: str, **given: object) -> None:
-    """Reject options that would have no effect."""
+def _reject_given(reason: str, **given: object) -> None:
+    """Reject options with a value: `reason` is why they would have no effect."""
     for name, value in given.items():
         if value is not None:
             raise DomainError(f"--{name}: {reason}")
@@ -185,8 +188,8 @@ def _reject(reason: str, **given: object) -> None:
 
 def _note_storage_problem(training: Any) -> None:
     """Print before the training that its classifier cannot be saved."""
-    from lcorpp.experiments.classifier_training import storage_problem
+    from lcorpp.experiments.classifier_training import find_storage_problem
 
-    problem = storage_problem(training)
+    problem = find_storage_problem(training)
     if problem is not None:
-        console.note(f"the classifier will not be saved: {problem}")
+        console.print_note(f"the classifier will not be saved: {problem}")

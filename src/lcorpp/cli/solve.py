@@ -51,10 +51,10 @@ def solve(
 
     search = load_solver(name)
     pomdp = planning.read_pomdp(problem)
-    write = model_files.policy_writer(out)
+    write = model_files.make_policy_writer(out)
     if plot is not None:
         output_files.check_figure(plot)
-    with console.delayed_progress("solving") as advance:
+    with console.show_delayed_progress("solving") as advance:
         solution = search(
             pomdp,
             precision=precision,

@@ -21,7 +21,7 @@ class Batch:
     dataset: Omega with the reported labels so far. classifier: rho. confusion: C.
     change: SSUB, the sum of absolute differences between this confusion matrix and the previous one.
     instances, episodes: the decisions of this batch, without those of an earlier (resumed) run.
-    settled: whether `change` is at most epsilon, which ends the loop.
+    converged: whether `change` is at most epsilon, which ends the loop.
     """
 
     number: int
@@ -31,12 +31,13 @@ class Batch:
     change: float
     instances: tuple[Instance, ...]
     episodes: tuple[Episode, ...]
-    settled: bool
+    converged: bool
 
     def __repr__(self) -> str:
+        state = "converged" if self.converged else "not converged"
         return (
             f"Batch({self.number}: {len(self.dataset)} cases, {len(self.episodes)} decisions,"
-            f" change {self.change:.4g}, {'settled' if self.settled else 'not settled'}, {self.confusion})"
+            f" change {self.change:.4g}, {state}, {self.confusion})"
         )
 
 
@@ -58,8 +59,8 @@ class ResumePoint:
 def lcorpp(
     dataset: Dataset,
     *,
-    learn: Callable[[Dataset], tuple[Classifier, ConfusionMatrix]],
-    reason: Callable[[ConfusionMatrix], Reasoner],
+    train: Callable[[Dataset], tuple[Classifier, ConfusionMatrix]],
+    make_reasoner: Callable[[ConfusionMatrix], Reasoner],
     planner: Planner,
     domain: DomainInterface,
     collect: Callable[[], tuple[Instance, World]],
@@ -75,8 +76,9 @@ def lcorpp(
 
     Args:
         dataset: Omega, the initial training data.
-        learn: trains and cross-validates: lines 1 and 2, and again 14 and 15.
-        reason: returns a reasoner whose rules contain a confusion matrix: lines 3 and 16.
+        train: trains and cross-validates a classifier; returns it and its confusion matrix: lines 1 and 2,
+            and again 14 and 15.
+        make_reasoner: returns a reasoner whose rules contain a confusion matrix: lines 3 and 16.
         planner: pi with its model M: line 4.
         domain: translates between the parts.
         collect: returns a new instance and the world in which to act on it: line 8.
@@ -98,17 +100,17 @@ def lcorpp(
     if not epsilon >= 0:
         raise DecisionError(f"the threshold epsilon must be at least 0, not {epsilon}")
     if resume_point is None:
-        classifier, confusion = learn(dataset)
+        classifier, confusion = train(dataset)
         n = len(confusion.classes)
         number, decided = 0, 0
-        change = ssub(np.full((n, n), 1 / n), confusion.probabilities)
+        change = compute_ssub(np.full((n, n), 1 / n), confusion.probabilities)
     else:
         classifier, confusion = resume_point.classifier, resume_point.confusion
         number, change, decided = resume_point.number, resume_point.change, resume_point.decided
     yield Batch(number, dataset, classifier, confusion, change, (), (), change <= epsilon)
     while change > epsilon:
         number += 1
-        robot = Robot(classifier, reason(confusion), planner, domain)
+        robot = Robot(classifier, make_reasoner(confusion), planner, domain)
         instances, episodes = list[Instance](), list[Episode]()
         while decided + len(episodes) < batch_size:
             instance, world = collect()
@@ -119,15 +121,15 @@ def lcorpp(
         decided = 0
         dataset = augment(dataset, instances, episodes)
         previous = confusion
-        classifier, confusion = learn(dataset)
-        change = ssub(previous.probabilities, confusion.probabilities)
-        settled = change <= epsilon
+        classifier, confusion = train(dataset)
+        change = compute_ssub(previous.probabilities, confusion.probabilities)
+        converged = change <= epsilon
         yield Batch(
-            number, dataset, classifier, confusion, change, tuple(instances), tuple(episodes), settled
+            number, dataset, classifier, confusion, change, tuple(instances), tuple(episodes), converged
         )
 
 
-def ssub(first: Array, second: Array) -> float:
+def compute_ssub(first: Array, second: Array) -> float:
     """Return the sum of absolute differences of two matrices of equal shape: SSUB of Algorithm 1."""
     return float(np.abs(first - second).sum())
 

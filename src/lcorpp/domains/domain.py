@@ -21,7 +21,7 @@ from lcorpp.reasoning import Program, with_classifier
 from lcorpp.values import JEFFREYS, Array, Belief, ConfusionMatrix, Distribution, Label, Likelihood
 
 MAX_GRID_STEPS, MAX_PRIORS = 10, 36
-"""Limits of the grid of priors in `Domain.start_beliefs`: steps along an edge, and priors in all."""
+"""Limits of the grid of priors in `Domain.start_beliefs`: grid steps from 0 to 1, and number of priors."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -76,13 +76,19 @@ class Domain:
         """The planner's model: M."""
         return self.planning.pomdp
 
-    def evidence(self, context: Mapping[str, str], label: Label | None) -> Mapping[str, Label]:
-        """The reasoner's evidence: the observed facts and the classifier's label.
+    def evidence(self, context: Mapping[str, str], predicted: Label | None) -> Mapping[str, Label]:
+        """The reasoner's evidence: the observed facts and the label of the predicted class.
 
-        A likelihood of the classes becomes a likelihood of their labels, as `soft_program` expects.
+        Args:
+            context: observed attribute -> value.
+            predicted: the classifier's output: a class, or a likelihood over all classes, which becomes a
+                likelihood over their labels, as `soft_program` expects; None adds no label.
+
+        Returns:
+            Attribute -> value; the classifier's attribute -> label, or -> likelihood over its labels.
 
         Raises:
-            DomainError: an unknown fact or class.
+            DomainError: an unknown fact or class, or a likelihood over other classes.
         """
         for name, value in context.items():
             if name not in self.observed:
@@ -92,31 +98,38 @@ class Domain:
             known = self.program.attributes[name].values
             if value not in known:
                 raise DomainError(f"{name} cannot be {value!r}; {expected_one_of(known)}")
-        if label is None:
+        if predicted is None:
             return dict(context)
-        attribute, label_of = self.learning.attribute, self.learning.label_of
-        if isinstance(label, Likelihood):
-            if set(label.values) != set(label_of):
-                classes = ", ".join(label_of)
-                raise DomainError(f"a likelihood of {', '.join(label.values)}; expected one of {classes}")
-            return {**context, attribute: label.rename(label_of)}
-        if label not in label_of:
-            raise DomainError(f"unknown class {label!r}; {expected_one_of(tuple(label_of))}")
-        return {**context, attribute: label_of[label]}
+        attribute, label_of_class = self.learning.attribute, self.learning.label_of
+        if isinstance(predicted, Likelihood):
+            if set(predicted.values) != set(label_of_class):
+                raise DomainError(
+                    f"a likelihood over {', '.join(predicted.values)}; expected the classes"
+                    f" {', '.join(label_of_class)}"
+                )
+            return {**context, attribute: predicted.rename(label_of_class)}
+        if predicted not in label_of_class:
+            raise DomainError(f"unknown class {predicted!r}; {expected_one_of(tuple(label_of_class))}")
+        return {**context, attribute: label_of_class[predicted]}
 
     def target_of_label(self, evidence: Mapping[str, Label]) -> Label | None:
-        """The target value of the label in the evidence, None without a label.
+        """The target value of the label in the evidence, None without a label: the inverse of `evidence`.
 
-        A likelihood of labels becomes a likelihood of the target values, in their order.
+        A likelihood over labels becomes a likelihood over the target values, in their order.
         """
-        label, label_of = evidence.get(self.learning.attribute), self.learning.label_of
+        label, label_of_class = evidence.get(self.learning.attribute), self.learning.label_of
         if isinstance(label, Likelihood):
-            weight_of = dict(label)
-            return Likelihood(self.values, np.array([weight_of[label_of[v]] for v in self.values]))
-        return next((value for value, name in label_of.items() if name == label), None)
+            weight_of_label = dict(label)
+            weights = [weight_of_label[label_of_class[value]] for value in self.values]
+            return Likelihood(self.values, np.array(weights))
+        return next((value for value, name in label_of_class.items() if name == label), None)
 
     def prior(self, marginal: Distribution) -> Belief:
-        """(S,) the planner's belief with the reasoner's marginal; other variables at their initial values."""
+        """(S,) the planner's belief with the reasoner's marginal; other variables at their initial values.
+
+        Args:
+            marginal: over the values of the target, in their order.
+        """
         return marginal.probabilities @ self.planning.initial_states
 
     def start_beliefs(self) -> Array:
@@ -126,15 +139,19 @@ class Domain:
         for. The grid covers the simplex of priors, hence every marginal that a reasoner may return.
         """
         n = len(self.values)
+        # the finest grid of at most MAX_PRIORS priors; one step gives a prior for each value, however many
         steps = max(m for m in range(1, MAX_GRID_STEPS + 1) if m == 1 or comb(m + n - 1, m) <= MAX_PRIORS)
         grid = [
-            np.bincount(chosen, minlength=n) / steps
-            for chosen in combinations_with_replacement(range(n), steps)
+            np.bincount(values, minlength=n) / steps
+            for values in combinations_with_replacement(range(n), steps)
         ]
         return np.vstack([self.pomdp.start, np.array(grid) @ self.planning.initial_states])
 
     def marginal(self, belief: Belief) -> Distribution:
-        """The target's distribution under a belief (S,), given that the state is not terminal."""
+        """The target's distribution under a belief (S,), given that the state is not terminal.
+
+        The distribution is uniform if the terminal state has probability 1.
+        """
         mass = belief @ self.planning.state_values
         total = mass.sum()
         return Distribution(self.values, mass / total if total > 0 else np.full(len(mass), 1 / len(mass)))
@@ -144,7 +161,11 @@ class Domain:
         return self.planning.reports.get(action)
 
     def report_action(self, value: str) -> str:
-        """The first action that reports `value`."""
+        """The first action that reports `value`.
+
+        Raises:
+            DomainError: no action reports it.
+        """
         for action, reported in self.planning.reports.items():
             if reported == value:
                 return action
@@ -160,6 +181,7 @@ class Domain:
         """The P-log program with the classifier's rules replaced by a confusion matrix.
 
         Args:
+            confusion: its classes are the values of the target.
             smoothing: pseudo-count, see `ConfusionMatrix.rates`.
         """
         return with_classifier(

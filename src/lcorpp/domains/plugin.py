@@ -91,7 +91,7 @@ class SimulationPlugin:
         """Return one array (samples, columns) for each person, as a tracker records it.
 
         Args:
-            seconds: shortest and longest duration; None for the plug-in's default.
+            seconds: minimum and maximum duration; None for the plug-in's default.
         """
         options = {} if seconds is None else {"seconds": seconds}
         returned = self._call("recordings", people, rng, **options)
@@ -110,7 +110,7 @@ class SimulationPlugin:
         if not all(np.isfinite(table).all() for table in tables):
             raise DomainError(f"{self.path}: a recording has a value that is not a number")
         if not all(np.all(np.diff(table[:, 0]) > 0) for table in tables):
-            raise DomainError(f"{self.path}: the times of a recording do not rise")
+            raise DomainError(f"{self.path}: the times of a recording do not increase")
         return tables
 
     def reaction(self, person: Mapping[str, str], action: str, rng: np.random.Generator) -> str:

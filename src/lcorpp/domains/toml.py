@@ -44,30 +44,36 @@ class TomlTable:
             raise DomainError(f"{self.location(key)}: expected a text, not {value!r}")
         return value
 
-    def number(self, key: str, low: float, high: float, default: float | None = None) -> float:
-        """A number from `low` to `high`."""
+    def number(self, key: str, min_value: float, max_value: float, default: float | None = None) -> float:
+        """A number from `min_value` to `max_value`."""
         value = self._get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-            raise DomainError(f"{self.location(key)}: expected a number from {low} to {high}, not {value!r}")
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not min_value <= value <= max_value
+        ):
+            raise DomainError(
+                f"{self.location(key)}: expected a number from {min_value} to {max_value}, not {value!r}"
+            )
         return float(value)
 
-    def count(self, key: str, low: int, default: int | None = None) -> int:
-        """A whole number of at least `low`."""
+    def count(self, key: str, min_value: int, default: int | None = None) -> int:
+        """A whole number of at least `min_value`."""
         value = self._get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int) or value < low:
+        if isinstance(value, bool) or not isinstance(value, int) or value < min_value:
             raise DomainError(
-                f"{self.location(key)}: expected a whole number of at least {low}, not {value!r}"
+                f"{self.location(key)}: expected a whole number of at least {min_value}, not {value!r}"
             )
         return value
 
-    def names(self, key: str, *, empty: bool = False) -> tuple[str, ...]:
-        """A list of different names; with `empty`, it may be empty or missing."""
-        value = self._get(key, [] if empty else None)
+    def names(self, key: str, *, may_be_empty: bool = False) -> tuple[str, ...]:
+        """A list of different names; if it `may_be_empty`, it may be missing, too."""
+        value = self._get(key, [] if may_be_empty else None)
         if not isinstance(value, list) or not all(isinstance(name, str) and name for name in value):
             raise DomainError(f"{self.location(key)}: expected a list of names, not {value!r}")
         if len(set(value)) < len(value):
             raise DomainError(f"{self.location(key)}: a name is repeated in {value!r}")
-        if not value and not empty:
+        if not value and not may_be_empty:
             raise DomainError(f"{self.location(key)}: expected at least one name")
         return tuple(value)
 
@@ -127,8 +133,8 @@ def read_domain_toml(path: Path, preset: str | None) -> tuple[TomlTable, str | N
     return TomlTable(_merge(table, overrides), _KeyLines(str(path), text, preset)), preset
 
 
-def preset_names(folder: Path) -> tuple[str, ...]:
-    """The names of a domain's presets, in the order of its file."""
+def read_preset_names(folder: Path) -> tuple[str, ...]:
+    """Return the names of a domain's presets, in the order of its file."""
     path = folder / "domain.toml"
     return tuple(_parse(path, read_text(path)).get("presets", {}))
 
@@ -137,7 +143,7 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise _parse_error(error, path, text) from None
+        raise _make_parse_error(error, path, text) from None
     except (RecursionError, ValueError) as error:  # nested too deeply; a number of thousands of digits
         raise DomainError(f"{path}: cannot be read: {error}") from None
     presets = table.get("presets", {})
@@ -147,6 +153,7 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
 
 
 def _merge(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table `base` with the values of `overrides`; subtables are merged key by key."""
     result = dict(base)
     for key, value in overrides.items():
         both = isinstance(value, dict) and isinstance(result.get(key), dict)
@@ -154,7 +161,8 @@ def _merge(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, A
     return result
 
 
-def _parse_error(error: tomllib.TOMLDecodeError, path: Path, text: str) -> ParseError:
+def _make_parse_error(error: tomllib.TOMLDecodeError, path: Path, text: str) -> ParseError:
+    """Return the error with the line and column that tomllib appends to its message."""
     lines = text.splitlines()
     match = re.search(r"\s*\(at line (\d+), column (\d+)\)", str(error))
     # the alternative is "(at end of document)": after the last character
@@ -174,13 +182,16 @@ class _KeyLines:
         header: Keys = ()
         for number, line in enumerate(text.splitlines(), 1):
             if match := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]", line):
-                header = _keys(match[1])
+                header = _split_key(match[1])
                 self._lines.setdefault(header, number)
             elif match := re.match(r"""\s*([\w"'][\w\s."'-]*?)\s*=""", line):
-                self._lines.setdefault(header + _keys(match[1]), number)
+                self._lines.setdefault(header + _split_key(match[1]), number)
 
     def line(self, path: Keys) -> int:
-        """The line of a key, the preset's first; of its closest table if the key is missing."""
+        """Return the line of a key, in the preset if it is there.
+
+        If the key is missing, this is the line of its closest table.
+        """
         for length in range(len(path), 0, -1):
             for prefix in (self._preset, ()):
                 if (line := self._lines.get(prefix + path[:length])) is not None:
@@ -188,5 +199,6 @@ class _KeyLines:
         return 1
 
 
-def _keys(dotted: str) -> Keys:
+def _split_key(dotted: str) -> Keys:
+    """Return the parts of a dotted key, without quotation marks."""
     return tuple(part.strip().strip("\"'") for part in dotted.split("."))

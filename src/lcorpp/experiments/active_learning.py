@@ -34,7 +34,7 @@ class ActiveLearningOptions:
     batch_size: K, decisions between two trainings.
     epsilon: the run ends when the confusion matrix changes by at most this much.
     max_batches: the run ends after this many batches.
-    seed: of everything that is drawn. jobs: processes for training.
+    seed: of all random numbers. jobs: processes for training.
     """
 
     training: TrainingOptions = PAPER_LEARNER
@@ -80,7 +80,7 @@ class BatchResult:
         return f"<BatchResult {self.batch.number}: {self.summary()}>"
 
 
-def initial_data(domain: Domain, options: ActiveLearningOptions) -> TrainingData:
+def make_initial_data(domain: Domain, options: ActiveLearningOptions) -> TrainingData:
     """Return the training data of the first classifier, recorded or simulated."""
     training = options.training
     if training.data is not None:
@@ -135,17 +135,17 @@ def run_active_learning(
         features=training.features,
     )
 
-    def learn(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
+    def train(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
         with progress(f"training on {len(dataset)} tracks", FOLDS + 1) as advance:
             trained, validation = train_and_validate(
                 estimator, dataset, folds=FOLDS, seed=options.seed, jobs=options.jobs, progress=advance
             )
         return (trained.soft() if options.soft else trained), validation.confusion
 
-    def reason(confusion: ConfusionMatrix) -> Reasoner:
+    def make_reasoner(confusion: ConfusionMatrix) -> Reasoner:
         return Reasoner(domain.soft_program if options.soft else domain.program_for(confusion))
 
-    resume_point = run_store.resume(learn) if run_store else None
+    resume_point = run_store.resume(train) if run_store else None
     stream = PeopleStream(
         domain, data.trajectories, options.seed, position=run_store.n_people if run_store else 0
     )
@@ -162,8 +162,8 @@ def run_active_learning(
 
     batches = lcorpp(
         run_store.dataset() if run_store else data.dataset,
-        learn=learn,
-        reason=reason,
+        train=train,
+        make_reasoner=make_reasoner,
         planner=planner,
         domain=domain,
         collect=stream.next,
@@ -177,7 +177,7 @@ def run_active_learning(
         if not resumed:
             scores = _score_batch(domain, results) if results else None
             results.clear()
-            rows.append(_batch_row(batch, scores))
+            rows.append(_make_batch_row(batch, scores))
         if run_store is not None:
             run_store.save_checkpoint(batch, rows)
         yield BatchResult(batch, scores, tuple(rows), resumed)
@@ -196,7 +196,7 @@ def _score_batch(domain: Domain, results: Sequence[DecisionResult]) -> Scores:
     return score_decisions("LCORPP", counts, cost, return_, values=values, positive=domain.learning.positive)
 
 
-def _batch_row(batch: Batch, scores: Scores | None) -> Row:
+def _make_batch_row(batch: Batch, scores: Scores | None) -> Row:
     row: Row = {"batch": batch.number, "tracks": len(batch.dataset), "change": batch.change}
     if scores is not None:
         row |= {name: value for name, value in to_row(scores).items() if name in METRICS}

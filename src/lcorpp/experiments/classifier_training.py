@@ -19,7 +19,12 @@ from lcorpp.experiments.setup import (
     TrainingOptions,
     nest_rates,
 )
-from lcorpp.experiments.thresholds import class_prevalence, parse_goal, positive_class, select_threshold
+from lcorpp.experiments.thresholds import (
+    compute_class_prevalence,
+    find_positive_class,
+    parse_goal,
+    select_threshold,
+)
 from lcorpp.experiments.training_data import read_training_data, simulate_training_data
 from lcorpp.learning import (
     Motion,
@@ -70,7 +75,7 @@ def train_classifier(
         trained, validation = train_and_validate(
             estimator, data.dataset, folds=FOLDS, seed=seed, jobs=jobs, progress=advance
         )
-    positive, prevalence = positive_class(domain), class_prevalence(domain, options.prevalence)
+    positive, prevalence = find_positive_class(domain), compute_class_prevalence(domain, options.prevalence)
     if goal is not None:
         threshold = select_threshold(validation, positive, prevalence[positive], goal)
         validation = validation.with_predictions(
@@ -114,7 +119,7 @@ def load_trained(
     return replace(setup, notes=recorded.dataset.notes)
 
 
-def storage_problem(options: TrainingOptions) -> str | None:
+def find_storage_problem(options: TrainingOptions) -> str | None:
     """Return the reason why the classifier cannot be stored after training; None if it can."""
     try:
         check_storable(learner(options.learner, epochs=options.epochs, device=options.device))

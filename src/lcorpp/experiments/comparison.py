@@ -1,4 +1,4 @@
-"""Comparison of strategies: the classifier, the planner and the scores of a run in one value."""
+"""Comparison of strategies: set up the classifier and the planner of a domain and score the strategies."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ from lcorpp.experiments.setup import (
 )
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.planning import Planner, Policy, Solution
-from lcorpp.simulation.channel import NoisyChannel
+from lcorpp.simulation.simulated_classifier import NoisyChannel
 
 
 @dataclass(frozen=True)
 class ComparisonOptions:
     """Options of a comparison.
 
-    classifier: how to get the classifier. evidence: the classifier's evidence for the reasoner.
-    trials: the number of simulated people; None enumerates people and answers, for a noisy channel only.
-    seed: of everything that is drawn. jobs: processes; the results are the same for any number.
+    classifier: options for training or loading the classifier; None takes the domain's noisy channel.
+    evidence: labels or likelihoods as the classifier's evidence for the reasoner.
+    trials: the number of simulated people; None computes exact scores, for the noisy channel only.
+    seed: of all random numbers. jobs: processes; the results are the same for any number.
     """
 
     strategies: tuple[Strategy, ...] = STRATEGIES
@@ -48,7 +49,8 @@ class Comparison:
 
     scores: one for each strategy, in the order of the options.
     trials: the number of completed trials, less than requested after an interrupt; None for exact scores.
-    classifier: the classifier and its error rates. solution: of the POMDP; None if a policy was given.
+    classifier: the classifier and its error rates.
+    solution: the solution of the POMDP; None if a policy was given.
     """
 
     scores: tuple[Scores, ...]
@@ -78,14 +80,15 @@ def compare_strategies(
         policy: a policy for the domain's POMDP; None solves it.
 
     Raises:
-        DomainError: exact scores of a classifier that is no noisy channel; the domain lacks a channel or
-            trajectories.
+        DomainError: exact scores of another classifier than the noisy channel; the domain has no noisy
+            channel or no trajectories.
         DataError, FileError: the training options or files are wrong.
         KeyboardInterrupt: an interrupt before the first trials were complete.
     """
     if options.trials is None and options.classifier is not None:
         raise DomainError(
-            "--exact needs --classifier channel: the errors of a trained one are known from trials only"
+            "exact scores require the noisy channel: the error rates of a trained classifier are known from"
+            " trials only"
         )
     classifier = make_classifier(domain, options, progress)
     solution = None
@@ -99,8 +102,8 @@ def compare_strategies(
     if options.trials is None:
         channel = NoisyChannel.of(domain)
         with progress("enumerating people and answers"):
-            exact = evaluate_exactly(domain, robot, channel, options.strategies)
-        return Comparison(tuple(exact), None, classifier, solution)
+            exact_scores = evaluate_exactly(domain, robot, channel, options.strategies)
+        return Comparison(tuple(exact_scores), None, classifier, solution)
     experiment = Experiment(
         domain, robot, classifier.classifier, classifier.trajectories, options.strategies, options.seed
     )
@@ -110,7 +113,7 @@ def compare_strategies(
 
 
 def make_classifier(domain: Domain, options: ComparisonOptions, progress: Progress) -> ClassifierSetup:
-    """Return the classifier that the options describe."""
+    """Train or load the classifier, or make the noisy channel, as the options require."""
     if options.classifier is None:
         return from_channel(domain)
     from lcorpp.experiments.classifier_training import load_trained, train_classifier

@@ -1,4 +1,4 @@
-"""Unfitted estimators for the interval and the channels of training data."""
+"""Unfitted estimators with the parameters that training data determine: interval and channels."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ def make_estimator(
     device: str = "cpu",
     features: Sequence[str] = ("x", "y"),
 ) -> Any:
-    """Return an unfitted estimator for the interval and the channels of some training data.
+    """Return an unfitted estimator of a learner, for training data of this interval and these channels.
 
     Args:
         name: the learner, see `learner`.
-        epochs: None takes the number that suits the data for "lstm", and the learner's default otherwise.
+        epochs: None takes `data.epochs` for the learner "lstm", and the learner's default otherwise.
         features: the classifier's features, see `Motion`.
 
     Raises:
         DataError: as `learner`.
     """
-    suitable = data.epochs if name == "lstm" else None
+    default_epochs = data.epochs if name == "lstm" else None
     return learner(
         name,
         interval=data.dataset.interval,
         inputs=data.dataset.channels,
         features=features,
-        epochs=epochs or suitable,
+        epochs=epochs or default_epochs,
         seed=seed,
         device=device,
     )

@@ -1,7 +1,7 @@
 """Exact scores of the strategies, by enumeration of people and answers.
 
-These scores are the reference for the simulated trials. They need a noisy channel as the classifier and a
-feedback model in probabilities.
+These scores are the reference for the simulated trials. The evaluation requires a noisy channel as the
+classifier and a feedback model of known probabilities, not a `people.py` that draws reactions.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lcorpp.domains import Domain
 from lcorpp.errors import DomainError
 from lcorpp.experiments.metrics import Scores, score_probabilities
 from lcorpp.reasoning import Enumeration
-from lcorpp.simulation.channel import NoisyChannel
+from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.values import Belief
 
 MIN_PROBABILITY = 1e-12
@@ -37,15 +37,17 @@ def evaluate_exactly(
         DomainError: the domain's `people.py` draws reactions, whose probabilities are unknown.
     """
     if domain.simulation.reaction is not None:
-        raise DomainError(f"{domain.folder}: people.py draws its reactions, so only simulation can score it")
-    people = joint_distribution(domain, (*domain.observed, domain.target))
+        raise DomainError(
+            f"{domain.folder}: people.py draws reactions, so only simulated trials can score this domain"
+        )
+    people = compute_joint_distribution(domain, (*domain.observed, domain.target))
     return [
         _score_strategy(domain, strategy.robot(robot), strategy, channel, people) for strategy in strategies
     ]
 
 
-def joint_distribution(domain: Domain, attributes: Sequence[str]) -> dict[tuple[str, ...], float]:
-    """Return the joint distribution of some attributes of the people: value tuple -> probability."""
+def compute_joint_distribution(domain: Domain, attributes: Sequence[str]) -> dict[tuple[str, ...], float]:
+    """Compute the joint distribution of some attributes of the people: value tuple -> probability."""
     joint: dict[tuple[str, ...], float] = {}
     for world in Enumeration(domain.simulation.true_program).worlds:
         values = tuple(world.values[name] for name in attributes)
@@ -60,12 +62,13 @@ def _score_strategy(
     channel: NoisyChannel,
     people: Mapping[tuple[str, ...], float],
 ) -> Scores:
-    priors = _prior_probabilities(domain, robot, strategy, channel, people)
+    priors = _compute_prior_probabilities(domain, robot, strategy, channel, people)
     tree = _EpisodeTree(domain, robot)
+    # (V, V + 1) probability of each true value and reported value; the last column is for no report
     joint = np.zeros((len(domain.values), len(domain.values) + 1))
     cost = squared_cost = return_ = 0.0
     for (key, v), mass in priors.items():
-        for leaf in tree.leaves(np.frombuffer(key), v):
+        for leaf in tree.enumerate_leaves(np.frombuffer(key), v):
             p = mass * leaf.probability
             joint[v, leaf.reported] += p
             cost += p * leaf.cost
@@ -77,14 +80,21 @@ def _score_strategy(
     )
 
 
-def _prior_probabilities(
+def _compute_prior_probabilities(
     domain: Domain,
     robot: Robot,
     strategy: Strategy,
     channel: NoisyChannel,
     people: Mapping[tuple[str, ...], float],
 ) -> dict[tuple[bytes, int], float]:
-    """Return the probability of each pair of a prior belief (as bytes) and a true value's index."""
+    """Compute the distribution over prior beliefs and true values.
+
+    Args:
+        people: the observed values and, last, the true value -> probability.
+
+    Returns:
+        (prior belief (S,) as bytes, index of the true value) -> probability.
+    """
     priors: dict[tuple[bytes, int], float] = defaultdict(float)
     for (*context, value), mass in people.items():
         v = domain.values.index(value)
@@ -105,7 +115,13 @@ def _prior_probabilities(
 
 @dataclass(frozen=True)
 class _Leaf:
-    """The end of an episode. reported: index of the reported value, V for no report."""
+    """The end of all episodes with the same last action and cost.
+
+    probability: of these episodes, given the prior belief and the true value.
+    reported: index of the reported value, V for no report.
+    cost: the sum of the costs of the actions before the report, positive.
+    reward: the reward of the report in the true state; 0 without a report.
+    """
 
     probability: float
     reported: int
@@ -114,7 +130,12 @@ class _Leaf:
 
 
 class _EpisodeTree:
-    """All episodes from a belief; actions, transitions and belief updates are cached."""
+    """All episodes from a belief; actions, transitions and belief updates are cached.
+
+    _actions: belief as bytes -> action.
+    _transitions: (action, state) -> possible (next state, observation, probability).
+    _updates: (belief as bytes, action, observation) -> belief (S,).
+    """
 
     def __init__(self, domain: Domain, robot: Robot) -> None:
         self._domain, self._robot = domain, robot
@@ -122,10 +143,11 @@ class _EpisodeTree:
         self._transitions: dict[tuple[int, int], list[tuple[int, str, float]]] = {}
         self._updates: dict[tuple[bytes, str, str], Belief] = {}
 
-    def leaves(self, prior: Belief, v: int) -> list[_Leaf]:
+    def enumerate_leaves(self, prior: Belief, v: int) -> list[_Leaf]:
         """Return the leaves of all episodes from a prior belief (S,) with a person of true value v."""
         domain, pomdp = self._domain, self._domain.pomdp
         leaves: list[_Leaf] = []
+        # the episodes after the same number of actions: (belief as bytes, state, cost) -> probability
         frontier: dict[tuple[bytes, int, float], float] = {}
         beliefs = {prior.tobytes(): prior}
         for first in np.flatnonzero(domain.planning.initial_states[v]):
@@ -144,8 +166,8 @@ class _EpisodeTree:
                 if value is not None:
                     leaves.append(_Leaf(mass, domain.values.index(value), cost, reward))
                     continue
-                next_cost = round(cost - reward, 9)
-                for s_next, observation, probability in self._step(a, s):
+                next_cost = round(cost - reward, 9)  # rounding merges equal costs
+                for s_next, observation, probability in self._find_transitions(a, s):
                     p = mass * probability
                     if p < MIN_PROBABILITY:
                         continue
@@ -156,7 +178,7 @@ class _EpisodeTree:
             frontier = successors
         return leaves
 
-    def _step(self, action: int, state: int) -> list[tuple[int, str, float]]:
+    def _find_transitions(self, action: int, state: int) -> list[tuple[int, str, float]]:
         """Return the possible (next state, observation, probability) of an action in a state."""
         if (action, state) not in self._transitions:
             pomdp, feedback = self._domain.pomdp, self._domain.simulation.feedback_model
@@ -174,8 +196,8 @@ class _EpisodeTree:
         return self._actions[key]
 
     def _update(self, key: bytes, belief: Belief, action: str, observation: str) -> Belief:
-        step = (key, action, observation)
-        if step not in self._updates:
+        cache_key = (key, action, observation)
+        if cache_key not in self._updates:
             # rounding merges beliefs that different paths reach
-            self._updates[step] = np.round(self._robot.planner.update(belief, action, observation), 12)
-        return self._updates[step]
+            self._updates[cache_key] = np.round(self._robot.planner.update(belief, action, observation), 12)
+        return self._updates[cache_key]

@@ -12,6 +12,7 @@ import numpy as np
 from lcorpp.values import Array, Interval
 
 Z95 = NormalDist().inv_cdf(0.975)
+"""The 95 % interval of a standard normal variable is [-Z95, Z95]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +62,15 @@ def score_decisions(
     positives among all decisions that are positive or reported as positive, so its interval is the
     transformed Wilson interval of p. Cost and return have normal intervals of the mean.
     """
-    confusion = _classification(counts, values, positive, wilson_interval)
-    return Scores(strategy, counts, *confusion, mean_interval(cost), mean_interval(return_), _sd(cost))
+    confusion = _score_classification(counts, values, positive, compute_wilson_interval)
+    return Scores(
+        strategy,
+        counts,
+        *confusion,
+        compute_mean_interval(cost),
+        compute_mean_interval(return_),
+        _compute_sd(cost),
+    )
 
 
 def score_probabilities(
@@ -80,12 +88,12 @@ def score_probabilities(
     Args:
         joint: (V, V + 1) probability of true value i and reported value j.
     """
-    confusion = _classification(joint, values, positive, _proportion)
+    confusion = _score_classification(joint, values, positive, _make_exact_proportion)
     return Scores(strategy, joint, *confusion, Interval.exact(cost), Interval.exact(return_), cost_sd)
 
 
-def wilson_interval(hits: float, total: float) -> Interval:
-    """Return a proportion with its Wilson interval; without cases 0 with [0, 1]."""
+def compute_wilson_interval(hits: float, total: float) -> Interval:
+    """Return the proportion hits / total with its Wilson interval; 0 with [0, 1] if the total is 0."""
     if total == 0:
         return Interval(0.0, 0.0, 1.0)
     p, z2 = hits / total, Z95**2 / total
@@ -94,39 +102,48 @@ def wilson_interval(hits: float, total: float) -> Interval:
     return Interval(p, min(p, max(0.0, middle - half)), max(p, min(1.0, middle + half)))
 
 
-def mean_interval(numbers: Array) -> Interval:
+def compute_mean_interval(numbers: Array) -> Interval:
     """Return the mean of numbers (n,) with the normal interval."""
     middle = float(np.mean(numbers))
-    half = Z95 * _sd(numbers) / float(np.sqrt(len(numbers)))
+    half = Z95 * _compute_sd(numbers) / float(np.sqrt(len(numbers)))
     return Interval(middle, middle - half, middle + half)
 
 
-def _sd(numbers: Array) -> float:
+def _compute_sd(numbers: Array) -> float:
     return float(np.std(numbers, ddof=1)) if len(numbers) > 1 else 0.0
 
 
-def _proportion(hits: float, total: float) -> Interval:
+def _make_exact_proportion(hits: float, total: float) -> Interval:
     return Interval.exact(hits / total if total else 0.0)
 
 
-def _classification(
-    counts: Array, values: Sequence[str], positive: str | None, share: Callable[[float, float], Interval]
+def _score_classification(
+    counts: Array,
+    values: Sequence[str],
+    positive: str | None,
+    make_proportion: Callable[[float, float], Interval],
 ) -> tuple[Interval, Interval, Interval, Interval]:
-    """Return F1, precision, recall and accuracy."""
+    """Return F1, precision, recall and accuracy.
+
+    Args:
+        counts: (V, V + 1) counts or probabilities, as in `Scores`.
+        positive: the positive class, None for macro averages.
+        make_proportion: returns the proportion hits / total with its interval.
+    """
     rows = range(len(values)) if positive is None else [list(values).index(positive)]
     f1, precision, recall = [], [], []
     for i in rows:
         hits, reported, actual = counts[i, i], counts[:, i].sum(), counts[i].sum()
-        either = share(hits, reported + actual - hits)
-        f1.append(Interval(*(2 * p / (1 + p) for p in (either.estimate, either.low, either.high))))
-        precision.append(share(hits, reported))
-        recall.append(share(hits, actual))
+        jaccard = make_proportion(hits, reported + actual - hits)
+        f1.append(Interval(*(2 * p / (1 + p) for p in (jaccard.estimate, jaccard.low, jaccard.high))))
+        precision.append(make_proportion(hits, reported))
+        recall.append(make_proportion(hits, actual))
     square = counts[:, : len(values)]
-    accuracy = share(float(np.trace(square)), float(counts.sum()))
-    return _average(f1), _average(precision), _average(recall), accuracy
+    accuracy = make_proportion(float(np.trace(square)), float(counts.sum()))
+    return _average_intervals(f1), _average_intervals(precision), _average_intervals(recall), accuracy
 
 
-def _average(estimates: Sequence[Interval]) -> Interval:
+def _average_intervals(estimates: Sequence[Interval]) -> Interval:
     return Interval(
         float(np.mean([e.estimate for e in estimates])),
         float(np.mean([e.low for e in estimates])),

@@ -1,8 +1,8 @@
 """Run store: the tracks of a run of Algorithm 1 and a checkpoint of every training, to resume it.
 
-A decision is stored when its listener returns, a batch when its checkpoint is saved. After an interruption
-of any kind the next run resumes there. The store is authoritative: without a usable checkpoint the classifier
-is trained again, and nothing else is lost.
+`append_decision` returns when the decision is on the disk, `save_checkpoint` when the batch is. After an
+interruption of any kind the next run resumes there. The store is authoritative: without a usable checkpoint
+the classifier is trained again, and nothing else is lost.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from uuid import uuid4
 import numpy as np
 
 from lcorpp.decision import Batch, ResumePoint
-from lcorpp.decision.lcorpp import ssub
+from lcorpp.decision.lcorpp import compute_ssub
 from lcorpp.errors import DataError, FileError
 from lcorpp.files import make_folder, read_bytes, read_text, sync_folder, write_atomically
 from lcorpp.learning import SoftClassifier, TrainedClassifier, load_classifier, save_classifier
@@ -29,7 +29,7 @@ from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Insta
 
 FORMAT, VERSION = "lcorpp checkpoint", 1
 
-Learn = Callable[[Dataset], tuple[Classifier, ConfusionMatrix]]
+Train = Callable[[Dataset], tuple[Classifier, ConfusionMatrix]]
 Rows = list[dict[str, float | int | str]]
 
 
@@ -54,8 +54,9 @@ class Checkpoint:
 class RunStore:
     """The store of a run and its checkpoint in the folder `<store>.checkpoint`; for one process at a time.
 
-    store: open for writing. notes: what was found when it was opened, as sentences.
-    pending: decisions since the last training. n_people: number of people that the run has met.
+    store: open for writing. notes: warnings from opening the store and reading its checkpoint, as sentences.
+    pending: the stored decisions since the last training.
+    n_people: number of people that the run has drawn so far, in all batches.
     """
 
     def __init__(
@@ -74,7 +75,7 @@ class RunStore:
         """
         self.store = Store(path, TrackSchema.from_dataset(dataset, classes))
         self._initial = dataset
-        self._settings = {**settings, "data": _digest(dataset)}
+        self._settings = {**settings, "data": _compute_digest(dataset)}
         self._folder = self.store.path.with_name(f"{self.store.path.name}.checkpoint")
         self.notes = list(self.store.notes)
         try:
@@ -102,11 +103,11 @@ class RunStore:
         """The initial data and all labelled tracks of the store: Omega."""
         return self._dataset_without(())
 
-    def resume(self, learn: Learn) -> ResumePoint | None:
+    def resume(self, train: Train) -> ResumePoint | None:
         """Return the state in which the earlier run ended; None for a new run.
 
         Args:
-            learn: trains a classifier if the checkpoint has none, or if people have labelled tracks since.
+            train: trains a classifier if the checkpoint has none, or if people have labelled tracks since.
         """
         checkpoint = self._checkpoint
         if checkpoint is None:
@@ -118,12 +119,12 @@ class RunStore:
                 if since > 0
                 else f"{-since} records that the last training used are lost: trained again"
             )
-            classifier, confusion = learn(self.dataset())
-            change = ssub(checkpoint.confusion.probabilities, confusion.probabilities)
+            classifier, confusion = train(self.dataset())
+            change = compute_ssub(checkpoint.confusion.probabilities, confusion.probabilities)
             return ResumePoint(checkpoint.number, classifier, confusion, change, len(self.pending))
         trained = checkpoint.classifier
         if trained is None:
-            trained, _ = learn(self._dataset_without(self.pending))
+            trained, _ = train(self._dataset_without(self.pending))
         return ResumePoint(
             checkpoint.number, trained, checkpoint.confusion, checkpoint.change, len(self.pending)
         )
@@ -133,7 +134,7 @@ class RunStore:
     ) -> str:
         """Store a decision: the track, the reported label and the belief behind it.
 
-        It is on the disk when this returns.
+        The decision is on the disk when this method returns.
 
         Args:
             belief: over the target's values, when the robot reported.
@@ -178,13 +179,13 @@ class RunStore:
             "change": batch.change,
             "records": self.store.last_record - len(self.pending),
             "rows": rows,
-            "classifier": self._classifier_file(batch),
+            "classifier": self._write_classifier(batch),
         }
         write_atomically(self._file, json.dumps(content, indent=1) + "\n")
         sync_folder(self._file)
         current = {self._file.name, content["classifier"] and content["classifier"]["file"]}
         prefixes = ("classifier-", ".classifier-", ".checkpoint.")
-        for file in self._folder.iterdir():  # those of earlier checkpoints, or of a killed process
+        for file in self._folder.iterdir():  # remove the files of earlier checkpoints, or of a killed process
             if file.name not in current and file.name.startswith(prefixes):
                 file.unlink(missing_ok=True)
 
@@ -209,16 +210,16 @@ class RunStore:
         return self._folder / "checkpoint.json"
 
     def _dataset_without(self, without: Sequence[StoredTrack]) -> Dataset:
-        left = {stored.id for stored in without}
+        """Return the initial data and the labelled tracks of the store, but for those in `without`."""
+        excluded = {track.id for track in without}
         snapshot = self.store.snapshot()
-        chosen = [stored for stored in snapshot.select() if stored.id not in left]
-        stored = snapshot.dataset(chosen)
-        return self._initial.append(list(zip(stored.trajectories, stored.labels, strict=True)), stored.groups)
+        added = snapshot.dataset([track for track in snapshot.select() if track.id not in excluded])
+        return self._initial.append(list(zip(added.trajectories, added.labels, strict=True)), added.groups)
 
     def _is_pending(self, stored: StoredTrack) -> bool:
         return stored.extra.get("run") == self._run and stored.extra.get("batch") == self._number + 1
 
-    def _classifier_file(self, batch: Batch) -> dict[str, Any] | None:
+    def _write_classifier(self, batch: Batch) -> dict[str, Any] | None:
         """Write the classifier to a file of a new name and describe it; None if its type cannot be stored."""
         soft = isinstance(batch.classifier, SoftClassifier)
         trained = (
@@ -256,7 +257,7 @@ class RunStore:
                 float(content["change"]),
                 _check_count(content["records"]),
                 list(content["rows"]),
-                self._classifier(content["classifier"]),
+                self._read_classifier(content["classifier"]),
             )
         except (DataError, FileError) as error:
             why = str(error)
@@ -265,13 +266,14 @@ class RunStore:
         self.notes.append(f"{self._file}: not used, {why}; trained on all that is stored")
         return None
 
-    def _classifier(self, about: Mapping[str, Any] | None) -> Classifier | None:
+    def _read_classifier(self, about: Mapping[str, Any] | None) -> Classifier | None:
+        """Load the classifier that the checkpoint describes; None, with a note, if its file is unusable."""
         if about is None:
             return None
         path = self._folder / Path(about["file"]).name
         try:
             if zlib.crc32(read_bytes(path)) != about["crc32"]:
-                raise DataError(f"{path}: is not as it was written")
+                raise DataError(f"{path}: differs from the file that was written")
             trained = load_classifier(path)
             return trained.soft() if about["soft"] else trained
         except (DataError, FileError) as error:
@@ -279,8 +281,8 @@ class RunStore:
             return None
 
 
-def _digest(dataset: Dataset) -> str:
-    """Return a text that only equal data sets share: the initial data are not stored."""
+def _compute_digest(dataset: Dataset) -> str:
+    """Return a text that only equal data sets share; it identifies the initial data, which are not stored."""
     labels = zlib.crc32("\n".join(dataset.labels).encode())
     return f"{len(dataset)} tracks, {track_hash(dataset.trajectories).removeprefix('track ')}-{labels:08x}"
 

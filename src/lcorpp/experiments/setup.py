@@ -1,6 +1,6 @@
 """Composition of a run: the classifier with its error rates, the reasoner, the planner and the robot.
 
-Every function returns values and prints nothing; commands, web pages and figures call the same functions.
+Every function returns values and prints nothing.
 Classifiers that are trained or loaded come from `classifier_training`.
 """
 
@@ -17,7 +17,7 @@ from lcorpp.domains import Domain
 from lcorpp.planning import Solution, solve
 from lcorpp.protocols import Planner
 from lcorpp.reasoning import Program, Reasoner
-from lcorpp.simulation.channel import BatchClassifier, NoisyChannel
+from lcorpp.simulation.simulated_classifier import BatchClassifier, NoisyChannel
 from lcorpp.simulation.trajectories import TrajectorySource
 from lcorpp.values import JEFFREYS, Array
 
@@ -114,7 +114,7 @@ def from_channel(domain: Domain) -> ClassifierSetup:
     """Return the domain's noisy channel; the program keeps its own rules.
 
     Raises:
-        DomainError: the domain has no channel.
+        DomainError: the domain has no noisy channel.
     """
     channel = NoisyChannel.of(domain)
     return ClassifierSetup(channel, channel, domain.program, nest_rates(domain.values, channel.rates))

@@ -30,18 +30,18 @@ def parse_goal(domain: Domain, text: str) -> Goal:
     except ValueError:
         numbers = []
     if len(numbers) == 1:
-        return DecisionThreshold(positive_class(domain), numbers[0]).probability
+        return DecisionThreshold(find_positive_class(domain), numbers[0]).probability
     goal = (numbers[0], numbers[1]) if len(numbers) == 2 else text
     resolve_goal(goal)
     return goal
 
 
-def positive_class(domain: Domain) -> str:
+def find_positive_class(domain: Domain) -> str:
     """Return the domain's positive class, or the last in alphabetical order if it has none."""
     return domain.learning.positive or max(domain.values)
 
 
-def class_prevalence(domain: Domain, positive_prevalence: float | None = None) -> dict[str, float]:
+def compute_class_prevalence(domain: Domain, positive_prevalence: float | None = None) -> dict[str, float]:
     """Return the prevalence of each class: from the domain's knowledge, or with a given positive class.
 
     Args:
@@ -53,7 +53,7 @@ def class_prevalence(domain: Domain, positive_prevalence: float | None = None) -
     prevalence = {value: share / total for value, share in shares.items()}
     if positive_prevalence is None:
         return prevalence
-    positive, given = positive_class(domain), positive_prevalence
+    positive, given = find_positive_class(domain), positive_prevalence
     others = 1 - prevalence[positive]
     return {v: given if v == positive else p * (1 - given) / others for v, p in prevalence.items()}
 

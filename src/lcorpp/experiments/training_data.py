@@ -1,4 +1,4 @@
-"""Training data, simulated or recorded, and the trajectories of the trials that follow."""
+"""Training data, simulated or recorded, with the source of the test trajectories."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError
-from lcorpp.learning import leakage_note, read_data, split
+from lcorpp.learning import format_leakage_warning, read_data, split
 from lcorpp.simulation.trajectories import (
     RecordedTrajectories,
     SimulatedTrajectories,
@@ -71,14 +71,14 @@ def read_training_data(
     dataset = _select_columns(read_data(path, labels=labels), features)
     try:
         train, test = split(dataset, seed=seed)
-        leak = leakage_note(train) if len(domain.values) == 2 else None
+        leak = format_leakage_warning(train) if len(domain.values) == 2 else None
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
-    shares = (
+    split_note = (
         f"{len(train)} of {len(dataset)} tracks are training data; the trials sample tracks of the"
         f" {len(set(test.groups))} other people, so their intervals do not cover people outside of the data"
     )
-    notes = (*train.notes, shares, *([] if leak is None else [leak]))
+    notes = (*train.notes, split_note, *([] if leak is None else [leak]))
     return TrainingData(replace(train, notes=notes), RecordedTrajectories(domain.target, test), PAPER_EPOCHS)
 
 

@@ -13,8 +13,8 @@ from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError
 from lcorpp.experiments.metrics import Scores, score_decisions
-from lcorpp.simulation.channel import BatchClassifier
 from lcorpp.simulation.population import Population
+from lcorpp.simulation.simulated_classifier import BatchClassifier
 from lcorpp.simulation.trajectories import TrajectorySource
 from lcorpp.simulation.world import SimulationModel
 from lcorpp.values import Array, Instance, Label
@@ -79,28 +79,28 @@ def run_trials(
     if trials < 1 or jobs < 1:
         raise DecisionError(f"trials and jobs must be at least 1, not {trials} and {jobs}")
     sizes = [min(CHUNK_SIZE, trials - first) for first in range(0, trials, CHUNK_SIZE)]
-    done: list[TrialResults] = []
+    completed: list[TrialResults] = []
     try:
         if jobs == 1 or len(sizes) == 1:
             for number, size in enumerate(sizes):
-                done.append(run_chunk(experiment, number, size))
-                progress(sum(len(chunk.truth) for chunk in done), trials)
+                completed.append(run_chunk(experiment, number, size))
+                progress(sum(len(chunk.truth) for chunk in completed), trials)
         else:
             work = (delayed(run_chunk)(experiment, number, size) for number, size in enumerate(sizes))
             with ignore_sigint():
                 started = Parallel(n_jobs=jobs, return_as="generator")(work)
             with closing(started) as chunks:
                 for chunk in chunks:
-                    done.append(chunk)
-                    progress(sum(len(chunk.truth) for chunk in done), trials)
+                    completed.append(chunk)
+                    progress(sum(len(chunk.truth) for chunk in completed), trials)
     except KeyboardInterrupt:
-        if not done:
+        if not completed:
             raise
     results = TrialResults(
-        np.concatenate([chunk.truth for chunk in done]),
-        np.concatenate([chunk.reported for chunk in done], axis=1),
-        np.concatenate([chunk.cost for chunk in done], axis=1),
-        np.concatenate([chunk.return_ for chunk in done], axis=1),
+        np.concatenate([chunk.truth for chunk in completed]),
+        np.concatenate([chunk.reported for chunk in completed], axis=1),
+        np.concatenate([chunk.cost for chunk in completed], axis=1),
+        np.concatenate([chunk.return_ for chunk in completed], axis=1),
     )
     return score_trials(experiment, results), len(results.truth)
 
@@ -130,7 +130,7 @@ def run_chunk(experiment: Experiment, number: int, size: int) -> TrialResults:
 
 
 def score_trials(experiment: Experiment, results: TrialResults) -> list[Scores]:
-    """Score each strategy."""
+    """Return the scores of each strategy, in the order of the experiment."""
     domain, scores = experiment.domain, []
     for k, strategy in enumerate(experiment.strategies):
         counts = np.zeros((len(domain.values), len(domain.values) + 1))
@@ -150,7 +150,7 @@ def score_trials(experiment: Experiment, results: TrialResults) -> list[Scores]:
 
 @dataclass(frozen=True)
 class FixedLabel:
-    """A classifier that returns the label that was computed for this person."""
+    """A classifier that returns one precomputed label for every instance."""
 
     label: Label | None
 

@@ -13,7 +13,11 @@ from .data.dataset import check_trainable as check_trainable, split as split
 from .data.fetching import fetch_authors as fetch_authors
 from .data.npz import load_dataset as load_dataset, save_dataset as save_dataset
 from .data.plots import plot_tracks as plot_tracks
-from .data.reading import read_data as read_data, read_recording as read_recording
+from .data.reading import (
+    convert_snapshot as convert_snapshot,
+    read_data as read_data,
+    read_recording as read_recording,
+)
 from .data.tracks import (
     Recording as Recording,
     Repair as Repair,
@@ -28,9 +32,9 @@ from .evaluation.calibration import (
     fit_calibration as fit_calibration,
 )
 from .evaluation.leakage import (
-    Leak as Leak,
-    check_leakage as check_leakage,
-    leakage_note as leakage_note,
+    ShortcutScore as ShortcutScore,
+    format_leakage_warning as format_leakage_warning,
+    measure_leakage as measure_leakage,
 )
 from .evaluation.report import (
     ClassReport as ClassReport,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import TypeVar
 
-from lcorpp.reasoning.errors import no_value_error, no_world_error
+from lcorpp.reasoning.errors import make_no_value_error, make_no_world_error
 from lcorpp.reasoning.language.program import Program
 
 Numeric = Fraction | float
@@ -46,8 +46,8 @@ def normalise_marginal(
     """
     total = sum(weights.values())
     if not total:
-        raise no_world_error(program, conditions)
+        raise make_no_world_error(program, conditions)
     if weights.get(""):
-        raise no_value_error(program, term, weights[""] / total)
+        raise make_no_value_error(program, term, weights[""] / total)
     zero = 0 * total
     return {v: weights.get(v, zero) / total for v in program.attributes[term.partition("(")[0]].values}

@@ -21,19 +21,19 @@ def warn_of_estimate(reason: TooLargeError, samples: int) -> None:
 
 
 def format_conditions(facts: Mapping[str, str], do: Mapping[str, str]) -> str:
-    """Format evidence and interventions as the end of the message of `no_world_error`."""
+    """Format evidence and interventions as the end of the message of `make_no_world_error`."""
     parts = [f"{term}={value}" for term, value in facts.items()]
     parts += [f"do({term}={value})" for term, value in do.items()]
     return f" has {', '.join(parts)}" if parts else ""
 
 
-def no_world_error(program: Program, conditions: str) -> UndefinedError:
-    """The error for evidence of probability zero."""
+def make_no_world_error(program: Program, conditions: str) -> UndefinedError:
+    """Make the error for evidence of probability zero."""
     return UndefinedError(f"{program.file}: no possible world of positive measure{conditions}")
 
 
-def no_value_error(program: Program, term: str, probability: object, where: str = "") -> ProgramError:
-    """The error for a term that may have no value, so that its distribution does not sum to 1.
+def make_no_value_error(program: Program, term: str, probability: object, where: str = "") -> ProgramError:
+    """Make the error for a term that may have no value, so that its distribution does not sum to 1.
 
     Args:
         probability: that the term has no value.

@@ -61,7 +61,7 @@ def explain(reasoner: Reasoner, query: Query, *, count: int = 3) -> Explanation:
 
     Raises:
         ProgramError: a name in the query is unknown, or a world violates a condition of the language.
-        TooLargeError: the program has too many states.
+        TooLargeError: the program is too large to be compiled.
     """
     model = reasoner.build_query_model(query)
     answer: QueryAnswer | None

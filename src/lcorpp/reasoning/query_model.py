@@ -1,4 +1,4 @@
-"""A program grounded for one query: its worlds, its answer, or an estimate if the worlds are too many."""
+"""A program grounded for one query: its worlds, its answer, or an estimate if it is too large."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lcorpp.errors import TooLargeError
 from lcorpp.reasoning.answers import Estimate, QueryAnswer, normalise_marginal
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.errors import no_value_error, no_world_error, warn_of_estimate
+from lcorpp.reasoning.errors import make_no_value_error, make_no_world_error, warn_of_estimate
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM, ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
@@ -32,7 +32,7 @@ class QueryModel:
     Args:
         program: a program without cr-rules.
         query: a query resolved by `resolve_query`.
-        samples: the number of worlds sampled if the program has too many states.
+        samples: the number of worlds sampled if the program is too large to be compiled.
 
     Raises:
         ProgramError: arithmetic is undefined.
@@ -51,16 +51,16 @@ class QueryModel:
         """The worlds.
 
         Raises:
-            TooLargeError: the program has too many states.
+            TooLargeError: the program is too large to be compiled.
             ProgramError: a world violates a condition of the language.
         """
         return WorldQueries(build_trellis(self.system))
 
     def answer(self, *, exact: bool) -> QueryAnswer:
-        """Compute the answer, as fractions if `exact`; it is estimated if the program has too many states.
+        """Compute the answer, in fractions if `exact`; estimate it if the program is too large to compile.
 
         Raises:
-            TooLargeError: `exact`, and the program has too many states.
+            TooLargeError: `exact`, and the program is too large to be compiled.
             ProgramError: as `worlds`; or the subject may have no value.
             UndefinedError: no possible world satisfies the conditions.
         """
@@ -76,13 +76,15 @@ class QueryModel:
         conditions = self._format_conditions()
         weights: Mapping[str, Fraction | float]
         weights = (
-            self.worlds.exact_weights(self.term, {}) if exact else self.worlds.float_weights(self.term, {})
+            self.worlds.compute_exact_weights(self.term, {})
+            if exact
+            else self.worlds.compute_float_weights(self.term, {})
         )
         if self.query.subject:
             return normalise_marginal(self.program, self.term, weights, conditions)  # type: ignore[type-var, return-value]
         total = sum(weights.values())
         if not total:
-            raise no_world_error(self.program, conditions)
+            raise make_no_world_error(self.program, conditions)
         return weights.get("true", 0 * total) / total
 
     def _estimate(self) -> QueryAnswer:
@@ -93,7 +95,7 @@ class QueryModel:
             return estimates.get("true", Estimate(0.0, 0.0))
         share = estimates.pop("")
         if share:
-            raise no_value_error(self.program, self.term, share)
+            raise make_no_value_error(self.program, self.term, share)
         return dict(estimates)
 
     def _format_conditions(self) -> str:

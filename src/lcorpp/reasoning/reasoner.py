@@ -2,8 +2,8 @@
 
 It compiles one circuit for each kind of question and caches circuits and answers. Two kinds of programs need
 another method: programs with cr-rules are enumerated, as an observation can create worlds (the log reports
-it), and programs with too many states are sampled by likelihood weighting (a `ReasoningWarning` reports it,
-and the answer has standard errors).
+it); programs that are too large to be compiled are sampled by likelihood weighting (a `ReasoningWarning`
+reports it, and the answer has standard errors).
 """
 
 from __future__ import annotations
@@ -18,7 +18,12 @@ from lcorpp.errors import TooLargeError, UndefinedError
 from lcorpp.reasoning.answers import QueryAnswer, normalise_marginal
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.errors import format_conditions, no_value_error, no_world_error, warn_of_estimate
+from lcorpp.reasoning.errors import (
+    format_conditions,
+    make_no_value_error,
+    make_no_world_error,
+    warn_of_estimate,
+)
 from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
@@ -57,7 +62,7 @@ class Reasoner:
 
     Args:
         program: the program.
-        samples: the number of worlds sampled if the program has too many states.
+        samples: the number of worlds sampled if the program is too large to be compiled.
     """
 
     def __init__(self, program: Program, *, samples: int = DEFAULT_SAMPLES) -> None:
@@ -107,13 +112,13 @@ class Reasoner:
 
         Raises:
             ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: the program has too many states.
+            TooLargeError: the program is too large to be compiled.
         """
         term = canonical_text(resolve_term(self.program, attribute))
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
             return self._enumeration.exact(term, facts, set_to)
-        weights = self._find_worlds(set_to, (term, *facts)).exact_weights(term, facts)
+        weights = self._find_worlds(set_to, (term, *facts)).compute_exact_weights(term, facts)
         return normalise_marginal(self.program, term, weights, format_conditions(facts, set_to))
 
     def compile(
@@ -129,7 +134,7 @@ class Reasoner:
         Raises:
             ProgramError: a name is unknown, a world violates a condition of the language, or the program has
                 cr-rules, whose worlds depend on the evidence.
-            TooLargeError: the program has too many states.
+            TooLargeError: the program is too large to be compiled.
         """
         from lcorpp.reasoning.circuit.compiler import compile_program  # imports numpy
 
@@ -143,7 +148,7 @@ class Reasoner:
 
         Raises:
             ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: the program has too many states.
+            TooLargeError: the program is too large to be compiled.
         """
         if self.program.has_cr_rules:
             return self._enumeration.sample(rng, given)
@@ -159,13 +164,13 @@ class Reasoner:
         Raises:
             ProgramError: a world violates a condition of the language.
             UndefinedError: no world has positive measure.
-            TooLargeError: the program has too many states.
+            TooLargeError: the program is too large to be compiled.
         """
         if self.program.has_cr_rules:
             return len(self._enumeration.worlds)
         worlds = self._find_worlds({}, ())
-        if not sum(worlds.float_weights("", {}).values()):
-            raise no_world_error(self.program, "")
+        if not sum(worlds.compute_float_weights("", {}).values()):
+            raise make_no_world_error(self.program, "")
         return worlds.count()
 
     @gc_paused()
@@ -176,11 +181,11 @@ class Reasoner:
             exact: whether to return fractions.
 
         Returns:
-            A number, or value -> number. The numbers are `Estimate`s if the program is too large.
+            A number, or value -> number; `Estimate`s if the program is too large to be compiled.
 
         Raises:
             ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: `exact`, and the program has too many states.
+            TooLargeError: `exact`, and the program is too large to be compiled.
         """
         return self.build_query_model(query).answer(exact=exact)
 
@@ -250,7 +255,7 @@ class Reasoner:
         warn_of_estimate(reason, self.samples)
         estimates = estimate(system, term, facts, self.samples)
         if estimates.values[""][0]:
-            raise no_value_error(self.program, term, estimates.values[""][0])
+            raise make_no_value_error(self.program, term, estimates.values[""][0])
         values = tuple(value for value in estimates.values if value)
         p, errors = np.array([estimates.values[value] for value in values]).T
         return EstimatedDistribution(values, p / p.sum(), errors, estimates.samples)

@@ -45,7 +45,7 @@ class SoftEvidence:
             ProgramError: a name is unknown, the values of a likelihood are not those of its term, or a term
                 has two conditions.
             UndefinedError: no possible world has the facts and a value of positive likelihood.
-            TooLargeError: the program has too many states for exact answers.
+            TooLargeError: the program is too large to be compiled.
         """
         facts: dict[str, str] = {}
         soft: dict[str, Likelihood] = {}
@@ -89,7 +89,10 @@ class SoftEvidence:
     def _answer(self, queried: str, facts: Mapping[str, str]) -> Distribution:
         answer = self._posterior(queried, facts)
         if isinstance(answer, EstimatedDistribution):
-            raise TooLargeError(f"{self.program.file}: too many states to weigh soft evidence exactly")
+            raise TooLargeError(
+                f"{self.program.file}: the program is too large to be compiled; soft evidence needs exact"
+                " answers"
+            )
         return answer
 
     def _resolve(self, name: str) -> tuple[str, tuple[str, ...]]:

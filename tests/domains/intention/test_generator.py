@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
-from lcorpp.learning import check_leakage, cross_validate, paper_pipeline
+from lcorpp.learning import cross_validate, measure_leakage, paper_pipeline
 from lcorpp.simulation.recordings import simulate_recording
 from lcorpp.simulation.trajectories import SimulatedTrajectories, simulate_dataset
 
@@ -37,7 +37,7 @@ def test_no_shortcut_feature_reveals_the_class():
     recording = simulate_recording(
         load_domain("intention"), np.random.default_rng(0), tracks=1200, positives=600
     )
-    leaks = check_leakage(recording, divisions=2)
+    leaks = measure_leakage(recording, n_splits=2)
     assert {leak.name for leak in leaks} >= {"end position", "duration", "sampling"}
     for leak in leaks:
         assert leak.auc.estimate <= 0.58, leak.name
@@ -70,7 +70,9 @@ def test_rates_of_the_papers_lstm(benchmark, seed):
     balanced = simulate_dataset(domain, motion, domain.learning.tracks, np.random.default_rng([seed, 0]))
     found = {
         name: benchmark.rates(
-            cross_validate(paper_pipeline(random_state=seed), benchmark.take_points(balanced, points), seed=seed)
+            cross_validate(
+                paper_pipeline(random_state=seed), benchmark.take_points(balanced, points), seed=seed
+            )
         )
         for name, points in benchmark.PARTS.items()
     }
@@ -89,5 +91,5 @@ def test_the_papers_63_of_2286_with_class_weights(benchmark):
         benchmark.imbalanced(domain, 0),
     )
     found = benchmark.rates(validation)
-    assert found["least said"] > 0.1  # no fold collapses to one class
+    assert found["smallest share"] > 0.1  # no fold collapses to one class
     assert found["AUC"] > 0.77 - 0.03 - 0.07  # two standard errors of an AUC of 63 people

@@ -233,7 +233,7 @@ def changed(trained: TrainedClassifier, path, change) -> None:
         (lambda head, arrays: head["steps"][2]["parameters"].update(units=7), "do not fit an LSTM of 7"),
         (lambda head, arrays: arrays.pop("lstm/dense_bias"), "an LSTM has the weights"),
         (lambda head, arrays: arrays.pop("scaling/mean"), "damaged"),
-        (lambda head, arrays: arrays["scaling/scale"].fill(0), "one positive deviation"),
+        (lambda head, arrays: arrays["scaling/scale"].fill(0), "a positive standard deviation"),
         (lambda head, arrays: arrays["lstm/dense_bias"].fill(np.nan), "finite weights"),
         (lambda head, arrays: head["confusion"].update(counts=[[1]]), "cannot have shape"),
         (

@@ -7,9 +7,9 @@ import pytest
 
 from lcorpp.errors import FileError, ParseError
 from lcorpp.learning import (
-    check_leakage,
     cross_validate,
-    leakage_note,
+    format_leakage_warning,
+    measure_leakage,
     paper_pipeline,
     read_authors,
     read_data,
@@ -116,12 +116,12 @@ def test_the_real_data_is_what_is_known_of_it():
 @real
 def test_a_note_reports_the_leak_of_the_real_data():
     data = read_data(REAL, labels=LABELS)
-    end, duration, sampling = check_leakage(data, divisions=2)
+    end, duration, sampling = measure_leakage(data, n_splits=2)
     assert end.auc.estimate >= 0.98
     assert duration.auc.estimate == 0.5  # the true ones are lost
     assert 0.82 < sampling.auc.estimate < 0.92
-    assert [leak.flagged for leak in (end, duration, sampling)] == [True, False, True]
-    note = leakage_note(data) or ""
+    assert [leak.is_suspicious for leak in (end, duration, sampling)] == [True, False, True]
+    note = format_leakage_warning(data) or ""
     assert "end position alone (AUC 0.99) and sampling alone (AUC 0.86)" in note
 
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Recording, Track, check_leakage, leakage_note
-from lcorpp.learning.evaluation.leakage import _mean_auc, shortcut_features
+from lcorpp.learning import Recording, Track, format_leakage_warning, measure_leakage
+from lcorpp.learning.evaluation.leakage import _compute_mean_auc, compute_shortcut_features
 from lcorpp.values import Dataset
 from tests.learning.data.texts import crowd
 from tests.learning.walkers import walkers
 
 
 def by_name(data, **options):
-    return {leak.name: leak for leak in check_leakage(data, **options)}
+    return {leak.name: leak for leak in measure_leakage(data, **options)}
 
 
 def ending_at(ends: np.ndarray) -> Dataset:
@@ -24,21 +24,21 @@ def test_a_ring_around_the_others_is_a_perfect_leak():
     angle = np.random.default_rng(0).uniform(0, 2 * np.pi, 80)
     radius = np.where(np.arange(80) % 2 == 0, 1.0, 5.0)
     data = ending_at(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1))
-    end = by_name(data, divisions=2)["end position"]
+    end = by_name(data, n_splits=2)["end position"]
     assert end.auc.estimate > 0.99
     assert end.auc.low > 0.97
-    assert end.flagged
-    assert "predicted from end position alone (AUC 1.00)" in (leakage_note(data) or "")
+    assert end.is_suspicious
+    assert "predicted from end position alone (AUC 1.00)" in (format_leakage_warning(data) or "")
 
 
 def test_what_is_drawn_alike_does_not_leak():
-    leaks = by_name(crowd(300), divisions=2)
+    leaks = by_name(crowd(300), n_splits=2)
     assert list(leaks) == ["end position", "duration", "sampling"]
     for leak in leaks.values():
         assert abs(leak.auc.estimate - 0.5) < 0.1  # three standard errors
         assert leak.auc.low <= leak.auc.estimate <= leak.auc.high
-        assert not leak.flagged
-    assert leakage_note(crowd(60)) is None
+        assert not leak.is_suspicious
+    assert format_leakage_warning(crowd(60)) is None
 
 
 def changed(change) -> Recording:
@@ -78,8 +78,8 @@ def whole(track: Track) -> Track:
     ],
 )
 def test_what_was_done_to_one_class_alone_is_found(change, leaks):
-    found = by_name(changed(change), divisions=1)
-    assert [name for name, leak in found.items() if leak.flagged] == leaks
+    found = by_name(changed(change), n_splits=1)
+    assert [name for name, leak in found.items() if leak.is_suspicious] == leaks
 
 
 def test_how_smooth_a_walk_is_leaves_no_trace():
@@ -87,14 +87,14 @@ def test_how_smooth_a_walk_is_leaves_no_trace():
     rng = np.random.default_rng(0)
     noise = np.where(np.arange(60) % 2, 0.1, 0.001)[:, None, None]
     tracks = np.cumsum(rng.normal(0, 1, (60, 2, 100)) * noise, axis=2)
-    sampling = by_name(Dataset(tracks, ("in", "out") * 30), divisions=1)["sampling"]
+    sampling = by_name(Dataset(tracks, ("in", "out") * 30), n_splits=1)["sampling"]
     assert (sampling.auc.estimate, sampling.auc.low, sampling.auc.high) == (0.5, 0.5, 0.5)
 
 
 def test_the_traces_of_a_track_by_hand():
     times = np.array([0.0, 1, 2, 3, 4, 5.5])
     x = np.array([0.0, 1, 2, 3, 3, 3.0004])
-    traces = shortcut_features(Track("a", times, {"x": x, "y": np.zeros(6)}, "in"))
+    traces = compute_shortcut_features(Track("a", times, {"x": x, "y": np.zeros(6)}, "in"))
     assert traces["end position"].tolist() == [3.0004, 0]
     assert traces["duration"].tolist() == [5.5, 6]
     np.testing.assert_allclose(traces["sampling"], [1.1, 1.0, 0.2, 1.5, 2 / 4, 2, 1 / 5, 5 / 6], atol=1e-9)
@@ -107,26 +107,26 @@ def test_groups_are_never_divided():
     labels = tuple(np.repeat(rng.permutation(["in", "out"] * 30), 3).tolist())
     tracks = ends[:, :, None] * np.linspace(0, 1, 4)
     people = tuple(str(row // 3) for row in range(180))
-    assert by_name(Dataset(tracks, labels, people), divisions=1)["end position"].auc.estimate < 0.7
-    assert by_name(Dataset(tracks, labels), divisions=1)["end position"].auc.estimate > 0.75
+    assert by_name(Dataset(tracks, labels, people), n_splits=1)["end position"].auc.estimate < 0.7
+    assert by_name(Dataset(tracks, labels), n_splits=1)["end position"].auc.estimate > 0.75
 
 
 def test_more_than_two_classes_and_too_few():
-    assert by_name(walkers(90, classes=3), divisions=1)["end position"].auc.estimate < 0.75
+    assert by_name(walkers(90, classes=3), n_splits=1)["end position"].auc.estimate < 0.75
     with pytest.raises(DataError, match="two classes; all 6 tracks are slow"):
-        check_leakage(walkers(6, classes=1))
+        measure_leakage(walkers(6, classes=1))
     with pytest.raises(DataError, match="every class in two groups; slow is in 1"):
-        check_leakage(walkers(6))
+        measure_leakage(walkers(6))
     first, second = crowd(2).tracks
     with pytest.raises(DataError, match="needs labels; track '1' has none"):
-        check_leakage(Recording((first, Track("1", second.times, second.columns))))
-    with pytest.raises(DataError, match="at least 1 division, not 0"):
-        check_leakage(walkers(), divisions=0)
+        measure_leakage(Recording((first, Track("1", second.times, second.columns))))
+    with pytest.raises(DataError, match="at least 1 split, not 0"):
+        measure_leakage(walkers(), n_splits=0)
     with pytest.raises(DataError, match="the channels x and y; there are x"):
-        check_leakage(Dataset(np.zeros((4, 1, 3)), ("a", "b") * 2, channels=("x",)))
+        measure_leakage(Dataset(np.zeros((4, 1, 3)), ("a", "b") * 2, channels=("x",)))
     with pytest.raises(DataError, match="two classes; there are no tracks"):
-        check_leakage(Recording(()))
-    assert leakage_note(walkers(6)) is None  # learning refuses it in its own words
+        measure_leakage(Recording(()))
+    assert format_leakage_warning(walkers(6)) is None  # learning refuses it in its own words
 
 
 def test_the_area_is_that_of_scikit_learn():
@@ -137,7 +137,7 @@ def test_the_area_is_that_of_scikit_learn():
     scores = rng.dirichlet([1, 1, 1], 200).round(1)  # with ties
     truth = labels[:, None] == np.arange(3)
     expected = np.mean([roc_auc_score(truth[:, k], scores[:, k]) for k in range(3)])
-    assert _mean_auc(scores[None], truth) == pytest.approx(expected)
-    assert _mean_auc(np.stack([scores, scores])[:, :, :2], truth[:, :2]) == pytest.approx(
+    assert _compute_mean_auc(scores[None], truth) == pytest.approx(expected)
+    assert _compute_mean_auc(np.stack([scores, scores])[:, :, :2], truth[:, :2]) == pytest.approx(
         roc_auc_score(truth[:, 1], scores[:, 1])
     )

@@ -220,6 +220,10 @@ def test_parameters_that_do_not_go_together_are_told(parameters, words):
 
 def test_what_was_stored_of_other_channels_is_refused():
     stored = Motion(features=("x", "heading")).fit(tracks(0)).to_arrays()
-    assert Motion(features=("x", "heading")).from_arrays(stored).rows_ == ("x", "heading_cos", "heading_sin")
+    assert Motion(features=("x", "heading")).restore_arrays(stored).rows_ == (
+        "x",
+        "heading_cos",
+        "heading_sin",
+    )
     with pytest.raises(DataError, match="the features give x, y, not"):
-        Motion().from_arrays(stored)
+        Motion().restore_arrays(stored)

@@ -59,9 +59,9 @@ def test_as_scikit_learn_on_numbers_and_squares(classes):
     theirs = LogisticRegression(C=0.5, max_iter=2000, class_weight="balanced").fit(both, y)
     np.testing.assert_allclose(mine.predict_proba(X), theirs.predict_proba(both), atol=1e-9)
     assert (mine.predict(X) == theirs.predict(both)).all()
-    again = QuadraticLogistic(C=0.5).from_arrays(mine.to_arrays())
+    again = QuadraticLogistic(C=0.5).restore_arrays(mine.to_arrays())
     assert np.array_equal(again.predict_proba(X), mine.predict_proba(X))
     with pytest.raises(DataError, match="trained on 3 features, given shape"):
         mine.predict_proba(X[:, :2])
     with pytest.raises(DataError, match="needs finite weights"):
-        QuadraticLogistic().from_arrays({**mine.to_arrays(), "bias": np.zeros(7)})
+        QuadraticLogistic().restore_arrays({**mine.to_arrays(), "bias": np.zeros(7)})

@@ -113,7 +113,7 @@ def test_arrays_bring_it_back():
     x = tracks()
     model = LstmClassifier(units=4, epochs=1).fit(x, labels(x))
     arrays = model.to_arrays()
-    again = LstmClassifier(units=4).from_arrays(arrays)
+    again = LstmClassifier(units=4).restore_arrays(arrays)
     assert np.array_equal(again.predict_proba(x), model.predict_proba(x))
     for changed, words in [
         ({"bias": np.zeros(3)}, "an LSTM of 4 units needs weights"),
@@ -123,11 +123,11 @@ def test_arrays_bring_it_back():
         ({"classes": np.array("a")}, "classes of shape"),
     ]:
         with pytest.raises(DataError, match=words):
-            LstmClassifier(units=4).from_arrays({**arrays, **changed})
+            LstmClassifier(units=4).restore_arrays({**arrays, **changed})
     with pytest.raises(DataError, match="4 units do not fit an LSTM of 5"):
-        LstmClassifier(units=5).from_arrays(arrays)
+        LstmClassifier(units=5).restore_arrays(arrays)
     with pytest.raises(DataError, match="has the weights bias, dense"):
-        LstmClassifier(units=4).from_arrays({"classes": arrays["classes"]})
+        LstmClassifier(units=4).restore_arrays({"classes": arrays["classes"]})
 
 
 def test_weights_of_classes_are_those_of_scikit_learn():

@@ -62,7 +62,7 @@ def run(path: Path, report, batches: int | None = None) -> None:
     """Run or resume Algorithm 1, for ever or until this many batches are completed."""
     data, words = initial_dataset(), FakeDomain()
 
-    def learn(dataset: Dataset):
+    def train(dataset: Dataset):
         report("training")
         estimator = learner("summaries", interval=INTERVAL)
         trained, validation = train_and_validate(estimator, dataset, folds=2, seed=0)
@@ -78,20 +78,20 @@ def run(path: Path, report, batches: int | None = None) -> None:
         line = itertools.count(run_store.n_people)
         loop = lcorpp(
             run_store.dataset(),
-            learn=learn,
-            reason=lambda _: FakeReasoner(),
+            train=train,
+            make_reasoner=lambda _: FakeReasoner(),
             planner=FakePlanner(),
             domain=words,
             collect=lambda: meet(next(line)),
             batch_size=BATCH,
             epsilon=0,
             listener=decided,
-            resume_point=run_store.resume(learn),
+            resume_point=run_store.resume(train),
         )
         for batch in loop:
             run_store.save_checkpoint(batch, [])
             report(f"batch {batch.number}")
-            if batch.settled or batch.number == batches:
+            if batch.converged or batch.number == batches:
                 return
 
 

@@ -1,5 +1,6 @@
 """Stores of version 1, written by lcorpp before it used SQLite, are converted once; nothing is lost."""
 
+import os
 import shutil
 from pathlib import Path
 
@@ -107,11 +108,16 @@ def test_a_header_that_was_never_finished_is_an_empty_store(path, content):
         assert (store.notes, len(store)) == ((), 1)
 
 
-def test_a_crash_during_the_conversion_leaves_the_original(path, monkeypatch):
-    content = path.read_bytes()
+@pytest.mark.parametrize("after", [0, 1])
+def test_a_crash_during_the_conversion_leaves_the_original(path, monkeypatch, after):
+    """While the copy or the new store is written."""
+    content, written, replace = path.read_bytes(), [], os.replace
 
-    def crash(*_):
-        raise KeyboardInterrupt
+    def crash(name, target):
+        if len(written) == after:
+            raise KeyboardInterrupt
+        written.append(target)
+        replace(name, target)
 
     monkeypatch.setattr("os.replace", crash)
     with pytest.raises(KeyboardInterrupt):

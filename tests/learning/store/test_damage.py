@@ -1,5 +1,6 @@
 """Damaged stores: intact records are read, every loss is reported, nothing crashes."""
 
+import os
 import shutil
 import sqlite3
 from contextlib import closing, suppress
@@ -88,10 +89,12 @@ def test_any_flipped_byte_loses_few_records_and_is_reported(whole, path, data):
 @settings(max_examples=40)
 @given(data=st.data())
 def test_a_file_that_is_cut_off_keeps_its_readable_records(whole, path, data):
-    write_file(path, whole[: data.draw(st.integers(0, len(whole) - 1))])
+    size = data.draw(st.integers(0, len(whole) - 1))
+    write_file(path, whole[:size])
     try:
         rows, snapshot = read_rows(path)
     except LcorppError:
+        assert size < HEADER + PAGE
         return
     assert snapshot.damage
     append_anew(path, rows)
@@ -156,6 +159,15 @@ def test_a_changed_record_is_reported_at_every_opening(tmp_path):
     assert not list(tmp_path.glob("*.damaged"))
 
 
+def test_a_changed_header_is_refused(tmp_path):
+    path = tmp_path / "s"
+    filled(path, 2)
+    edit(path, "UPDATE store SET interval = 9")
+    for act in (read_store, lambda path: Store(path, SCHEMA)):
+        with pytest.raises(DataError, match="a store whose header is damaged: its checksum is wrong"):
+            act(path)
+
+
 def test_missing_records_are_counted(tmp_path):
     path = tmp_path / "s"
     filled(path, 8)
@@ -206,12 +218,18 @@ def test_a_damaged_file_is_not_rebuilt_while_it_is_read(whole, path):
     Store(path, SCHEMA).close()
 
 
-def test_a_crash_while_a_file_is_rebuilt_loses_nothing(whole, path, monkeypatch):
+@pytest.mark.parametrize("after", [0, 1])
+def test_a_crash_while_a_file_is_rebuilt_loses_nothing(whole, path, monkeypatch, after):
+    """While the copy or the new file is written."""
     write_file(path, whole[: -2 * PAGE] + bytes(2 * PAGE))
     rows, _ = read_rows(path)
+    written, replace = [], os.replace
 
-    def crash(*_):
-        raise KeyboardInterrupt
+    def crash(name, target):
+        if len(written) == after:
+            raise KeyboardInterrupt
+        written.append(target)
+        replace(name, target)
 
     monkeypatch.setattr("os.replace", crash)
     with pytest.raises(KeyboardInterrupt):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.learning import read_data, read_recording, write_recording
+from lcorpp.learning import convert_snapshot, read_data, read_recording, write_recording
 from lcorpp.learning.store import NewTrack, Store, TrackSchema, is_store, read_store
 from lcorpp.values import Dataset, Distribution
 from tests.learning.store.stores import CLASSES, SCHEMA, filled, track, walk
@@ -102,7 +102,7 @@ def test_a_data_set_can_be_taken_in_and_given_back(path):
 
 def test_tracks_go_to_the_tools_for_recordings(path, tmp_path):
     filled(path, 8)
-    recording = read_store(path).recording()
+    recording = convert_snapshot(read_store(path))
     assert [(t.id, t.label) for t in recording.tracks[5:7]] == [("t5", "not_interested"), ("t6", None)]
     assert recording.tracks[1].columns["y"].tolist() == walk(1)[1].tolist()
     assert np.allclose(recording.tracks[1].times, [0, 0.033, 0.066, 0.099])

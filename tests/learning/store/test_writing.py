@@ -286,9 +286,8 @@ def test_the_database_is_durable_and_checked(path):
         }
         for wrong in (
             "INSERT INTO later_label VALUES (9, 7, NULL, 'robot', NULL, '', 0)",
-            "UPDATE track SET source = 'cat'",
-            "UPDATE track SET points = 1",
-            "UPDATE track SET trajectory = x'00'",
+            "UPDATE track SET trajectory = NULL",
+            "INSERT INTO track SELECT 9, id, '', '', '', '', '', '', '', x'', 0 FROM track",
         ):
             with pytest.raises(sqlite3.IntegrityError):
                 store._connection.execute(wrong)

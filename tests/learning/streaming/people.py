@@ -45,7 +45,7 @@ def lstm(*, classes: int = 2, inputs=("x", "y"), **motion) -> Pipeline:
     rng = np.random.default_rng(1)
     weights = Weights.initialize(len(rows), 7, 1 if classes == 2 else classes, rng)
     names = np.array(["interested", "not_interested", "undecided"][:classes])
-    classifier = LstmClassifier(units=7).from_arrays({**weights.arrays(), "classes": names})
+    classifier = LstmClassifier(units=7).restore_arrays({**weights.arrays(), "classes": names})
     return Pipeline([("motion", first), ("scaling", scaling), ("lstm", classifier)])
 
 

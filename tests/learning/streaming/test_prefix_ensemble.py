@@ -68,7 +68,7 @@ class Carrying(ByWay):
 
 def test_the_nearest_ages_judge_by_how_near_they_are():
     """Trained with 5, 10 and 20 points; the odds of a mixture are the geometric mean."""
-    ages = PrefixEnsemble(Length(), shares=(0.25, 0.5, 1.0)).fit(
+    ages = PrefixEnsemble(Length(), fractions=(0.25, 0.5, 1.0)).fit(
         np.random.default_rng(0).normal(size=(40, 1, 20)), LABELS
     )
     assert ages.lengths_.tolist() == [5, 10, 20]
@@ -87,7 +87,7 @@ def test_the_nearest_ages_judge_by_how_near_they_are():
 
 
 def test_at_an_age_it_is_the_classifier_of_that_age():
-    ages = with_prefix_ensemble(make_pipeline(Motion(), Carrying()), shares=(0.5, 1.0)).fit(TRACKS, LABELS)
+    ages = with_prefix_ensemble(make_pipeline(Motion(), Carrying()), fractions=(0.5, 1.0)).fit(TRACKS, LABELS)
     young = make_pipeline(Motion(), Carrying()).fit(TRACKS[:, :, :25], LABELS)  # three of six points
     np.testing.assert_allclose(
         ages.predict_proba(TRACKS[:, :, :25]), young.predict_proba(TRACKS[:, :, :25]), rtol=1e-9
@@ -101,29 +101,29 @@ def test_streams_say_what_the_pipeline_says(carried):
     assert StreamingClassifier(ages).constant_cost is carried
     assert hasattr(ages[-1], "begin") is carried
     said = predict_over_time(ages, DATA)
-    for share in (0.3, 0.6, 1.0):
-        expected = ages.predict_proba(truncate(DATA, share).trajectories)
-        np.testing.assert_allclose(said.probabilities[:, round(60 * share) - 1], expected, atol=1e-9)
+    for fraction in (0.3, 0.6, 1.0):
+        expected = ages.predict_proba(truncate(DATA, fraction).trajectories)
+        np.testing.assert_allclose(said.probabilities[:, round(60 * fraction) - 1], expected, atol=1e-9)
 
 
 def test_an_lstm_of_every_age_is_followed():
     pipeline = lstm()
-    ages = PrefixEnsemble(pipeline[-1], shares=(0.5, 1.0))
+    ages = PrefixEnsemble(pipeline[-1], fractions=(0.5, 1.0))
     ages.classifiers_, ages.lengths_ = [pipeline[-1], lstm(rate=4.0)[-1]], np.array([3.0, 6.0])
     ages.classes_ = pipeline.classes_
     pipeline.steps[-1] = ("ages", ages)
     assert StreamingClassifier(pipeline).constant_cost
     said = predict_over_time(pipeline, DATA)
-    for share in (0.3, 0.6, 1.0):
-        expected = pipeline.predict_proba(truncate(DATA, share).trajectories)
-        np.testing.assert_allclose(said.probabilities[:, round(60 * share) - 1], expected, atol=1e-6)
+    for fraction in (0.3, 0.6, 1.0):
+        expected = pipeline.predict_proba(truncate(DATA, fraction).trajectories)
+        np.testing.assert_allclose(said.probabilities[:, round(60 * fraction) - 1], expected, atol=1e-6)
 
 
 def test_what_makes_numbers_of_a_track_is_of_every_age_too():
     pipeline = make_pipeline(
         Motion(), ChannelStandardizer(), FunctionTransformer(length), LinearDiscriminantAnalysis()
     )
-    ages = with_prefix_ensemble(pipeline, shares=(0.5, 1.0)).fit(TRACKS, LABELS)
+    ages = with_prefix_ensemble(pipeline, fractions=(0.5, 1.0)).fit(TRACKS, LABELS)
     assert [type(step).__name__ for _, step in ages.steps] == [
         "Motion",
         "ChannelStandardizer",
@@ -139,14 +139,16 @@ def length(X):
 
 
 @pytest.mark.parametrize(
-    ("shares", "words"),
+    ("fractions", "words"),
     [
-        ((), r"the prefix lengths are shares in \(0, 1\], not \(\)"),
+        ((), r"the prefix lengths are fractions in \(0, 1\], not \(\)"),
         ((0.5, 1.5), r"not \(0.5, 1.5\)"),
         ((0.5, 0.25), r"are \[10, 5\] points; expected rising numbers"),
         ((0.5, 0.51), r"are \[10, 10\] points"),
     ],
 )
-def test_ages_out_of_range_are_told(shares, words):
+def test_ages_out_of_range_are_told(fractions, words):
     with pytest.raises(DataError, match=words):
-        PrefixEnsemble(Length(), shares=shares).fit(np.random.default_rng(0).normal(size=(40, 1, 20)), LABELS)
+        PrefixEnsemble(Length(), fractions=fractions).fit(
+            np.random.default_rng(0).normal(size=(40, 1, 20)), LABELS
+        )

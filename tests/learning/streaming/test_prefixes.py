@@ -17,15 +17,15 @@ from .people import ByWay, by_way, lstm
 DATA = walkers(60)
 
 
-@pytest.mark.parametrize(("share", "points"), [(0.25, 10), (0.5, 20), (0.51, 20), (1.0, 40), (0.05, 2)])
-def test_a_prefix_is_the_beginning_of_everything(share, points):
-    part = truncate(DATA, share)
+@pytest.mark.parametrize(("fraction", "points"), [(0.25, 10), (0.5, 20), (0.51, 20), (1.0, 40), (0.05, 2)])
+def test_a_prefix_is_the_beginning_of_everything(fraction, points):
+    part = truncate(DATA, fraction)
     assert np.array_equal(part.trajectories, DATA.trajectories[:, :, :points])
     assert (part.labels, part.groups, part.interval) == (DATA.labels, DATA.groups, DATA.interval)
 
 
 @pytest.mark.parametrize(
-    ("share", "words"),
+    ("fraction", "words"),
     [
         (0.0, r"must lie in \(0, 1\], not 0.0"),
         (1.1, "not 1.1"),
@@ -33,9 +33,9 @@ def test_a_prefix_is_the_beginning_of_everything(share, points):
         (0.03, "1 of 40 time points show no motion"),
     ],
 )
-def test_a_share_out_of_range_is_told(share, words):
+def test_a_share_out_of_range_is_told(fraction, words):
     with pytest.raises(DataError, match=words):
-        truncate(DATA, share)
+        truncate(DATA, fraction)
 
 
 @pytest.mark.parametrize("pipeline", [lstm(), by_way()], ids=["lstm", "by way"])
@@ -44,12 +44,12 @@ def test_following_is_asking_about_every_beginning(pipeline):
     said = predict_over_time(pipeline, data)
     assert said.probabilities.shape == (60, 40, 2)
     assert np.isnan(said.probabilities[:, :11]).all()
-    for share in (0.3, 0.5, 1.0):
-        expected = pipeline.predict_proba(truncate(data, share).trajectories)
-        at = round(share * 40) - 1
+    for fraction in (0.3, 0.5, 1.0):
+        expected = pipeline.predict_proba(truncate(data, fraction).trajectories)
+        at = round(fraction * 40) - 1
         np.testing.assert_allclose(said.probabilities[:, at], expected, atol=1e-6)
         positive = [label == "not_interested" for label in data.labels]
-        assert said.auc_at(share) == pytest.approx(roc_auc_score(positive, expected[:, 1]), abs=0.01)
+        assert said.auc_at(fraction) == pytest.approx(roc_auc_score(positive, expected[:, 1]), abs=0.01)
     assert said.seconds[-1] == pytest.approx(39 * 0.033)
 
 

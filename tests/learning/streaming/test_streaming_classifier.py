@@ -97,7 +97,7 @@ def test_people_do_not_influence_each_other(seed, name):
         steps = np.where(rng.uniform(size=60) < 0.03, 1.3, INTERVAL)
         times = 7 + np.cumsum(steps) + rng.normal(0, 0.02, 60)
         lines.append([(t, person, *s) for t, s in zip(times.tolist(), samples.T.tolist(), strict=True)])
-    options = {"allowed_lateness": float(rng.choice([0.0, 0.1])), "forget_after": 100.0}
+    options = {"allowed_lateness": float(rng.choice([0.0, 0.1])), "max_silence": 100.0}
     alone = []
     for line in lines:
         streams = StreamingClassifier(pipeline, **options)
@@ -161,7 +161,7 @@ def test_after_a_long_gap_everything_begins_anew():
 
 
 def test_who_is_silent_is_forgotten_and_the_report_remembers():
-    streams = StreamingClassifier(PIPELINES["lstm"], forget_after=2.0)
+    streams = StreamingClassifier(PIPELINES["lstm"], max_silence=2.0)
     streams.push(0.0, "a", 0, 0)
     streams.push(0.0, "a", 0, 0)
     for frame in range(70):
@@ -194,7 +194,7 @@ def test_one_wrong_stamp_of_one_person_costs_the_others_nothing():
     expected = PIPELINES["lstm"].predict_proba(samples[None])[0]
     np.testing.assert_allclose(answer.probabilities, expected, atol=1e-6)
     wrong = streams.report().people["wrong"]
-    assert (wrong.gaps, wrong.clock_resets, streams.predictions["wrong"].track) == (1, 1, 3)
+    assert (wrong.long_gaps, wrong.clock_resets, streams.predictions["wrong"].track) == (1, 1, 3)
 
 
 def test_nobody_is_forgotten_when_all_were_silent_together():
@@ -357,7 +357,7 @@ def test_a_person_of_whom_nothing_is_right_has_no_answer():
     streams = StreamingClassifier(PIPELINES["lstm"])
     answer = streams.push(float("nan"), "p", 0, 0)
     assert (answer.track, answer.points, answer.time, answer.probabilities) == (0, 0, None, None)
-    assert str(streams.report()) == "p: 1 samples; refused: 1 (the first: its time is nan)"
+    assert str(streams.report()) == "p: 1 samples; rejected: 1 (the first: its time is nan)"
 
 
 @settings(max_examples=100)

@@ -20,7 +20,7 @@ def rules(**changed: float) -> StreamRules:
         "max_gap": 1.0,
         "max_duration": 60.0,
         "max_speed": 12.0,
-        "forget_after": 5.0,
+        "max_silence": 5.0,
     }
     return StreamRules(**{**usual, **changed})
 
@@ -38,7 +38,7 @@ def points(of: TrackResampler, samples) -> list[tuple[float, ...]]:
     found: list[tuple[float, ...]] = []
     for time, x in samples:
         of.add(time, still(x))
-        more, anew = of.drain()
+        more, anew = of.take_points()
         found = [*more] if anew else [*found, *more]
     return found
 
@@ -47,10 +47,10 @@ def test_by_hand():
     """Two points a second of samples at 10, 10.2, 10.6, 11 s."""
     one = track()
     assert points(one, [(10, 0), (10.2, 2)]) == [still(0)]
-    assert (one.count, one.time) == (1, 10)
+    assert (one.point_count, one.time) == (1, 10)
     assert points(one, [(10.6, 4)]) == [pytest.approx(still(3.5))]
     assert points(one, [(11, 5)]) == [still(5)]
-    assert (one.number, one.count, one.time) == (1, 3, 11)
+    assert (one.track_count, one.point_count, one.time) == (1, 3, 11)
     assert str(one.repairs) == "4 samples"
 
 
@@ -74,8 +74,8 @@ def test_what_becomes_known_is_what_regular_says(seed, rate, origin, end):
     found = []
     for time, sample in zip(times.tolist(), samples.T.tolist(), strict=True):
         one.add(time, tuple(sample))
-        found += one.drain()[0]
-        assert len(found) == one.count
+        found += one.take_points()[0]
+        assert len(found) == one.point_count
     expected = resample(times, samples, rate, angles=(2,))
     assert np.array(found).T.shape == expected.shape
     np.testing.assert_allclose(np.array(found).T, expected, rtol=0, atol=1e-12)  # rounding of one product
@@ -93,8 +93,8 @@ def test_the_order_of_arrival_within_the_allowed_lateness_does_not_matter(seed, 
         one = track(allowed_lateness=lateness)
         found = points(one, zip(times[order].tolist(), xs[order].tolist(), strict=True))
         one.flush()
-        more, anew = one.drain()
-        results.append((more if anew else [*found, *more], one.number, one.repairs))
+        more, anew = one.take_points()
+        results.append((more if anew else [*found, *more], one.track_count, one.repairs))
     assert results[0] == results[1]
     assert results[0][2].late == 0
 
@@ -141,22 +141,27 @@ def test_what_is_not_a_number_is_refused_by_name_and_the_rest_goes_on(time, samp
     one.add(time, sample)
     one.add(0.4, (math.nan,) * 3)
     one.add(1.0, still(1))
-    assert one.drain() == ([still(0), still(0.5), still(1)], True)
-    assert str(one.repairs) == f"4 samples; refused: 2 (the first: {words}); gaps interpolated: 1"
+    assert one.take_points() == ([still(0), still(0.5), still(1)], True)
+    assert str(one.repairs) == f"4 samples; rejected: 2 (the first: {words}); gaps interpolated: 1"
 
 
 def test_gaps_up_to_the_longest_are_bridged_longer_ones_begin_anew():
     one = track()
     assert points(one, [(0, 0), (1.0, 2)]) == [still(0), still(1), still(2)]
-    assert (one.number, one.repairs.bridged, one.repairs.gaps) == (1, 1, 0)
+    assert (one.track_count, one.repairs.interpolated_gaps, one.repairs.long_gaps) == (1, 1, 0)
     assert points(one, [(2.01, 3), (2.51, 4)]) == [still(3), still(4)]
-    assert (one.number, one.repairs.bridged, one.repairs.gaps, one.time) == (2, 1, 1, 2.51)
+    assert (one.track_count, one.repairs.interpolated_gaps, one.repairs.long_gaps, one.time) == (
+        2,
+        1,
+        1,
+        2.51,
+    )
 
 
 def test_a_jump_is_another_person_or_other_units():
     one = track()
     assert points(one, [(0, 0), (0.03, 1.5), (0.06, 0), (0.09, 5)]) == [still(5)]
-    assert (one.number, one.repairs.jumps) == (2, 1)
+    assert (one.track_count, one.repairs.jumps) == (2, 1)
     millimetres = track()
     assert points(millimetres, [(step * 0.033, step * 40.0) for step in range(90)]) == [still(89 * 40.0)]
     assert millimetres.repairs.jumps == 89
@@ -167,20 +172,20 @@ def test_a_clock_that_goes_back_begins_anew():
         one = track(allowed_lateness=lateness)
         found = points(one, [(100, 0), (100.5, 1), (101, 2), (3, 7), (3.5, 8), (4, 9)])
         assert found[:2] == [still(7), still(8)]
-        assert (one.number, one.repairs.clock_resets, one.repairs.late) == (2, 1, 0)
+        assert (one.track_count, one.repairs.clock_resets, one.repairs.late) == (2, 1, 0)
 
 
 def test_a_track_has_a_longest_time():
     one = track(max_duration=2.0)
     assert points(one, [(step * 0.25, step) for step in range(10)]) == [still(9)]
-    assert (one.number, one.repairs.too_long, one.time) == (2, 1, 2.25)
+    assert (one.track_count, one.repairs.overlong_tracks, one.time) == (2, 1, 2.25)
 
 
 def test_repairs_are_added():
-    total = RepairCounts(samples=3, refused=1, first_refused="a")
-    total.add(RepairCounts(samples=2, refused=2, first_refused="b", jumps=1))
-    assert total == RepairCounts(samples=5, refused=3, first_refused="a", jumps=1)
-    assert str(total) == "5 samples; refused: 3 (the first: a); new tracks after jumps: 1"
+    total = RepairCounts(samples=3, rejected=1, first_rejected="a")
+    total.add(RepairCounts(samples=2, rejected=2, first_rejected="b", jumps=1))
+    assert total == RepairCounts(samples=5, rejected=3, first_rejected="a", jumps=1)
+    assert str(total) == "5 samples; rejected: 3 (the first: a); new tracks after jumps: 1"
 
 
 @pytest.mark.parametrize(
@@ -194,7 +199,7 @@ def test_repairs_are_added():
         ({"allowed_lateness": math.nan}, "not nan"),
         ({"max_gap": 0.0}, "max_gap must be above 0, not 0.0"),
         ({"max_gap": math.inf}, "max_gap must be finite, not inf"),
-        ({"forget_after": 0.5}, "forget_after must be at least max_gap, 1 s, not 0.5"),
+        ({"max_silence": 0.5}, "max_silence must be at least max_gap, 1 s, not 0.5"),
         ({"max_speed": math.nan}, "max_speed must be above 0, not nan"),
         ({"max_duration": 0.9}, "max_duration must be at least two points, 1 s, not 0.9"),
     ],

@@ -26,14 +26,14 @@ def test_follow_and_expand_agree():
     policy = back_up(lcorpp, 4)
     expanded, followed = BeliefGraph(lcorpp, policy), BeliefGraph(lcorpp, policy)
     roots = [graph.add(SparseBeliefs.of(lcorpp.start[None])) for graph in (expanded, followed)]
-    owner, observation, probability, child = expanded.expand(roots[0])
+    parent, observation, probability, child = expanded.expand(roots[0])
     assert probability.sum() == pytest.approx(1)
     one_by_one = [followed.follow(roots[1], np.array([o]))[0] for o in observation]
     for a, b in zip(child, one_by_one, strict=True):
         one, other = expanded.beliefs.take(np.array([a])), followed.beliefs.take(np.array([b]))
         assert one.keys() == other.keys()
         assert (expanded.actions[a], expanded.values[a]) == (followed.actions[b], followed.values[b])
-    assert expanded.follow(owner, observation).tolist() == child.tolist()
+    assert expanded.follow(parent, observation).tolist() == child.tolist()
 
 
 def test_imported_nodes_are_bitwise_equal():

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 
 from lcorpp.planning import parse_pomdp
-from lcorpp.planning.evaluation.mdp import self_loop_observation_class, zero_reward_states
+from lcorpp.planning.evaluation.mdp import find_self_loop_classes, zero_reward_states
 from tests.planning.models import LCORPP, TIGER, pomdps
 
 
@@ -17,7 +17,7 @@ def test_a_state_with_costs_has_further_rewards():
 
 
 def test_reports_in_the_terminal_state_are_self_loops():
-    shown = self_loop_observation_class(parse_pomdp(LCORPP))
+    shown = find_self_loop_classes(parse_pomdp(LCORPP))
     assert (shown[3:, 4] >= 0).all()
     assert (shown[:, :4] == -1).all()
     assert (shown[:3, 4] == -1).all()  # these actions have a cost

@@ -29,7 +29,7 @@ def read(tmp_path, text, model=tiger):
     return read_alphas(tmp_path / "x.alpha", model)
 
 
-def test_a_file_of_pomdp_solve(tmp_path):
+def test_reads_a_file_of_pomdp_solve(tmp_path):
     found = read(tmp_path, SOLVED)
     assert found.actions.tolist() == [1, 0]
     assert found.vectors.tolist() == [[-81.5972, 28.4028], [19.371368355973718, 19.371368355973718]]
@@ -46,13 +46,13 @@ def test_a_file_of_pomdp_solve(tmp_path):
         "\n\n" + SOLVED.replace("1\n", "  01\t\n", 1).rstrip(),
     ],
 )
-def test_lines_in_other_ways(tmp_path, text):
+def test_line_ends_empty_lines_and_wrapped_vectors_do_not_matter(tmp_path, text):
     found, expected = read(tmp_path, text), read(tmp_path, SOLVED)
     assert (found.vectors == expected.vectors).all()
     assert (found.actions == expected.actions).all()
 
 
-def test_what_is_written(tmp_path):
+def test_write_gives_action_numbers_and_empty_line_for_each_vector(tmp_path):
     write_alphas(Policy.of(tiger, [[1, -2.5], [1 / 3, 1e300]], [2, 0]), tmp_path / "x.alpha")
     text = (tmp_path / "x.alpha").read_text()
     assert text == "2\n1.0 -2.5\n\n0\n0.3333333333333333 1e+300\n\n"
@@ -91,8 +91,8 @@ def test_vector_sets_are_filled_with_the_floor(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "x.alpha:1:1: there is no alpha vector in it"),
-        ("\n \n", "x.alpha:1:1: there is no alpha vector in it"),
+        ("", "x.alpha:1:1: the file contains no alpha vector"),
+        ("\n \n", "x.alpha:1:1: the file contains no alpha vector"),
         ("listen\n1 2\n", "x.alpha:1:1: expected the number of an action, found 'listen'"),
         ("0 0\n1 2\n", "x.alpha:1:1: expected the number of an action, found '0 0'"),
         ("\n  -1\n1 2\n", "x.alpha:2:3: expected the number of an action, found '-1'"),
@@ -111,14 +111,14 @@ def test_vector_sets_are_filled_with_the_floor(tmp_path, monkeypatch):
         ("0\n" + "1" * 10**6 + "x 2\n", "x.alpha:2:1: expected a number, found '1111"),
     ],
 )
-def test_malformed_files(tmp_path, text, message):
+def test_malformed_files_raise_errors_with_line_and_column(tmp_path, text, message):
     with pytest.raises(PolicyError) as caught:
         read(tmp_path, text)
     assert message in str(caught.value)
     assert len(str(caught.value)) < 1000
 
 
-def test_files_that_cannot_be_read_or_written(tmp_path):
+def test_missing_files_and_folders_raise_file_errors(tmp_path):
     with pytest.raises(FileError):
         read_alphas(tmp_path / "missing.alpha", tiger)
     with pytest.raises(FileError):

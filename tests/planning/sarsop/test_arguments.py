@@ -75,7 +75,7 @@ BAD_MODELS: list[dict[str, Any]] = [
 @pytest.mark.parametrize("kernels", BOTH)
 @pytest.mark.parametrize("change", BAD_MODELS, ids=lambda change: " ".join(map(str, change.items()))[:60])
 def test_invalid_models(kernels, change):
-    assert kernels.Model(*GOOD.values()).blocks().tolist() == [0, 0]
+    assert kernels.Model(*GOOD.values()).export_blocks().tolist() == [0, 0]
     with pytest.raises((ValueError, TypeError)):  # TypeError for a different number of axes
         kernels.Model(*(GOOD | change).values())
 
@@ -85,7 +85,7 @@ def make_small_tree(kernels: Any) -> Any:
     model = build_model(kernels, parse_pomdp(TIGER))
     blind, _, informed = bounds(kernels, model, 1e-3)
     tree = kernels.Tree(model, informed, blind)
-    assert tree.select_action(tree.add_node(np.array([0.5, 0.5])), False) == 0
+    assert tree.select_action(tree.find_or_add_node(np.array([0.5, 0.5])), False) == 0
     return tree
 
 
@@ -120,10 +120,10 @@ OUT_OF_RANGE: list[tuple[str, tuple[Any, ...]]] = [
     *(("select_action", (node, below)) for node in (1, -1) for below in (False, True)),
     *(("children", which) for which in ((1, 0), (-1, 0), (0, 3), (0, -1))),
     *(
-        ("add_child", which)
+        ("find_or_add_child", which)
         for which in ((1, 0, 0), (-1, 0, 0), (0, 3, 0), (0, -1, 0), (0, 0, 2), (0, 0, 2**31))
     ),
-    ("add_child", (0, 1, 0)),  # an action that is not expanded has no children
+    ("find_or_add_child", (0, 1, 0)),  # an action that is not expanded has no children
     ("vectors", (2,)),
     ("add_vectors", (2, vectors([0, 0]), np.zeros(1, i4))),
     *(("add_vectors", (0, vectors([0, 0]), np.array([a], i4))) for a in (3, -1)),
@@ -133,10 +133,10 @@ OUT_OF_RANGE: list[tuple[str, tuple[Any, ...]]] = [
 
 INVALID_ARRAYS: list[tuple[str, tuple[Any, ...]]] = [
     *(
-        ("add_node", (np.array(belief),))
+        ("find_or_add_node", (np.array(belief),))
         for belief in ([1.0], [0.5, 0.25, 0.25], [nan, 1], [inf, 0], [1.5, -0.5])
     ),
-    *(("add_node", (np.array(belief),)) for belief in ([0.0, 0], [0.5, 0.4], [1.0, 1], [1e-310, 0])),
+    *(("find_or_add_node", (np.array(belief),)) for belief in ([0.0, 0], [0.5, 0.4], [1.0, 1], [1e-310, 0])),
     *(
         ("add_vectors", (0, np.array(table), np.zeros(1, i4)))
         for table in ([[0.0]], [[0.0, nan]], [[-inf, 0]])
@@ -260,7 +260,7 @@ def test_compiled_kernels_reject_other_types():
         lambda: NATIVE.Tree(None, np.zeros((2, 2)), np.zeros((2, 2))),
         lambda: tree.cached_lower(2**31),
         lambda: tree.cached_lower(0.5),
-        lambda: tree.add_child(0, 0, -1),
+        lambda: tree.find_or_add_child(0, 0, -1),
         lambda: tree.sample(None, 0, 0.1, 10, 1.0, False),
         lambda: tree.sample(predictor, 0, 0.1, -1, 1.0, False),
         lambda: tree.vectors(-1),
@@ -284,7 +284,7 @@ def test_lossless_conversions():
     )
     blind, _, informed = bounds(NATIVE, model, 1e-3)
     tree = NATIVE.Tree(model, informed, blind)
-    assert tree.belief(tree.add_node(np.array([1, 0]))).tolist() == [1, 0]
+    assert tree.belief(tree.find_or_add_node(np.array([1, 0]))).tolist() == [1, 0]
 
 
 @needs_native

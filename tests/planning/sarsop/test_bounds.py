@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 from lcorpp.planning import Pomdp, SparseTables, observation_probabilities, parse_pomdp, update
 from lcorpp.planning.sarsop import numpy_kernels
 from lcorpp.planning.sarsop.kernels import build_model
-from lcorpp.planning.sarsop.numpy_kernels.model import row_entries
+from lcorpp.planning.sarsop.numpy_kernels.model import find_row_entries
 from tests.planning.models import TIGER, pomdps
 from tests.planning.sarsop.kernels import (
     BOTH,
@@ -51,15 +51,16 @@ def blocks_by_definition(pomdp: Pomdp) -> list[int]:
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
 @settings(max_examples=40)
-def test_blocks(kernels, pomdp):
-    assert build_model(kernels, pomdp).blocks().tolist() == blocks_by_definition(pomdp)
+def test_blocks_agree_with_their_definition(kernels, pomdp):
+    assert build_model(kernels, pomdp).export_blocks().tolist() == blocks_by_definition(pomdp)
 
 
 @pytest.mark.parametrize("kernels", BOTH)
-def test_blocks_by_hand(kernels):
-    assert build_model(kernels, ring(6)).blocks().tolist() == [0, 1, 0, 1, 0, 1]
-    assert build_model(kernels, parse_pomdp(TIGER)).blocks().tolist() == [0, 0]
-    assert set(build_model(kernels, random_model(1, seen=4, hidden=3)).blocks().tolist()) == {0, 1, 2, 3}
+def test_blocks_of_known_models(kernels):
+    assert build_model(kernels, ring(6)).export_blocks().tolist() == [0, 1, 0, 1, 0, 1]
+    assert build_model(kernels, parse_pomdp(TIGER)).export_blocks().tolist() == [0, 0]
+    blocks = build_model(kernels, random_model(1, seen=4, hidden=3)).export_blocks()
+    assert set(blocks.tolist()) == {0, 1, 2, 3}
 
 
 @pytest.mark.parametrize("kernels", BOTH)
@@ -67,7 +68,7 @@ def test_blocks_by_hand(kernels):
 @settings(max_examples=30)
 def test_children_follow_bayes_rule(kernels, pomdp):
     tree, _, _ = make_tree(kernels, pomdp)
-    root = tree.add_node(pomdp.start)
+    root = tree.find_or_add_node(pomdp.start)
     assert tree.belief(root) == pytest.approx(pomdp.start)
     assert tree.expected_rewards(root) == pytest.approx(pomdp.reward @ pomdp.start)
     tree.refresh(root)
@@ -78,9 +79,9 @@ def test_children_follow_bayes_rule(kernels, pomdp):
     assert probability == pytest.approx(expected[observation])
     assert (link == -1).all()
     for k, o in enumerate(observation.tolist()):
-        child = tree.add_child(root, action, k)
+        child = tree.find_or_add_child(root, action, k)
         assert tree.belief(child) == pytest.approx(update(pomdp, pomdp.start, action, o))
-        assert tree.add_child(root, action, k) == child
+        assert tree.find_or_add_child(root, action, k) == child
 
 
 @needs_native
@@ -178,9 +179,9 @@ def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
     assert above.max() == pytest.approx(1000, abs=1e-6)
 
 
-def test_row_entries():
+def test_find_row_entries_gives_entries_and_their_rows():
     rows = SparseTables.of(np.array([[[0.5, 0.5], [0, 1.0]], [[1, 0], [0.25, 0.75]]]))
-    index, owner = row_entries(rows, np.array([3, 1, 0]))
+    index, owner = find_row_entries(rows, np.array([3, 1, 0]))
     assert rows.values[index].tolist() == [0.25, 0.75, 1.0, 0.5, 0.5]
     assert owner.tolist() == [0, 0, 1, 2, 2]
 

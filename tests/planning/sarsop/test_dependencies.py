@@ -24,7 +24,7 @@ def prune_often(kernels: Any) -> tuple[Any, int]:
     """A tree with pruned vectors that others depend on, and its root."""
     model = parse_pomdp(LCORPP)
     tree, predictor, _ = make_tree(kernels, model)
-    root = tree.add_node(model.start)
+    root = tree.find_or_add_node(model.start)
     for trial in range(30):
         tree.sample(predictor, root, 0.0, 60, SECONDS, trial % 2 == 1)
         tree.prune([root], 0.0, 1.0, 0.0)
@@ -59,7 +59,7 @@ def test_both_kernels_keep_the_same_vectors(seed):
     trees = []
     for kernels in (NATIVE, numpy_kernels):
         tree, predictor, _ = make_tree(kernels, model)
-        root = tree.add_node(model.start)
+        root = tree.find_or_add_node(model.start)
         for trial in range(16):
             gap = tree.upper_bound(root) - tree.lower_bound(root)
             tree.sample(predictor, root, 0.3 * gap, 60, SECONDS, trial % 2 == 1)

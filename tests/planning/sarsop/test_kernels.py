@@ -31,7 +31,7 @@ def test_the_compiled_kernels_are_the_default():
     assert load_kernels() is NATIVE
 
 
-def test_numpy_on_request():
+def test_load_kernels_returns_numpy_kernels_on_request_without_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert load_kernels(numpy=True) is numpy_kernels
@@ -79,10 +79,10 @@ def test_a_model_keeps_its_sparse_tables(kernels):
         np.eye(1, n)[0],
     )
     model = build_model(kernels, pomdp)
-    assert model.blocks()[:4].tolist() == [0, 1, 0, 1]
+    assert model.export_blocks()[:4].tolist() == [0, 1, 0, 1]
     blind = kernels.blind_policies(model, 1e-3, 60.0)
     tree = kernels.Tree(model, kernels.mdp_bound(model, 1e-3, 60.0), blind)
-    root = tree.add_node(pomdp.start)
+    root = tree.find_or_add_node(pomdp.start)
     tree.backup(root)
     assert tree.lower_bound(root) == pytest.approx(1, abs=2e-3)
     assert tree.upper_bound(root) == pytest.approx(1, abs=2e-3)

@@ -12,7 +12,7 @@ from hypothesis import given, settings, strategies as st
 from lcorpp.planning import Pomdp, parse_pomdp
 from lcorpp.planning.sarsop import numpy_kernels
 from lcorpp.planning.sarsop.numpy_kernels import alpha_vectors
-from lcorpp.planning.sarsop.sampling import sample
+from lcorpp.planning.sarsop.path_sampling import sample
 from tests.planning.models import LCORPP, TIGER, pomdps
 from tests.planning.sarsop.kernels import (
     BOTH,
@@ -57,9 +57,9 @@ CALLS = st.lists(
     st.tuples(
         st.sampled_from(
             (
-                "add_node",
+                "find_or_add_node",
                 "select_action",
-                "add_child",
+                "find_or_add_child",
                 "refresh",
                 "backup",
                 "values",
@@ -81,16 +81,16 @@ def call(tree: Any, predictor: Any, pomdp: Pomdp, name: str, number: int) -> Any
     rng = np.random.default_rng(number)
     node = int(rng.integers(tree.node_count))
     below = bool(rng.integers(2))
-    if name == "add_node":
+    if name == "find_or_add_node":
         inside = rng.random(len(pomdp.states)) < 0.5
         inside[rng.integers(len(inside))] = True
         belief = rng.random(len(inside)) * inside
-        return tree.add_node(belief / belief.sum())
+        return tree.find_or_add_node(belief / belief.sum())
     if name == "select_action":
         return tree.select_action(node, below)
-    if name == "add_child":
+    if name == "find_or_add_child":
         action = tree.select_action(node, below)
-        return tree.add_child(node, action, int(rng.integers(len(tree.children(node, action)[0]))))
+        return tree.find_or_add_child(node, action, int(rng.integers(len(tree.children(node, action)[0]))))
     if name == "values":
         return round(tree.lower_bound(node), 6), round(tree.upper_bound(node), 6)
     if name == "sample":
@@ -119,7 +119,7 @@ def call(tree: Any, predictor: Any, pomdp: Pomdp, name: str, number: int) -> Any
 def test_any_sequence_of_calls_has_the_same_effect(pomdp, calls):
     trees = [make_tree(kernels, pomdp)[:2] for kernels in (NATIVE, numpy_kernels)]
     for tree, _ in trees:
-        tree.add_node(pomdp.start)
+        tree.find_or_add_node(pomdp.start)
     for name, number in calls:
         given_back = [call(tree, predictor, pomdp, name, number) for tree, predictor in trees]
         assert given_back[0] == given_back[1], name
@@ -135,7 +135,7 @@ def test_three_implementations_of_the_search_agree(seed):
     trees, found = [], []
     for kernels, run in ways:
         tree, predictor, _ = make_tree(kernels, pomdp)
-        found.append(search(tree, predictor, tree.add_node(pomdp.start), 12, run))
+        found.append(search(tree, predictor, tree.find_or_add_node(pomdp.start), 12, run))
         trees.append(tree)
     assert found[0] == found[1] == found[2]
     assert found[0][-1][1] >= 5  # enough nodes to compare
@@ -149,7 +149,7 @@ def test_value_predictors_agree():
     for kernels in (NATIVE, numpy_kernels):
         tree, predictor, _ = make_tree(kernels, random_model(3, hidden=5))
         rng = np.random.default_rng(0)
-        nodes = [tree.add_node(rng.dirichlet(np.ones(5) / 2)) for _ in range(40)]
+        nodes = [tree.find_or_add_node(rng.dirichlet(np.ones(5) / 2)) for _ in range(40)]
         for node in nodes[:20]:
             tree.refresh(node)
             predictor.learn(tree, node)
@@ -160,7 +160,7 @@ def test_value_predictors_agree():
 @pytest.mark.parametrize("kernels", BOTH)
 def test_the_prediction_for_an_empty_bin_is_the_upper_bound(kernels):
     tree, predictor, _ = make_tree(kernels, parse_pomdp(TIGER))
-    sure, unsure = tree.add_node(np.array([1.0, 0])), tree.add_node(np.array([0.5, 0.5]))
+    sure, unsure = tree.find_or_add_node(np.array([1.0, 0])), tree.find_or_add_node(np.array([0.5, 0.5]))
     tree.refresh(sure)
     tree.backup(sure)
     predictor.learn(tree, sure)
@@ -173,7 +173,7 @@ def test_the_prediction_for_an_empty_bin_is_the_upper_bound(kernels):
 def test_known_values_are_between_the_bounds(kernels, text, least, most):
     pomdp = parse_pomdp(text)
     tree, predictor, _ = make_tree(kernels, pomdp)
-    root = tree.add_node(pomdp.start)
+    root = tree.find_or_add_node(pomdp.start)
     search(tree, predictor, root, 40)
     assert tree.lower_bound(root) <= most
     assert tree.upper_bound(root) >= least
@@ -200,7 +200,7 @@ def value_of(pomdp: Pomdp, belief: Any, steps: int) -> float:
 def test_bounds_contain_the_value(kernels, pomdp):
     """The value by enumeration of four steps."""
     tree, predictor, _ = make_tree(kernels, pomdp)
-    search(tree, predictor, tree.add_node(pomdp.start), 5)
+    search(tree, predictor, tree.find_or_add_node(pomdp.start), 5)
     tail = 0.3**4 / 0.7 * float(np.ptp(pomdp.reward))
     for node in range(min(2, tree.node_count)):
         above = value_of(pomdp, tree.belief(node), 4)
@@ -213,7 +213,7 @@ def test_bounds_contain_the_value(kernels, pomdp):
 @settings(max_examples=15)
 def test_bounds_never_cross_and_the_upper_one_never_rises(kernels, pomdp):
     tree, predictor, informed = make_tree(kernels, pomdp)
-    root = tree.add_node(pomdp.start)
+    root = tree.find_or_add_node(pomdp.start)
     slack = 1e-9 * max(1.0, float(np.abs(informed).max()))
     uppers = [tree.upper_bound(root)]
     for i in range(8):
@@ -233,7 +233,7 @@ def test_vectors_survive_where_they_are_best(kernels):
     """Pruning drops dominated vectors, and no relevant node loses its value."""
     pomdp = random_model(5, hidden=4)
     tree, predictor, _ = make_tree(kernels, pomdp)
-    root = tree.add_node(pomdp.start)
+    root = tree.find_or_add_node(pomdp.start)
     search(tree, predictor, root, 6)
     states, vectors, actions = tree.vectors(0)
     worse = np.repeat(vectors.min(axis=0)[None] - 1, 200, axis=0) - np.arange(200)[:, None]
@@ -254,7 +254,7 @@ def test_extreme_pruning_ratios(kernels):
     pomdp = random_model(5, hidden=4)
     for cap, left in ((0.0, 2), (np.inf, 202)):  # blind policies always stay
         tree, _, _ = make_tree(kernels, pomdp)
-        root = tree.add_node(pomdp.start)
+        root = tree.find_or_add_node(pomdp.start)
         best = tree.vectors(0)[1][tree.select_action(root, True)]
         nearly = best - np.linspace(1e-6, 1e-3, 200)[:, None] * np.array([0.1, 0.2, 0.3, 5])
         tree.add_vectors(0, nearly, np.zeros(200, dtype=np.int32))

@@ -30,8 +30,8 @@ def test_two_coins_that_do_not_both_show_tails():
 def test_sums_over_paths_are_sums_over_worlds():
     worlds = WorldQueries(build_trellis(build_transition_system(ground_program(COINS, {}))))
     assert worlds.count() == 3
-    assert worlds.exact_weights("c1", {}) == {"heads": HALF, "tails": Fraction(1, 4)}
-    assert worlds.float_weights("c1", {"c2": "tails"}) == {"heads": 0.25}
+    assert worlds.compute_exact_weights("c1", {}) == {"heads": HALF, "tails": Fraction(1, 4)}
+    assert worlds.compute_float_weights("c1", {"c2": "tails"}) == {"heads": 0.25}
 
 
 def test_short_representations():

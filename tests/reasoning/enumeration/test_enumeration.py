@@ -144,7 +144,7 @@ def test_observations_and_interventions_reach_terms_with_arguments() -> None:
     assert probability(parse_plog(text + "do(f(x)=3)."), "g=true") == 1
 
 
-def test_intervention_drops_the_factor() -> None:
+def test_intervention_removes_the_probability_of_the_term() -> None:
     program = parse_plog("p : boolean. q : boolean. random(p). random(q). pr(q|p)=1/4. pr(q|-p)=3/4.")
     assert probability(program, "p=true | do(q)") == Fraction(1, 2)
     assert probability(program, "p=true | obs(q)") == Fraction(1, 4)

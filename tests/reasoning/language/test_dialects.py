@@ -173,7 +173,7 @@ def test_formulas_of_plog_1_queries() -> None:
         parse_query("?{(a or b)}", program)
 
 
-def test_observations_in_bodies_ask_for_records() -> None:
+def test_obs_literals_in_bodies_are_true_if_the_program_has_the_observation() -> None:
     text = """sorts attributes s, c : #boolean. x : {1, 2}. statements
         random(x). s :- c. random(c) :- obs(s, true, true). c = false :- not obs(s). """
     assert probability(parse_plog(text), "?{c=false}") == 1
@@ -186,7 +186,7 @@ def test_observations_in_bodies_ask_for_records() -> None:
     assert probability(parse_plog(values), "?{c}") == 1
 
 
-def test_attributes_may_share_names_with_sorts_and_records_with_attributes() -> None:
+def test_attributes_may_share_names_with_sorts_and_compound_values() -> None:
     program = parse_plog("time = {am, pm}. time : time. random(time).")
     assert probability(program, "time=am") == Fraction(1, 2)
     text = """sorts #t = 0..1. #act = go(#t). attributes go : #t -> #boolean. ok : #act -> #boolean.
@@ -194,7 +194,7 @@ def test_attributes_may_share_names_with_sorts_and_records_with_attributes() -> 
     assert probability(parse_plog(text, strict=False), "?{ok(go(1))}") == 1
 
 
-def test_what_the_public_systems_let_pass() -> None:
+def test_lenient_parsing_drops_ill_sorted_rules() -> None:
     text = """s={a,b}. f : s -> boolean. x : s. random(x).
         f(c). x=d :- f(a). f(a) :- f(a,b). f(X) :- x=X. ?{f(a)}."""
     with pytest.raises(ProgramError, match="'c' is not a member of the sort s"):
@@ -218,7 +218,7 @@ def test_anonymous_variables() -> None:
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
-def test_lines_are_counted_whatever_ends_them(end: str) -> None:
+def test_all_line_ends_are_counted(end: str) -> None:
     text = end.join(["% one", "p : boolean.", "random(p).", "q."])
     with pytest.raises(ProgramError, match=r"<text>:4:1: 'q' is not declared"):
         parse_plog(text)
@@ -237,7 +237,7 @@ def test_cr_rules_read_and_print() -> None:
     assert not parse_plog("p : boolean. random(p).").has_cr_rules
 
 
-def test_a_sum_of_something_negative_is_no_cr_rule() -> None:
+def test_plus_minus_in_a_sum_is_no_cr_rule() -> None:
     program = parse_plog("n = {0..2}. x : n. y : n. random(x). y = Z :- x = X, Z = X +-1.")
     assert probability(program, "y=1") == Fraction(1, 3)
 

@@ -11,7 +11,7 @@ import pytest
 
 
 @pytest.mark.slow
-def test_a_million_inputs_end_in_a_program_or_a_typed_error() -> None:
+def test_fuzzed_inputs_give_a_program_or_a_typed_error() -> None:
     if find_spec("atheris") is None:
         pytest.skip("atheris is not installed; `pip install atheris` brings it")
     script = Path(__file__).with_name("fuzz_parser.py")

@@ -6,7 +6,7 @@ from hypothesis import given, strategies as st
 
 from lcorpp.reasoning import parse_plog
 from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.transitions.elimination_order import strongly_connected_components
+from lcorpp.reasoning.transitions.elimination_order import find_strongly_connected_components
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 
@@ -17,7 +17,7 @@ def test_components_are_the_classes_of_mutual_reachability(edges):
     for _ in range(8):
         reach = [own.union(*(reach[b] for b in own)) | {b for a in own for b in needs[a]} for own in reach]
     classes = {tuple(b for b in range(8) if b in reach[a] and a in reach[b]) for a in range(8)}
-    components = strongly_connected_components(needs)
+    components = find_strongly_connected_components(needs)
     assert set(components) == classes
     assert len(components) == len(classes)
     position = {node: i for i, nodes in enumerate(components) for node in nodes}

@@ -5,7 +5,7 @@ sampling rate and all tracker errors have the same distribution for both classes
 the intention. Two functions simulate the same people: `trajectories`, x and y at a fixed rate over ten
 seconds, and `recordings`, with random durations and all channels of the mall's tracker.
 
-Units are metres, seconds and radians; the robot is at the origin. Both files are loaded by path as part of a
+Units are metres, seconds and radians; the robot is at (0, 0). Both files are loaded by path as part of a
 domain folder and need only numpy.
 """
 
@@ -94,7 +94,7 @@ def trajectories(people: Sequence[Mapping[str, str]], rng: np.random.Generator) 
     Raises:
         ValueError: a person with a missing or unknown intention.
     """
-    interested = _interested(people)
+    interested = _read_interested(people)
     tracks = np.empty((len(people), 2, POINTS))
     for start in range(0, len(people), BLOCK_SIZE):
         rows = slice(start, start + BLOCK_SIZE)
@@ -125,7 +125,7 @@ def recordings(
         ValueError: a person with a missing or unknown intention, or durations that violate
             INTERVAL <= shortest <= longest <= MAX_DURATION.
     """
-    interested = _interested(people)
+    interested = _read_interested(people)
     shortest, longest = seconds
     if not INTERVAL <= shortest <= longest <= MAX_DURATION:
         raise ValueError(
@@ -136,40 +136,46 @@ def recordings(
         rows = interested[start : start + BLOCK_SIZE]
         durations = rng.uniform(shortest, longest, size=len(rows))
         samples = np.ceil(durations / INTERVAL - 1e-9).astype(np.intp) + 1
-        tables += _record(rows, samples, rng)
+        tables += _simulate_recordings(rows, samples, rng)
     return tables
 
 
-def _record(interested: Flags, samples: npt.NDArray[np.intp], rng: np.random.Generator) -> list[Array]:
-    """Recordings with samples (n,) rows each; shorter ones are the ends of the longest."""
-    n, most = len(samples), int(samples.max())
-    times = np.arange(most) * INTERVAL + rng.uniform(-TIME_JITTER, TIME_JITTER, size=(n, most))
-    ends = np.arange(most) == most - samples[:, None]  # no jitter at both ends: the duration is exact
+def _simulate_recordings(
+    interested: Flags, samples: npt.NDArray[np.intp], rng: np.random.Generator
+) -> list[Array]:
+    """Return n recordings, of `samples` (n,) rows; each is the end of a walk of the maximum length."""
+    n, max_samples = len(samples), int(samples.max())
+    times = np.arange(max_samples) * INTERVAL + rng.uniform(-TIME_JITTER, TIME_JITTER, size=(n, max_samples))
+    ends = (
+        np.arange(max_samples) == max_samples - samples[:, None]
+    )  # no jitter at both ends: the duration is exact
     ends[:, -1] = True
-    times = np.where(ends, np.arange(most) * INTERVAL, times)
-    walks = _walk(interested, (most - 1) * INTERVAL - times, rng)
+    times = np.where(ends, np.arange(max_samples) * INTERVAL, times)
+    walks = _walk(interested, (max_samples - 1) * INTERVAL - times, rng)
     position = _add_tracker_errors(walks.path, times, rng)
     velocity, heading = _estimate_velocity(position, times, samples)
 
     to_robot = _wrap_angle(np.arctan2(-position[:, 1], -position[:, 0]) - heading)
     turn = walks.attending * rng.uniform(*TURN, size=(n, 1))
-    noise = walking.correlated_noise(rng, (n, most), TURN_ERROR, INTERVAL / TURN_TIME)
+    noise = walking.draw_correlated_noise(rng, (n, max_samples), TURN_ERROR, INTERVAL / TURN_TIME)
     facing = _wrap_angle(heading + turn * to_robot + noise)
     height = rng.normal(HEIGHT, HEIGHT_DEVIATION, size=(n, 1))
-    z = height + walking.correlated_noise(rng, (n, most), TRACKER_ERROR, INTERVAL / TRACKER_TIME)
+    z = height + walking.draw_correlated_noise(rng, (n, max_samples), TRACKER_ERROR, INTERVAL / TRACKER_TIME)
 
     columns = np.stack([times, position[:, 0], position[:, 1], z, velocity, heading, facing], axis=2)
-    columns[..., 0] -= columns[np.arange(n)[:, None], (most - samples)[:, None], 0]
-    return [table[most - count :].copy() for table, count in zip(columns, samples, strict=True)]
+    columns[..., 0] -= columns[np.arange(n)[:, None], (max_samples - samples)[:, None], 0]
+    return [table[max_samples - count :].copy() for table, count in zip(columns, samples, strict=True)]
 
 
 def _estimate_velocity(position: Array, times: Array, samples: npt.NDArray[np.intp]) -> tuple[Array, Array]:
     """Speed and heading (n, points) from the displacement in VELOCITY_WINDOW before each sample."""
-    n, most = times.shape
-    now = np.arange(most)
-    first = (most - samples)[:, None]
+    n, max_samples = times.shape
+    now = np.arange(max_samples)
+    first = (max_samples - samples)[:, None]
     before = np.maximum(now - max(1, round(VELOCITY_WINDOW / INTERVAL)), first)
-    now = np.maximum(now, before + 1).clip(max=most - 1)  # the first sample gets the second one's estimate
+    now = np.maximum(now, before + 1).clip(
+        max=max_samples - 1
+    )  # the first sample gets the second one's estimate
     row = np.arange(n)[:, None]
     before = np.minimum(before, now - 1)
     shift = position.transpose(0, 2, 1)[row, now] - position.transpose(0, 2, 1)[row, before]
@@ -184,8 +190,8 @@ class _Walks(NamedTuple):
     attending: Flags
 
 
-def _interested(people: Sequence[Mapping[str, str]]) -> Flags:
-    """(n,) whether each person is interested."""
+def _read_interested(people: Sequence[Mapping[str, str]]) -> Flags:
+    """Return whether each person is interested, (n,)."""
     for person in people:
         if person.get("intention") not in INTENTIONS:
             raise ValueError(
@@ -195,7 +201,12 @@ def _interested(people: Sequence[Mapping[str, str]]) -> Flags:
 
 
 def _walk(interested: Flags, time_left: Array, rng: np.random.Generator) -> _Walks:
-    """True positions of n people at times `time_left` (n, points), in seconds before the track's end."""
+    """Simulate n people.
+
+    Args:
+        interested: (n,) whether each person is interested.
+        time_left: (n, points) times at which to return the state, in seconds before the track's end.
+    """
     n, points = time_left.shape
     end_distance = rng.uniform(*END_DISTANCE, size=len(time_left))
     position, attending = np.empty((n, 2, points)), np.empty((n, points), dtype=bool)
@@ -227,7 +238,9 @@ def _add_tracker_errors(path: Array, times: Array, rng: np.random.Generator) -> 
     phase = 2 * np.pi * (rng.uniform(*STRIDE_RATE, size=(n, 1)) * times + rng.uniform(size=(2, n, 1)))
     sway = ahead * (amplitude * np.sin(phase[0]))[:, None] + left * (amplitude * np.sin(phase[1]))[:, None]
 
-    error = walking.correlated_noise(rng, path.shape, TRACKER_ERROR * np.sqrt(2), INTERVAL / TRACKER_TIME)
+    error = walking.draw_correlated_noise(
+        rng, path.shape, TRACKER_ERROR * np.sqrt(2), INTERVAL / TRACKER_TIME
+    )
     keep = np.exp(-INTERVAL / TRACKER_TIME)
     for i in range(1, points):  # second low-pass filter: a tracker's output does not jump
         error[..., i] = keep * error[..., i - 1] + (1 - keep) * error[..., i]

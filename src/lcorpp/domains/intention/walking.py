@@ -1,6 +1,6 @@
 """Simulate people who walk past a robot in a shopping mall, and those who walk up to it.
 
-The robot is at the origin with its back to a wall, between doors and shops; people cross the hall in front of
+The robot is at (0, 0) with its back to a wall, between doors and shops; people cross the hall in front of
 it. The intention changes only where people want to go and how fast:
 
 - Interested people walk up to the robot, slowly. Some decide before they come into view, some on the way,
@@ -8,7 +8,7 @@ it. The intention changes only where people want to go and how fast:
 - Most of the others pass by in a straight line. Some have another goal beside the robot (a shop window, a
   friend) and walk exactly like interested people; some are curious, slow down and veer; some linger.
 
-So the classes overlap because of people who behave like the other class, not because of noise: long training
+So the classes overlap because some people behave like the other class, not because of noise: long training
 finds little to overfit. The model is a social force: acceleration towards the desired velocity, and
 repulsion by wall and robot (Helbing and Molnar, Social force model for pedestrian dynamics, Physical Review E
 51, 1995).
@@ -16,8 +16,8 @@ Units are metres, seconds and radians.
 
 Sources of numbers. "Walkers": pedestrians at 2.5 Hz of ETH (Pellegrini et al., You'll never walk alone, ICCV
 2009) and UCY (Lerner et al., Crowds by example, 2007), to which the numbers were fitted by hand, see
-benchmarks/generator.py. "Rates": chosen so that the error rates of the paper's LSTM are those of the paper.
-All others are assumptions.
+benchmarks/generator.py. "Error rates": chosen so that the LSTM's error rates
+are those of the paper. All others are assumptions.
 """
 
 from __future__ import annotations
@@ -33,13 +33,14 @@ Flags = npt.NDArray[np.bool_]
 
 TIME_STEP = 0.1
 """Seconds between two steps of the simulation."""
-MAX_WALK = 90.0
+MAX_WALK_DURATION = 90.0
 """Seconds after which a walk that has not come near the robot is rejected."""
 
 WALL_Y = -1.0
 """y of the wall behind the robot; all people are above it."""
 BEARING = (np.pi / 4, 3 * np.pi / 4)
-"""Bearing of people's origin from the robot, which faces pi/2; 0 and pi are along the wall."""
+"""Bearing, from the robot, of the side from which a person comes. The robot faces pi/2; 0 and pi are along
+the wall."""
 LANE_DISTANCE = (0.4, 1.9)
 """Distance of a passer-by's line from the robot, on the side away from the wall; uniform."""
 SPEED, SPEED_DEVIATION, SPEED_RANGE = 1.3, 0.24, (0.5, 2.2)
@@ -48,9 +49,9 @@ Walkers have medians of .77 to 1.50, depending on the scene."""
 RELAXATION_TIME = 0.6
 """Time constant of the adaptation to the desired velocity; .5 in Helbing and Molnar."""
 HEADING_NOISE, HEADING_TIME = 0.03, 3.0
-"""Standard deviation and correlation time of the desired heading; walkers go straight."""
+"""Standard deviation and correlation time of the desired heading. Source: walkers, who go straight."""
 SPEED_NOISE, SPEED_TIME = 0.05, 3.0
-"""Relative standard deviation and correlation time of the desired speed; walkers."""
+"""Relative standard deviation and correlation time of the desired speed. Source: walkers."""
 LOOK_AHEAD = 5.0
 """Distance to the point on their own line at which passers-by aim."""
 WALL_FORCE, WALL_RANGE = 1.0, 0.3
@@ -60,20 +61,23 @@ ROBOT_FORCE, ROBOT_RADIUS, ROBOT_RANGE = 1.0, 0.6, 0.25
 
 P_EARLY, DECISION_DISTANCE = 0.66, (4.6, 7.0)
 """Probability that a person who comes to the robot has decided from the start; distance from the robot at
-which the others decide. Rates: how much the first quarter of a track reveals."""
+which the others decide. Source: error rates, on how much the first quarter of a track reveals."""
 APPROACH_SPEED = (0.32, 0.45)
-"""Fraction of the walking speed kept after the decision; rates."""
+"""Fraction of the walking speed kept after the decision. Source: error rates."""
 STOP_DISTANCE, STOP_ANGLE = (0.8, 1.2), (0.0, 1.0)
 """Distance from the robot at which people stop, and angle from their bearing towards the robot's front."""
 BRAKING_TIME = 1.6
-"""Maximum speed: the remaining distance over this time."""
+"""Maximum speed: the remaining distance over this time, plus MIN_BRAKING_SPEED."""
+MIN_BRAKING_SPEED = 0.1
+"""Maximum speed at the stopping point; above zero, so that people reach it."""
 P_HESITATES, HESITATION_DISTANCE, HESITATION_TIME = 0.08, (2.0, 7.0), (1.0, 3.0)
-"""Probability that such a person stops on the way, the distance from the robot, and the duration."""
+"""Probability that a person who comes to the robot stops on the way, the distance from the robot, and the
+duration."""
 
 P_LATE = 0.185
-"""Probability that an interested person decides only after the end of the track; rates."""
+"""Probability that an interested person decides only after the end of the track. Source: error rates."""
 P_OTHER_GOAL = 0.235
-"""Probability that a person who is not interested has a goal beside the robot; rates."""
+"""Probability that a person who is not interested has a goal beside the robot. Source: error rates."""
 P_CURIOUS, CURIOUS_DISTANCE, CURIOUS_SPEED, CURIOUS_VEER = 0.05, (3.0, 10.0), (0.55, 0.9), (0.2, 0.7)
 """Probability that a person who is not interested is curious; the distance at which that begins, the fraction
 of the speed kept, and the fraction of the lane's distance by which the person comes closer."""
@@ -84,10 +88,10 @@ P_LINGERS, LINGER_DISTANCE, LINGER_SPEED, LINGER_TIME = 0.05, (2.0, 12.0), (0.0,
 class Walks(NamedTuple):
     """Walks of n people, TIME_STEP seconds between steps.
 
-    path: (steps, n, 2) positions; meaningless after everybody's arrival.
+    path: (steps, n, 2) positions; zeros after the last simulated step.
     attending: (steps, n) whether each person attends to the robot, or to a goal beside it.
-    arrival: (n,) the step at which each person came near.
-    accepted: (n,) whether the person came near at all, and walked long enough before.
+    arrival: (n,) the step at which each person came near the robot; the number of steps if never.
+    accepted: (n,) whether the person came near the robot at all, and walked long enough before.
     """
 
     path: Array
@@ -100,7 +104,8 @@ class _Lanes(NamedTuple):
     """The straight lines of n passers-by.
 
     along, away: (n, 2) unit vectors: direction of the line, and away from the robot.
-    distance: (n,) from the robot. bearing: (n,) of the origin. side: (n,) 1 or -1.
+    distance: (n,) from the robot. bearing: (n,) as BEARING.
+    side: (n,) 1 if the person comes from the robot's right (bearing below pi/2), -1 from its left.
     """
 
     along: Array
@@ -110,7 +115,7 @@ class _Lanes(NamedTuple):
     side: Array
 
 
-_Goals = Callable[[Array, Array], tuple[Array, Array, Array, Flags]]
+_ChooseGoals = Callable[[Array, Array], tuple[Array, Array, Array, Flags]]
 
 
 def walk(interested: Flags, end_distance: Array, seconds: Array, rng: np.random.Generator) -> Walks:
@@ -128,11 +133,13 @@ def walk(interested: Flags, end_distance: Array, seconds: Array, rng: np.random.
     away = side[:, None] * np.stack([-np.sin(bearing), np.cos(bearing)], axis=1)
     lanes = _Lanes(along, away, rng.uniform(*LANE_DISTANCE, size=n), bearing, side)
     speed = np.clip(rng.normal(SPEED, SPEED_DEVIATION, size=n), *SPEED_RANGE)
-    goals = _draw_goals(interested, lanes, rng)
+    choose_goals = _draw_goals(interested, lanes, rng)
 
-    steps = int(MAX_WALK / TIME_STEP)
-    heading_noise = correlated_noise(rng, (n, steps), HEADING_NOISE, TIME_STEP / HEADING_TIME)
-    own_speed = speed[:, None] * (1 + correlated_noise(rng, (n, steps), SPEED_NOISE, TIME_STEP / SPEED_TIME))
+    steps = int(MAX_WALK_DURATION / TIME_STEP)
+    heading_noise = draw_correlated_noise(rng, (n, steps), HEADING_NOISE, TIME_STEP / HEADING_TIME)
+    own_speed = speed[:, None] * (
+        1 + draw_correlated_noise(rng, (n, steps), SPEED_NOISE, TIME_STEP / SPEED_TIME)
+    )
     start = end_distance + 1.1 * speed * seconds + 1.0  # slightly farther than a passer-by walks
     position = away * lanes.distance[:, None] - along * start[:, None]
     velocity = along * speed[:, None]
@@ -146,18 +153,18 @@ def walk(interested: Flags, end_distance: Array, seconds: Array, rng: np.random.
         passed = np.sum(position * along, axis=1) > end_distance
         if step % 20 == 0 and np.all((arrival < steps) | passed):
             break
-        direction, fraction, max_speed, attending[step] = goals(position, distance)
+        direction, fraction, max_speed, attending[step] = choose_goals(position, distance)
         desired_speed = np.minimum(own_speed[:, step] * fraction, max_speed)
         angle = np.arctan2(direction[:, 1], direction[:, 0]) + heading_noise[:, step]
         desired = desired_speed[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        force = (desired - velocity) / RELAXATION_TIME + _repulsion(position, distance)
+        force = (desired - velocity) / RELAXATION_TIME + _compute_repulsion(position, distance)
         velocity = velocity + TIME_STEP * force
         position = position + TIME_STEP * velocity
     return Walks(path, attending, arrival, (arrival < steps) & (arrival * TIME_STEP >= seconds))
 
 
-def _draw_goals(interested: Flags, lanes: _Lanes, rng: np.random.Generator) -> _Goals:
-    """Draw what people want; return it as a function of position (n, 2) and distance (n,) from the robot.
+def _draw_goals(interested: Flags, lanes: _Lanes, rng: np.random.Generator) -> _ChooseGoals:
+    """Draw people's goals; return them as a function of position (n, 2) and distance (n,) from the robot.
 
     The function returns the direction (n, 2) to walk in, the fraction (n,) of the own speed, a maximum (n,)
     of the speed and whether each person (n,) attends to the robot. It keeps state: call it once per step.
@@ -186,7 +193,7 @@ def _draw_goals(interested: Flags, lanes: _Lanes, rng: np.random.Generator) -> _
     decided = np.zeros(n, dtype=bool)
     attracted = np.zeros(n, dtype=bool)
 
-    def goals(position: Array, distance: Array) -> tuple[Array, Array, Array, Flags]:
+    def choose_goals(position: Array, distance: Array) -> tuple[Array, Array, Array, Flags]:
         decided[:] |= comes & (distance < decision_distance)
         attracted[:] |= curious & (distance < curious_distance)
         pausing = ((hesitates & decided) | lingers) & (distance < pause_distance) & (paused_for < pause_time)
@@ -198,32 +205,36 @@ def _draw_goals(interested: Flags, lanes: _Lanes, rng: np.random.Generator) -> _
         direction = np.where(decided[:, None], to_stop, ahead)
         fraction = np.where(decided, approach_speed, np.where(attracted, curious_speed, 1.0))
         fraction = np.where(pausing, pause_speed, fraction)
-        braking = np.hypot(to_stop[:, 0], to_stop[:, 1]) / BRAKING_TIME + 0.1
+        braking = np.hypot(to_stop[:, 0], to_stop[:, 1]) / BRAKING_TIME + MIN_BRAKING_SPEED
         return direction, fraction, np.where(decided, braking, np.inf), decided | attracted
 
-    return goals
+    return choose_goals
 
 
-def _repulsion(position: Array, distance: Array) -> Array:
-    """(n, 2) acceleration away from wall and robot at positions (n, 2), distances (n,) from the robot."""
+def _compute_repulsion(position: Array, distance: Array) -> Array:
+    """Return the acceleration (n, 2) away from wall and robot.
+
+    Args:
+        position: (n, 2). distance: (n,) from the robot.
+    """
     strength = np.exp((ROBOT_RADIUS - distance) / ROBOT_RANGE) * ROBOT_FORCE
     force = position / np.maximum(distance, 1e-6)[:, None] * np.minimum(strength, ROBOT_FORCE)[:, None]
     force[:, 1] += WALL_FORCE * np.exp(np.minimum(WALL_Y - position[:, 1], 0) / WALL_RANGE)
     return force
 
 
-def correlated_noise(
+def draw_correlated_noise(
     rng: np.random.Generator, shape: tuple[int, ...], deviation: float, step: float
 ) -> Array:
-    """Stationary Gaussian noise (AR(1)) of `shape`, correlated along the last axis.
+    """Draw stationary Gaussian noise (AR(1)) of `shape`, correlated along the last axis.
 
     Args:
         deviation: standard deviation.
         step: time step in units of the correlation time.
     """
     noise = rng.standard_normal((shape[-1], *shape[:-1])) * deviation  # time first: fast to iterate over
-    keep = np.exp(-step)
-    noise[1:] *= np.sqrt(1 - keep**2)
+    correlation = np.exp(-step)
+    noise[1:] *= np.sqrt(1 - correlation**2)
     for i in range(1, len(noise)):
-        noise[i] += keep * noise[i - 1]
+        noise[i] += correlation * noise[i - 1]
     return np.moveaxis(noise, 0, -1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from lcorpp.domains.sections.names import attribute_values, check_same_names
+from lcorpp.domains.sections.names import check_same_names, find_attribute_values
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
@@ -19,10 +19,10 @@ MIN_INTERVAL, DEFAULT_INTERVAL, MAX_INTERVAL = 1e-3, 0.033, 10.0
 
 @dataclass(frozen=True)
 class LearningSection:
-    """What the robot learns: rho of the paper.
+    """The classifier, its labels and its training data: rho of the paper.
 
     attribute: the attribute whose values are the classifier's labels.
-    label_of: target value -> label.
+    label_of: class (a target value) -> label (a value of `attribute`).
     positive: the target value that F1, precision and recall refer to; None averages over all values.
     classifier: name of the default classifier.
     tracks, epochs: number of simulated training tracks, and of passes over them.
@@ -47,7 +47,7 @@ def read_learning(table: TomlTable, reasoning: ReasoningSection) -> LearningSect
         DomainError: a name does not fit the P-log program.
     """
     attribute = table.text("attribute")
-    labels = attribute_values(table.location("attribute"), attribute, reasoning.program)
+    labels = find_attribute_values(table.location("attribute"), attribute, reasoning.program)
     if attribute == reasoning.target or attribute in reasoning.observed:
         raise DomainError(f"{table.location('attribute')}: {attribute!r} is already the target or observed")
     target, declaration = reasoning.target, reasoning.target_declaration

@@ -10,11 +10,11 @@ from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program
 
 
-def attribute_values(location: str, name: str, program: Program) -> tuple[str, ...]:
-    """The values of a P-log attribute without arguments.
+def find_attribute_values(location: str, name: str, program: Program) -> tuple[str, ...]:
+    """Return the values of a P-log attribute without arguments.
 
     Args:
-        location: where the attribute is used, for the message.
+        location: ``file:line: key`` that uses the attribute, the start of an error message.
 
     Raises:
         DomainError: `program` has no such attribute.
@@ -33,7 +33,15 @@ def attribute_values(location: str, name: str, program: Program) -> tuple[str, .
 
 
 def check_same_names(location: str, names: tuple[str, ...], known: tuple[str, ...], what: str) -> None:
-    """Raise `DomainError` for unknown and for missing names; `what` describes the known names."""
+    """Check that `names` and `known` contain the same names, in any order.
+
+    Args:
+        location: ``file:line: key`` of `names`, the start of an error message.
+        what: describes the known names, e.g. "the values of intention".
+
+    Raises:
+        DomainError: a name is unknown or missing.
+    """
     for name in names:
         if name not in known:
             raise DomainError(f"{location}: {name!r} is not among {what}; {expected_one_of(known)}")

@@ -47,13 +47,13 @@ def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -
     """
     pomdp = read_pomdp(folder / table.text("model"))
     template = table.text("states", "{" + reasoning.target + "}")
-    variables, initial = _local_variables(table.section("local"), reasoning.target)
+    variables, initial = _read_local_variables(table.section("local"), reasoning.target)
     _check_template(table, template, {reasoning.target, *variables})
-    terminal = _terminal(table, pomdp)
+    terminal = _find_terminal(table, pomdp)
     initial_states, state_values = _match_states(
         table, template, pomdp, terminal, reasoning, variables, initial
     )
-    reports = _reports(table, pomdp, reasoning)
+    reports = _read_reports(table, pomdp, reasoning)
     table.reject_unknown_keys()
     return PlanningSection(pomdp, reports, initial_states, state_values, terminal)
 
@@ -81,7 +81,7 @@ def _match_states(
     variables: Mapping[str, tuple[str, ...]],
     initial: Mapping[str, str],
 ) -> tuple[Array, Array]:
-    """`initial_states` and `state_values`, from the names of the POMDP's states."""
+    """Return `initial_states` (V, S) and `state_values` (S, V), from the names of the POMDP's states."""
     location, declaration = table.location("states"), locate_declaration(pomdp, "states")
     initial_states = np.zeros((len(reasoning.values), len(pomdp.states)))
     state_values = np.zeros((len(pomdp.states), len(reasoning.values)))
@@ -108,8 +108,8 @@ def _match_states(
     return initial_states, state_values
 
 
-def _local_variables(table: TomlTable, target: str) -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
-    """The values and the initial value of each variable that only the planner has."""
+def _read_local_variables(table: TomlTable, target: str) -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
+    """Return the values and the initial value of each variable that only the planner has."""
     values: dict[str, tuple[str, ...]] = {}
     initial: dict[str, str] = {}
     for name in table:
@@ -129,7 +129,7 @@ def _local_variables(table: TomlTable, target: str) -> tuple[dict[str, tuple[str
     return values, initial
 
 
-def _terminal(table: TomlTable, pomdp: Pomdp) -> int | None:
+def _find_terminal(table: TomlTable, pomdp: Pomdp) -> int | None:
     if "terminal" not in table:
         return None
     name = table.text("terminal")
@@ -141,7 +141,7 @@ def _terminal(table: TomlTable, pomdp: Pomdp) -> int | None:
     return pomdp.states.index(name)
 
 
-def _reports(table: TomlTable, pomdp: Pomdp, reasoning: ReasoningSection) -> dict[str, str]:
+def _read_reports(table: TomlTable, pomdp: Pomdp, reasoning: ReasoningSection) -> dict[str, str]:
     reports = table.mapping("reports")
     for action, value in reports.items():
         if action not in pomdp.actions:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from lcorpp.domains.sections.names import attribute_values
+from lcorpp.domains.sections.names import find_attribute_values
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError
 from lcorpp.reasoning import Program, read_plog
@@ -13,7 +13,7 @@ from lcorpp.reasoning import Program, read_plog
 
 @dataclass(frozen=True)
 class ReasoningSection:
-    """What the robot knows: theta of the paper.
+    """The robot's knowledge: theta of the paper.
 
     program: the P-log program.
     observed: attributes that the robot observes as facts; beta of Algorithm 2.
@@ -43,10 +43,10 @@ def read_reasoning(table: TomlTable, folder: Path) -> ReasoningSection:
     """
     program = read_plog(folder / table.text("program"))
     target = table.text("target")
-    observed = table.names("observed", empty=True)
+    observed = table.names("observed", may_be_empty=True)
     for key, names in (("target", (target,)), ("observed", observed)):
         for name in names:
-            attribute_values(table.location(key), name, program)
+            find_attribute_values(table.location(key), name, program)
     if target in observed:
         raise DomainError(f"{table.location('observed')}: {target!r} is the target, so it cannot be observed")
     table.reject_unknown_keys()

@@ -10,35 +10,35 @@ import numpy as np
 
 from lcorpp.domains.plugin import SimulationPlugin
 from lcorpp.domains.sections.learning import LearningSection
-from lcorpp.domains.sections.names import attribute_values, check_same_names, locate_declaration
+from lcorpp.domains.sections.names import check_same_names, find_attribute_values, locate_declaration
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
-from lcorpp.reasoning import Program, Reasoner, read_plog
+from lcorpp.reasoning import Program, read_plog
 from lcorpp.values import Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SimulationSection:
-    """Models of simulated people, independent of what the robot believes.
+    """Models of simulated people; the robot's own program and POMDP may differ from them.
 
     true_program: the P-log program from which people are drawn.
     feedback_model: (A, S, O) P(o | a, s') of people's answers.
-    confusion_channel: target value -> label -> probability, the classifier as a noisy channel; None without
-        one, if classification always needs trajectories.
+    noisy_channel: target value -> label -> probability: the error rates of a simulated classifier; None if
+        they are unknown, so that classification needs trajectories.
     trajectories: maps people (attribute -> value) and a generator to (people, channels, time points); None
         without a people.py that defines it.
     reaction: maps a person, an action and a generator to an observation, replacing `feedback_model`; None
         without a people.py that defines it.
-    recordings: like `trajectories`, with the keyword `seconds` (shortest, longest); returns one array
+    recordings: like `trajectories`, with the keyword `seconds` (min, max: the duration); returns one array
         (samples, columns) for each person, as a tracker records it.
     columns: the names of these columns; () without recordings.
     """
 
     true_program: Program
     feedback_model: Array
-    confusion_channel: Mapping[str, Mapping[str, float]] | None
+    noisy_channel: Mapping[str, Mapping[str, float]] | None
     trajectories: Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array] | None
     reaction: Callable[[Mapping[str, str], str, np.random.Generator], str] | None
     recordings: Callable[..., list[Array]] | None = None
@@ -46,7 +46,7 @@ class SimulationSection:
 
     def __repr__(self) -> str:
         parts = {
-            "confusion channel": self.confusion_channel,
+            "noisy channel": self.noisy_channel,
             "trajectories": self.trajectories,
             "reaction": self.reaction,
             "recordings": self.recordings,
@@ -69,15 +69,16 @@ def read_simulation(
     """
     program = read_plog(folder / table.text("truth")) if "truth" in table else reasoning.program
     for name in (reasoning.target, *reasoning.observed):
-        values = attribute_values(table.location("truth"), name, program)
-        believed = reasoning.program.attributes[name]
-        what = f"the values of {name} at {reasoning.program.file}:{believed.line}"
-        check_same_names(f"{program.file}:{program.attributes[name].line}", values, believed.values, what)
+        values = find_attribute_values(table.location("truth"), name, program)
+        robot_attribute = reasoning.program.attributes[name]
+        what = f"the values of {name} at {reasoning.program.file}:{robot_attribute.line}"
+        location = f"{program.file}:{program.attributes[name].line}"
+        check_same_names(location, values, robot_attribute.values, what)
     plugin = SimulationPlugin(folder / table.text("people")) if "people" in table else None
     section = SimulationSection(
         true_program=program,
-        feedback_model=_feedback_model(table, reasoning, planning),
-        confusion_channel=_confusion_channel(table, program, reasoning, learning),
+        feedback_model=_make_feedback_model(table, reasoning, planning),
+        noisy_channel=_make_noisy_channel(table, program, reasoning, learning),
         trajectories=plugin.trajectories if plugin and plugin.has_motion else None,
         reaction=plugin.reaction if plugin and plugin.has_reaction else None,
         recordings=plugin.recordings if plugin and plugin.has_recordings else None,
@@ -87,21 +88,23 @@ def read_simulation(
     return section
 
 
-def _feedback_model(table: TomlTable, reasoning: ReasoningSection, planning: PlanningSection) -> Array:
-    """(A, S, O) P(o | a, s'): from `feedback` and `noise` if given, else the planner's observation model."""
+def _make_feedback_model(table: TomlTable, reasoning: ReasoningSection, planning: PlanningSection) -> Array:
+    """Return P(o | a, s') (A, S, O): from `feedback` and `noise`, else the planner's observation model."""
     pomdp = planning.pomdp
     noise = table.number("noise", 0, 1, 0)
     if "feedback" not in table:
         if noise:
-            raise DomainError(f"{table.location('noise')}: needs a feedback to disturb")
+            raise DomainError(f"{table.location('noise')}: `noise` requires `feedback`")
         return pomdp.observation.dense
-    answer_given_value = _noisy_answers(table, noise, reasoning, planning)
+    answer_probabilities = _compute_answer_probabilities(table, noise, reasoning, planning)
     model = pomdp.observation.dense.copy()
-    states = planning.state_values.any(axis=1)  # all but the terminal one
+    states = planning.state_values.any(
+        axis=1
+    )  # (S,) the states with a target value: all but the terminal one
     for a, action in enumerate(pomdp.actions):
         if action in planning.reports:
             continue
-        model[a, states] = planning.state_values[states] @ answer_given_value
+        model[a, states] = planning.state_values[states] @ answer_probabilities
         impossible = (model[a, states].max(axis=0) > 0) & (
             pomdp.observation.dense[a, states].max(axis=0) == 0
         )
@@ -114,10 +117,10 @@ def _feedback_model(table: TomlTable, reasoning: ReasoningSection, planning: Pla
     return model
 
 
-def _noisy_answers(
+def _compute_answer_probabilities(
     table: TomlTable, noise: float, reasoning: ReasoningSection, planning: PlanningSection
 ) -> Array:
-    """(V, O) P(o | v): the feedback of value v with probability 1 - noise, else another answer."""
+    """Return P(o | v) (V, O): the feedback of value v with probability 1 - noise, else another answer."""
     pomdp = planning.pomdp
     feedback = table.mapping("feedback")
     what = f"the values of {reasoning.target}"
@@ -139,17 +142,19 @@ def _noisy_answers(
     return probabilities
 
 
-def _confusion_channel(
+def _make_noisy_channel(
     table: TomlTable, true_program: Program, reasoning: ReasoningSection, learning: LearningSection
 ) -> dict[str, dict[str, float]] | None:
-    """P(label | target value) of the simulated classifier: as given, else from the true program."""
+    """Return P(label | target value) of the simulated classifier: from `channel`, else the true program."""
     labels = tuple(learning.label_of.values())
     if "channel" in table:
-        return _given_channel(
+        return _read_noisy_channel(
             table.section("channel"), table.location("channel"), labels, reasoning, learning
         )
     if learning.attribute not in true_program.attributes:
         return None
+    from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
+
     reasoner = Reasoner(true_program)
     marginal = reasoner.posterior(reasoning.target, {})
     return {
@@ -160,22 +165,23 @@ def _confusion_channel(
     }
 
 
-def _given_channel(
+def _read_noisy_channel(
     table: TomlTable,
     location: str,
     labels: tuple[str, ...],
     reasoning: ReasoningSection,
     learning: LearningSection,
 ) -> dict[str, dict[str, float]]:
+    """Read the table `channel`: a row of label probabilities for each target value."""
     check_same_names(location, tuple(table), reasoning.values, f"the values of {reasoning.target}")
-    channel = {}
+    rates = {}
     for value in reasoning.values:
         row = table.section(value)
         check_same_names(table.location(value), tuple(row), labels, f"the values of {learning.attribute}")
-        channel[value] = {label: row.number(label, 0, 1) for label in labels}
+        rates[value] = {label: row.number(label, 0, 1) for label in labels}
         row.reject_unknown_keys()
-        total = sum(channel[value].values())
+        total = sum(rates[value].values())
         if abs(total - 1) > 1e-9:
             raise DomainError(f"{table.location(value)}: the probabilities sum to {total:g}, not 1")
     table.reject_unknown_keys()
-    return channel
+    return rates

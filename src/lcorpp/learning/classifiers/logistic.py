@@ -86,7 +86,7 @@ class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  
             "bias": self.bias_,
         }
 
-    def from_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+    def restore_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
         """Restore the state that `to_arrays` returned.
 
         Raises:

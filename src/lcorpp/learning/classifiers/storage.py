@@ -163,7 +163,7 @@ def _load_step(step: dict[str, Any], arrays: dict[str, npt.NDArray[Any]]) -> Any
         current_names.get(key, key): tuple(value) if isinstance(value, list) else value
         for key, value in step["parameters"].items()
     }
-    return kind.type(**parameters).from_arrays(own)
+    return kind.type(**parameters).restore_arrays(own)
 
 
 def check_storable(estimator: Any) -> None:

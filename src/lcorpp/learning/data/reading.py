@@ -27,10 +27,10 @@ from lcorpp.learning.data.labels import (
 from lcorpp.learning.data.npz import SUFFIX, load_dataset, to_recording
 from lcorpp.learning.data.parquet import SUFFIXES, read_parquet
 from lcorpp.learning.data.repairs import RepairLog
-from lcorpp.learning.data.tracks import Recording
+from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.learning.data.units import convert_to_metres
 from lcorpp.learning.data.windows import INTERVAL, POINTS, to_dataset
-from lcorpp.learning.store import is_store, read_store
+from lcorpp.learning.store import Snapshot, is_store, read_store
 from lcorpp.values import Dataset
 
 Format = Literal["authors", "npz", "store", "parquet", "atc", "long"]
@@ -145,6 +145,26 @@ def read_recording(
             tracks = labelled
         recording = Recording(tuple(tracks), file.name, notes, tuple(repair_log.repairs))
     return recording if robot is None else recording.in_robot_frame(*robot)
+
+
+def convert_snapshot(snapshot: Snapshot) -> Recording:
+    """Convert all tracks of a store, of any length, with their labels, e.g. for `write_recording`.
+
+    Raises:
+        DataError: the tracks have no x or y. FileError: the file of the store was changed or damaged.
+    """
+    schema = snapshot.schema
+    tracks = [
+        Track(
+            stored.id,
+            np.arange(float(stored.points)) * schema.interval,
+            dict(zip(schema.channels, trajectory, strict=True)),
+            stored.label,
+            stored.group,
+        )
+        for stored, trajectory in zip(snapshot, snapshot.iterate_trajectories(snapshot.tracks), strict=True)
+    ]
+    return Recording(tuple(tracks), str(snapshot.path))
 
 
 def detect_format(path: str | Path) -> Format:

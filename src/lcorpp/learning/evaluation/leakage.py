@@ -10,12 +10,13 @@ its AUC is .99 by end position and .86 by sampling; nearest neighbours reach .97
 slower, .99 and .86. The AUC is the mean over several splits, because that of one split of a hundred cases may
 be off by .02.
 
-The traces of sampling are those that resampling leaves in exact numbers: points on a straight line between
-two others, positions that repeat to the last digit, values on a grid. Smooth and rough motion have the same
-traces, so a difference in motion is not mistaken for one in recording.
+The sampling features are the intervals between samples and the numerical traces of an earlier resampling:
+collinear points, repeated positions, values on a grid. Smooth and rough motion do not differ in these traces,
+so these features do not depend on the motion.
 
 Source: Rifkin and Klautau, "In defense of one-vs-all classification", JMLR 5, 2004, section 2.3 (regularised
-least squares); Williams and Seeger, NIPS 2000 (the landmarks).
+least squares); Williams and Seeger, NIPS 2000 (Nyström approximation: kernels centred at a subset of the
+training cases, the landmarks).
 """
 
 from __future__ import annotations
@@ -39,15 +40,28 @@ from lcorpp.values import Array, Dataset, Interval
 MIN_SUSPICIOUS_AUC = 0.7
 """From this AUC on, a score on the data may describe the recording instead of the motion."""
 
-DIVISIONS, FOLDS = 5, 5
-WIDTHS, RIDGE, LANDMARKS = (0.3, 1.0), 0.5, 300
-"""Widths of the kernels in units of the median distance, ridge penalty, and maximal number of landmark
-cases."""
+N_SPLITS, N_SPLITS_OF_WARNING = 5, 2
+MAX_FOLDS = 5
 
-RESAMPLES, CONFIDENCE = 300, 0.95
+KERNEL_WIDTHS, RIDGE_PENALTY = (0.3, 1.0), 0.5
+"""Kernel widths: standard deviations in units of the root of the median squared distance of landmarks."""
 
-EXACT = 1e-9
+MAX_LANDMARKS = 300
+"""Maximal number of landmarks, the training cases at which a kernel is centred."""
+
+KERNEL_JITTER = 1e-8
+"""Added to the diagonal of the landmarks' kernel matrix, which equal cases make singular."""
+
+BOOTSTRAP_REPLICATES, CONFIDENCE = 300, 0.95
+
+RELATIVE_TOLERANCE = 1e-9
 """Tolerance relative to the largest position: rounding error of sums of numbers with 15 digits."""
+
+COLLINEARITY_FACTOR = 4
+"""The deviation of a point from the line between its neighbours sums about this many rounding errors."""
+
+CLOCK_DECIMALS = 9
+"""Decimals of a sampling feature: the rounding of a clock is not a trace."""
 
 MILLIMETRE = 1e-3
 
@@ -57,91 +71,93 @@ SHORTCUT_FEATURES: Mapping[str, tuple[str, ...]] = {
     "sampling": (
         "mean interval",
         "median interval",
-        "deviation of the interval",
+        "standard deviation of the interval",
         "longest interval",
-        "share on a straight line",
-        "longest straight line",
-        "share that repeat",
-        "share in whole millimetres",
+        "fraction of collinear points",
+        "longest run of collinear points",
+        "fraction of repeated positions",
+        "fraction in whole millimetres",
     ),
 }
-"""The shortcuts that are checked, each with its features."""
+"""Shortcut -> names of its features, in the order of the arrays of `compute_shortcut_features`."""
 
-Words = npt.NDArray[np.str_]
+Strings = npt.NDArray[np.str_]
 Indices = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Leak:
+class ShortcutScore:
     """How well one shortcut predicts the labels.
 
     name: one of `SHORTCUT_FEATURES`.
-    auc: area under the ROC curve, mean over divisions, with a 95 % interval from resampled groups; .5 is
-        chance, 1 a perfect leak; for more than two classes, the mean of each against the others.
+    auc: area under the ROC curve, mean over splits, with a 95 % bootstrap confidence interval over groups; .5
+        is chance, 1 a perfect leak; for more than two classes, the mean of each against the others.
     """
 
     name: str
     auc: Interval
 
     def __repr__(self) -> str:
-        return f"<Leak by {self.name}: AUC {self.auc}{', suspicious' if self.flagged else ''}>"
+        return f"<ShortcutScore of {self.name}: AUC {self.auc}{', suspicious' if self.is_suspicious else ''}>"
 
     @property
-    def flagged(self) -> bool:
+    def is_suspicious(self) -> bool:
         """Whether the AUC is at least `MIN_SUSPICIOUS_AUC` and significantly above chance."""
         return self.auc.estimate >= MIN_SUSPICIOUS_AUC and self.auc.low > 0.5
 
 
-def check_leakage(
-    data: Dataset | Recording, *, divisions: int = DIVISIONS, seed: int = 0
-) -> tuple[Leak, ...]:
+def measure_leakage(
+    data: Dataset | Recording, *, n_splits: int = N_SPLITS, seed: int = 0
+) -> tuple[ShortcutScore, ...]:
     """Measure how well end position, duration and sampling alone predict the labels of `data`.
 
     All tracks of a `Dataset` have the same duration and interval; only traces of an earlier resampling are
     left. A `Recording` still has the original sampling.
 
     Args:
-        divisions: number of random splits; the AUC is their mean.
-        seed: seed of the splits, the landmarks and the interval.
+        n_splits: number of random splits into folds; the AUC is their mean.
+        seed: seed of the splits, the landmarks and the confidence interval.
 
     Returns:
-        One leak for every entry of `SHORTCUT_FEATURES`.
+        One score for every entry of `SHORTCUT_FEATURES`, in this order, also if it is at chance.
 
     Raises:
         DataError: there are not two classes, each in two groups or more; a track has no label or position; or
-            `divisions` is below 1.
+            `n_splits` is below 1.
     """
-    if divisions < 1:
-        raise DataError(f"a leak check needs at least 1 division, not {divisions}")
-    missing = _missing_for_check(data)
+    if n_splits < 1:
+        raise DataError(f"a leak check needs at least 1 split, not {n_splits}")
+    missing = _find_missing_requirement(data)
     if missing is not None:
         raise DataError(f"a leak check needs {missing}")
     recording = to_recording(data) if isinstance(data, Dataset) else data
     labels = np.array([str(label) for label in recording.labels])
     groups = np.array([track.group for track in recording.tracks])
-    features = [shortcut_features(track) for track in recording.tracks]
-    folds = np.stack([_assign_folds(labels, groups, seed + division) for division in range(divisions)])
+    features = [compute_shortcut_features(track) for track in recording.tracks]
+    folds = np.stack([_assign_folds(labels, groups, seed + split) for split in range(n_splits)])
     with threadpool_limits(1):  # small matrices: threads on busy cores would only wait for each other
         return tuple(
-            _measure_leak(name, np.stack([each[name] for each in features]), labels, groups, folds, seed)
+            _measure_shortcut(name, np.stack([each[name] for each in features]), labels, groups, folds, seed)
             for name in SHORTCUT_FEATURES
         )
 
 
-def leakage_note(data: Dataset | Recording) -> str | None:
-    """A warning to print with any score on `data`; None if no leak is found.
+def format_leakage_warning(data: Dataset | Recording) -> str | None:
+    """Return a warning to print with any score on `data`; None if no shortcut is suspicious.
 
-    It uses `check_leakage` with two divisions, which is faster and accurate enough for a warning. Data that
-    cannot
-    be checked give None: they are not trainable either, and `check_trainable` has the better message.
+    Two splits are faster than the default of `measure_leakage` and accurate enough for a warning. Data that
+    cannot be measured give None: they are not trainable either, and the message of `check_trainable` is
+    better.
     """
-    if _missing_for_check(data) is not None:
+    if _find_missing_requirement(data) is not None:
         return None
-    flagged = [leak for leak in check_leakage(data, divisions=2) if leak.flagged]
-    if not flagged:
+    suspicious = [
+        score for score in measure_leakage(data, n_splits=N_SPLITS_OF_WARNING) if score.is_suspicious
+    ]
+    if not suspicious:
         return None
-    shortcuts = " and ".join(f"{leak.name} alone (AUC {leak.auc.estimate:.2f})" for leak in flagged)
+    shortcuts = " and ".join(f"{score.name} alone (AUC {score.auc.estimate:.2f})" for score in suspicious)
     return (
         f"The label can be predicted from {shortcuts}: a classifier that sees positions or every sample may"
         " learn places and recordings, not intentions; give it motion relative to the first point, at a low"
@@ -149,44 +165,47 @@ def leakage_note(data: Dataset | Recording) -> str | None:
     )
 
 
-def shortcut_features(track: Track) -> dict[str, Array]:
-    """The features of one track for each name of `SHORTCUT_FEATURES`."""
+def compute_shortcut_features(track: Track) -> dict[str, Array]:
+    """Shortcut -> (features,), in the order of `SHORTCUT_FEATURES`, for one track of at least two samples."""
     positions, step = track.positions, np.diff(track.times)
-    tolerance = max(float(np.abs(positions).max()), MILLIMETRE) * EXACT
-    straight = _on_straight_line(track, tolerance)
+    tolerance = max(float(np.abs(positions).max()), MILLIMETRE) * RELATIVE_TOLERANCE
+    collinear = _find_collinear(track, tolerance)
     repeated = np.all(np.abs(np.diff(positions, axis=1)) <= tolerance, axis=0)
     on_grid = np.all(
         np.abs(positions / MILLIMETRE - np.round(positions / MILLIMETRE)) <= tolerance / MILLIMETRE, axis=0
     )
     sampling = (
         *(step.mean(), np.median(step), step.std(), step.max()),
-        *(straight.mean() if len(straight) else 0.0, _longest_run(straight)),
+        *(collinear.mean() if len(collinear) else 0.0, _measure_longest_run(collinear)),
         *(repeated.mean(), on_grid.mean()),
     )
     return {
         "end position": positions[:, -1],
         "duration": np.array([track.duration, len(track)]),
-        "sampling": np.round(sampling, 9),  # the rounding of a clock is not a trace
+        "sampling": np.round(sampling, CLOCK_DECIMALS),
     }
 
 
-def _on_straight_line(track: Track, tolerance: float) -> Flags:
-    """(samples - 2,) whether a sample lies on the line between its neighbours, in place and time."""
+def _find_collinear(track: Track, tolerance: float) -> Flags:
+    """(samples - 2,) whether each inner sample lies on the line between its neighbours, in place and time.
+
+    tolerance: rounding error of a position, in metres.
+    """
     step = np.diff(track.times)
     velocity = np.diff(track.positions, axis=1) / step
-    deviation = np.abs(np.diff(velocity, axis=1)) * np.minimum(step[1:], step[:-1])
-    straight: Flags = np.all(deviation <= 4 * tolerance, axis=0)
-    return straight
+    deviation = np.abs(np.diff(velocity, axis=1)) * np.minimum(step[1:], step[:-1])  # metres
+    collinear: Flags = np.all(deviation <= COLLINEARITY_FACTOR * tolerance, axis=0)
+    return collinear
 
 
-def _longest_run(flags: Flags) -> float:
-    """The length of the longest run of true flags."""
+def _measure_longest_run(flags: Flags) -> float:
+    """Return the length of the longest run of true flags."""
     ends = np.flatnonzero(~flags)
     return float(np.diff(np.concatenate([[-1], ends, [len(flags)]])).max() - 1)
 
 
-def _missing_for_check(data: Dataset | Recording) -> str | None:
-    """What `check_leakage` needs and `data` lack; None if nothing."""
+def _find_missing_requirement(data: Dataset | Recording) -> str | None:
+    """Return what `measure_leakage` needs and `data` lack; None if nothing."""
     if isinstance(data, Dataset):
         labels, groups = data.labels, data.groups
         if not {"x", "y"} <= set(data.channels):
@@ -209,29 +228,33 @@ def _missing_for_check(data: Dataset | Recording) -> str | None:
     return None
 
 
-def _measure_leak(
-    name: str, features: Array, labels: Words, groups: Words, folds: Indices, seed: int
-) -> Leak:
-    """The leak by features (cases, features); folds: (divisions, cases) the test fold of each case."""
+def _measure_shortcut(
+    name: str, features: Array, labels: Strings, groups: Strings, folds: Indices, seed: int
+) -> ShortcutScore:
+    """Measure how well features (cases, features) predict the labels.
+
+    labels, groups: (cases,). folds: (splits, cases) the test fold of each case.
+    """
     features = features[:, np.ptp(features, axis=0) > 0]
     if not features.shape[1]:  # constant features predict nothing
-        return Leak(name, Interval(0.5, 0.5, 0.5))
-    scores = np.stack([_out_of_fold_scores(features, labels, fold_of, seed) for fold_of in folds])
+        return ShortcutScore(name, Interval(0.5, 0.5, 0.5))
+    scores = np.stack([_score_out_of_fold(features, labels, fold_of, seed) for fold_of in folds])
     truth = labels[:, None] == np.unique(labels)
     members = [np.flatnonzero(groups == group) for group in np.unique(groups)]
     rng = np.random.default_rng(seed)
-    resampled = []
-    for _ in range(RESAMPLES):
+    replicates = []
+    for _ in range(BOOTSTRAP_REPLICATES):
         rows = np.concatenate([members[i] for i in rng.integers(len(members), size=len(members))])
         if truth[rows].any(axis=0).all():
-            resampled.append(_mean_auc(scores[:, rows], truth[rows]))
-    low, high = np.quantile(resampled, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return Leak(name, Interval(_mean_auc(scores, truth), float(low), float(high), CONFIDENCE))
+            replicates.append(_compute_mean_auc(scores[:, rows], truth[rows]))
+    low, high = np.quantile(replicates, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    estimate = _compute_mean_auc(scores, truth)
+    return ShortcutScore(name, Interval(estimate, float(low), float(high), CONFIDENCE))
 
 
-def _assign_folds(labels: Words, groups: Words, seed: int) -> Indices:
+def _assign_folds(labels: Strings, groups: Strings, seed: int) -> Indices:
     """(cases,) the test fold of each case; folds are stratified and keep groups whole."""
-    folds = min(FOLDS, *(len(set(groups[labels == name])) for name in np.unique(labels)))
+    folds = min(MAX_FOLDS, *(len(set(groups[labels == name])) for name in np.unique(labels)))
     fold_of = np.empty(len(labels), dtype=np.intp)
     ungrouped = len(set(groups)) == len(groups)  # then the plain split is the same, and much faster
     splitter = (StratifiedKFold if ungrouped else StratifiedGroupKFold)(
@@ -242,20 +265,21 @@ def _assign_folds(labels: Words, groups: Words, seed: int) -> Indices:
     return fold_of
 
 
-def _out_of_fold_scores(features: Array, labels: Words, fold_of: Indices, seed: int) -> Array:
-    """(cases, classes) scores by a model that was trained without the case's group."""
+def _score_out_of_fold(features: Array, labels: Strings, fold_of: Indices, seed: int) -> Array:
+    """(cases, classes) scores of each case by a model that is trained without the case's group."""
     classes = np.unique(labels)
+    # ranks over all cases: they use no labels
     ranks = (rankdata(features, axis=0) - 0.5) / len(features)
     scores = np.empty((len(labels), len(classes)))
     for fold in range(fold_of.max() + 1):
         train, test = fold_of != fold, fold_of == fold
         truth = (labels[train, None] == classes).astype(np.float64)
-        scores[test] = _kernel_ridge(ranks[train], truth, ranks[test], np.random.default_rng(seed))
+        scores[test] = _score_by_kernel_ridge(ranks[train], truth, ranks[test], np.random.default_rng(seed))
     return scores
 
 
-def _kernel_ridge(train: Array, truth: Array, test: Array, rng: np.random.Generator) -> Array:
-    """(test cases, classes) scores of kernel ridge regression on landmark cases, classes weighted equally.
+def _score_by_kernel_ridge(train: Array, truth: Array, test: Array, rng: np.random.Generator) -> Array:
+    """(test cases, classes) scores of kernel ridge regression on landmarks, classes weighted equally.
 
     scikit-learn's KernelRidge has no landmarks, and its Nystroem draws them without regard to class.
 
@@ -263,31 +287,33 @@ def _kernel_ridge(train: Array, truth: Array, test: Array, rng: np.random.Genera
     """
     cases, classes = truth.shape
     class_counts = truth.sum(axis=0)
-    weight = truth @ (cases / (classes * np.maximum(class_counts, 1)))
-    per_class = -(-LANDMARKS // classes)
+    weights = truth @ (cases / (classes * np.maximum(class_counts, 1)))
+    per_class = -(-MAX_LANDMARKS // classes)
     chosen = [rng.permutation(np.flatnonzero(truth[:, k]))[:per_class] for k in range(classes)]
     landmarks = train[np.sort(np.concatenate(chosen))]
-    distances = cdist(landmarks, landmarks, "sqeuclidean")
-    scale = float(np.median(distances[distances > 0])) if distances.any() else 1.0
-    to_train, inner = _kernel(train, landmarks, scale), _kernel(landmarks, landmarks, scale)
-    inner[np.diag_indices(len(landmarks))] += 1e-8  # equal cases make the matrix singular
-    left = to_train.T @ (weight[:, None] * to_train) + RIDGE * inner
-    right = to_train.T @ (weight[:, None] * (truth - 1 / classes))
-    scores: Array = _kernel(test, landmarks, scale) @ scipy.linalg.solve(left, right, assume_a="pos")
+    squared_distances = cdist(landmarks, landmarks, "sqeuclidean")
+    scale = float(np.median(squared_distances[squared_distances > 0])) if squared_distances.any() else 1.0
+    to_train = _average_kernels(train, landmarks, scale)
+    inner = _average_kernels(landmarks, landmarks, scale)
+    inner[np.diag_indices(len(landmarks))] += KERNEL_JITTER
+    left = to_train.T @ (weights[:, None] * to_train) + RIDGE_PENALTY * inner
+    right = to_train.T @ (weights[:, None] * (truth - 1 / classes))
+    coefficients = scipy.linalg.solve(left, right, assume_a="pos")
+    scores: Array = _average_kernels(test, landmarks, scale) @ coefficients
     return scores
 
 
-def _kernel(cases: Array, landmarks: Array, scale: float) -> Array:
-    """(cases, landmarks) mean of Gaussian kernels of all `WIDTHS`."""
-    distances = cdist(cases, landmarks, "sqeuclidean") / (2 * scale)
-    kernel: Array = np.mean([np.exp(-distances / width**2) for width in WIDTHS], axis=0)
+def _average_kernels(cases: Array, landmarks: Array, scale: float) -> Array:
+    """(cases, landmarks) mean of Gaussian kernels of all `KERNEL_WIDTHS`; scale: a squared distance."""
+    squared_distances = cdist(cases, landmarks, "sqeuclidean") / (2 * scale)
+    kernel: Array = np.mean([np.exp(-squared_distances / width**2) for width in KERNEL_WIDTHS], axis=0)
     return kernel
 
 
-def _mean_auc(scores: Array, truth: Flags) -> float:
-    """Mean AUC over divisions and classes of scores (divisions, cases, classes); truth: (cases, classes).
+def _compute_mean_auc(scores: Array, truth: Flags) -> float:
+    """Mean AUC over splits and classes of scores (splits, cases, classes); truth: (cases, classes).
 
-    For two classes the second one suffices: their probabilities sum to 1.
+    For two classes the second one suffices: the two scores of a case sum to 0.
     """
     columns = [1] if truth.shape[1] == 2 else range(truth.shape[1])
     areas = []

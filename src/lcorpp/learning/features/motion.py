@@ -1,7 +1,7 @@
-"""Motion preprocessing: raw tracks -> motion features at a fixed rate, independent of place.
+"""Motion preprocessing: raw tracks -> motion features at a fixed rate (`Motion`), standardized.
 
-Both steps are scikit-learn transformers on arrays (cases, channels, time points) for use in a Pipeline, so
-that everything they estimate is estimated from training data only.
+`Motion` and `ChannelStandardizer` are scikit-learn transformers on arrays (cases, channels, time points) for
+use in a Pipeline, so that everything they estimate is estimated from training data only.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from lcorpp.learning.features.motion_features import (
     TrackPoints,
     check_features,
     compute_features,
-    feature_rows,
+    list_feature_rows,
 )
 from lcorpp.learning.features.resampling import (
     InterpolationWeights,
     check_rate,
+    compute_interpolation_weights,
     interpolate,
-    interpolation_weights,
     resample,
 )
 from lcorpp.values import Array
@@ -38,20 +38,21 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
     """Motion features of tracks at a fixed rate, in the robot's frame and relative to the first point.
 
     The place of a track often leaks its label (see `leakage`); its motion does not. Point j of the result
-    uses samples up to j / rate seconds after the first one only, so a prefix of a track gives a prefix of the
-    result, number for number. 304 points .033 seconds apart become 30 points at 3 per second, as in the
-    paper.
+    uses no sample later than the first one at or after j / rate seconds, so a prefix of a track gives a
+    prefix of the result, number for number. 304 samples .033 seconds apart become 30 points at 3 per second,
+    as in the paper.
 
     The features, each of one or two numbers:
 
     - x, y: displacement from the first point, metres ahead of the robot and to its left;
-    - velocity: speed, m/s; without such an input, distance from the previous point over time, 0 at the first;
+    - velocity: speed in m/s, not a vector (the channel's name in the data); without such an input, distance
+      from the previous point over time, 0 at the first;
     - heading: cosine and sine of the direction of motion, anticlockwise from the robot's heading; without
       such an input, the direction from the previous point. (0, 0) if there is no motion;
     - facing: the same for the direction of the body or head, which has to be an input;
-    - approach: cosine and sine of heading relative to the direction to the robot: (1, 0) walks straight to
-      it;
-    - attention: the same for facing: (1, 0) looks at the robot;
+    - approach: cosine and sine of heading relative to the direction to the robot: (1, 0) if the person walks
+      straight to it;
+    - attention: the same for facing: (1, 0) if the person looks at the robot;
     - distance: metres from the robot;
     - bearing: cosine and sine of the direction from the robot to the person.
 
@@ -98,12 +99,12 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
             raise DataError(
                 f"the inputs are {', '.join(self.inputs)}, but the tracks have {tracks.shape[1]} channels"
             )
-        self._interpolation_weights(tracks.shape[2])
-        self.rows_ = feature_rows(self.features)
+        self._compute_interpolation_weights(tracks.shape[2])  # only to check the duration
+        self.rows_ = list_feature_rows(self.features)
         return self
 
     def transform(self, X: npt.ArrayLike) -> Array:
-        """(cases, len(rows_), points) the motion features of X.
+        """(cases, len(rows_), points) the motion features of X (cases, inputs, samples).
 
         Raises:
             DataError: X is not of shape (cases, inputs, samples), not finite, or has fewer than two points.
@@ -111,43 +112,45 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
         check_is_fitted(self, "rows_")
         tracks = _check_channels(X, len(self.inputs))
         return self.transform_points(
-            interpolate(tracks, self._interpolation_weights(tracks.shape[2]), self.angles)
+            interpolate(tracks, self._compute_interpolation_weights(tracks.shape[2]), self.angles)
         )
 
-    def transform_stamped(self, times: npt.ArrayLike, samples: npt.ArrayLike) -> Array:
+    def transform_stamped(self, times: npt.ArrayLike, values: npt.ArrayLike) -> Array:
         """(1, len(rows_), points) the motion features of one track with a time stamp for each sample.
 
         `StreamingClassifier` computes the same points for such a track, and `transform` for samples that are
         `interval` apart.
 
         Args:
-            times: (samples,) seconds, increasing. samples: (inputs, samples).
+            times: (samples,) seconds, increasing. values: (inputs, samples).
 
         Raises:
             DataError: as `resample`, or the number of channels does not match `inputs`.
         """
         check_is_fitted(self, "rows_")
-        track = np.asarray(samples, dtype=np.float64)
+        track = np.asarray(values, dtype=np.float64)
         if len(track) != len(self.inputs):
             raise DataError(
                 f"the inputs are {', '.join(self.inputs)}, but the track has {len(track)} channels"
             )
         return self.transform_points(resample(times, track, self.rate, angles=self.angles)[None])
 
-    def transform_points(self, now: Array) -> Array:
+    def transform_points(self, points: Array) -> Array:
         """(cases, rows, points) the features of whole tracks (cases, inputs, points) at the fixed rate."""
-        before = np.concatenate([now[..., :1], now[..., :-1]], axis=2)
-        return self.features_at(now, before, now[..., :1])
+        previous = np.concatenate([points[..., :1], points[..., :-1]], axis=2)
+        return self.compute_features(points, previous, points[..., :1])
 
-    def features_at(self, now: Array, before: Array, first: Array) -> Array:
+    def compute_features(self, points: Array, previous: Array, first: Array) -> Array:
         """(..., rows, points) the features of points (..., inputs, points) at the fixed rate.
 
         Args:
-            now: the points. before: the predecessor of each, a first point itself. first: the first point of
-                each track.
+            previous: (..., inputs, points) the predecessor of each point, or a first point itself.
+            first: (..., inputs, points or 1) the first point of each track.
         """
-        points = TrackPoints(now, before, first, inputs=self.inputs, robot=self.robot, rate=self.rate)
-        return compute_features(self.features, points)
+        return compute_features(
+            self.features,
+            TrackPoints(points, previous, first, inputs=self.inputs, robot=self.robot, rate=self.rate),
+        )
 
     @property
     def angles(self) -> tuple[int, ...]:
@@ -158,14 +161,14 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
         """The fitted state, for `storage`."""
         return {"rows": np.array(self.rows_)}
 
-    def from_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+    def restore_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
         """Restore the state that `to_arrays` returned.
 
         Raises:
             DataError: the rows do not match the parameters.
         """
         self._check_parameters()
-        self.rows_ = feature_rows(self.features)
+        self.rows_ = list_feature_rows(self.features)
         if arrays["rows"].tolist() != list(self.rows_):
             raise DataError(f"the features give {', '.join(self.rows_)}, not {arrays['rows'].tolist()}")
         return self
@@ -178,8 +181,10 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
         if len(self.robot) != 3 or not np.isfinite(np.asarray(self.robot, dtype=np.float64)).all():
             raise DataError(f"the robot's pose is {self.robot}; expected x, y and heading, finite")
 
-    def _interpolation_weights(self, samples: int) -> InterpolationWeights:
-        weights = interpolation_weights(np.arange(samples, dtype=np.float64) * self.interval, self.rate)
+    def _compute_interpolation_weights(self, samples: int) -> InterpolationWeights:
+        weights = compute_interpolation_weights(
+            np.arange(samples, dtype=np.float64) * self.interval, self.rate
+        )
         if len(weights[0]) < 2:
             raise DataError(
                 f"{samples} time points {self.interval:g} s apart last {(samples - 1) * self.interval:.3g} s;"
@@ -189,13 +194,13 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
 
 
 class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
-    """Standardize each channel to mean 0 and deviation 1 over all cases and times of the training data.
+    """Standardize each channel to mean 0 and standard deviation 1 over all training cases and times.
 
     Unscaled millimetres, or tens of metres, would saturate the gates of an LSTM.
     """
 
     def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
-        """Estimate mean and deviation of each channel of X (cases, channels, time points)."""
+        """Estimate mean and standard deviation of each channel of X (cases, channels, time points)."""
         tracks = check_tracks(X)
         self.mean_: Array = tracks.mean(axis=(0, 2))
         deviation = tracks.std(axis=(0, 2))
@@ -219,7 +224,7 @@ class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc
         """The fitted state, for `storage`."""
         return {"mean": self.mean_, "scale": self.scale_}
 
-    def from_arrays(self, arrays: Mapping[str, Array]) -> Self:
+    def restore_arrays(self, arrays: Mapping[str, Array]) -> Self:
         """Restore the state that `to_arrays` returned.
 
         Raises:
@@ -232,11 +237,18 @@ class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc
             or not np.all(self.scale_ > 0)
             or not np.all(np.isfinite([self.mean_, self.scale_]))
         ):
-            raise DataError("standardization needs one finite mean and one positive deviation per channel")
+            raise DataError(
+                "standardization needs a finite mean and a positive standard deviation per channel"
+            )
         return self
 
 
 def _check_channels(X: Any, channels: int) -> Array:
+    """Return X as an array (cases, channels, time points).
+
+    Raises:
+        DataError: X does not have that shape, is not finite, or has another number of channels.
+    """
     tracks = check_tracks(X)
     if tracks.shape[1] != channels:
         raise DataError(f"trained on tracks of {channels} channels, given {tracks.shape[1]}")

@@ -26,68 +26,77 @@ ANGLES = ("heading", "facing")
 class TrackPoints:
     """Consecutive points of tracks in the robot's frame.
 
-    now, before, first: (..., inputs, points) the points, the predecessor of each, and the first point of each
-        track; a first point is its own predecessor.
+    points, previous: (..., inputs, points) the points, and the predecessor of each; a first point is its own
+        predecessor. first: (..., inputs, points or 1) the first point of each track.
     inputs: the names of the inputs. robot: the robot's pose in the frame of the tracks. rate: points per
         second.
     """
 
     def __init__(
-        self, now: Array, before: Array, first: Array, *, inputs: Sequence[str], robot: Pose, rate: float
+        self,
+        points: Array,
+        previous: Array,
+        first: Array,
+        *,
+        inputs: Sequence[str],
+        robot: Pose,
+        rate: float,
     ) -> None:
-        self.now, self.before, self.first = now, before, first
+        self.points, self.previous, self.first = points, previous, first
         self.robot, self.rate = robot, rate
         self._row = {name: index for index, name in enumerate(inputs)}
 
-    def measured(self, name: str) -> Array | None:
-        """(..., points) one input; None if it is not measured."""
-        return self.now[..., self._row[name], :] if name in self._row else None
+    def find_input(self, name: str) -> Array | None:
+        """(..., points) the input of this name; None if it is not measured."""
+        return self.points[..., self._row[name], :] if name in self._row else None
 
     @cached_property
     def displacement(self) -> Array:
         """(2, ..., points) vector from the first point, in metres, along the robot's axes."""
-        return self._vector_from(self.first)
+        return self._compute_vector_from(self.first)
 
     @cached_property
     def increment(self) -> Array:
         """(2, ..., points) vector from the previous point, in metres, along the robot's axes."""
-        return self._vector_from(self.before)
+        return self._compute_vector_from(self.previous)
 
     @cached_property
     def position(self) -> Array:
         """(2, ..., points) position relative to the robot: metres ahead of it and to its left."""
-        x, y = (self.now[..., self._row[name], :] for name in ("x", "y"))
+        x, y = (self.points[..., self._row[name], :] for name in ("x", "y"))
         return self._rotate(x - self.robot[0], y - self.robot[1])
 
     @property
     def heading(self) -> Array:
         """(2, ..., points) direction of motion: measured, else that of the increment."""
-        angle = self.measured("heading")
+        angle = self.find_input("heading")
         return _normalize(self.increment) if angle is None else self._direction(angle)
 
     @property
     def facing(self) -> Array:
         """(2, ..., points) measured direction of the body or head."""
-        angle = self.measured("facing")
+        angle = self.find_input("facing")
         assert angle is not None  # `check_features`
         return self._direction(angle)
 
     @property
     def velocity(self) -> Array:
         """(1, ..., points) speed, m/s: measured, else length of the increment times the rate."""
-        speed = self.measured("velocity")
+        speed = self.find_input("velocity")
         return (np.hypot(*self.increment) * self.rate if speed is None else speed)[None]
 
-    def _vector_from(self, other: Array) -> Array:
+    def _compute_vector_from(self, other: Array) -> Array:
         x, y = self._row["x"], self._row["y"]
-        return self._rotate(self.now[..., x, :] - other[..., x, :], self.now[..., y, :] - other[..., y, :])
+        return self._rotate(
+            self.points[..., x, :] - other[..., x, :], self.points[..., y, :] - other[..., y, :]
+        )
 
     def _direction(self, angle: Array) -> Array:
         relative = angle - self.robot[2]
         return np.stack([np.cos(relative), np.sin(relative)])
 
     def _rotate(self, x: Array, y: Array) -> Array:
-        """A vector in the frame of the tracks -> the same vector along the robot's axes."""
+        """(2, ..., points) a vector along the axes of the tracks, rotated to the axes of the robot."""
         cosine, sine = np.cos(self.robot[2]), np.sin(self.robot[2])
         return np.stack([cosine * x + sine * y, cosine * y - sine * x])
 
@@ -106,7 +115,9 @@ class MotionFeature:
     needs: tuple[frozenset[str], ...]
 
 
-def _direction_feature(name: str, compute: Callable[[TrackPoints], Array], *needs: set[str]) -> MotionFeature:
+def _make_direction_feature(
+    name: str, compute: Callable[[TrackPoints], Array], *needs: set[str]
+) -> MotionFeature:
     return MotionFeature((f"{name}_cos", f"{name}_sin"), compute, tuple(map(frozenset, needs)))
 
 
@@ -117,8 +128,8 @@ def _normalize(vector: Array) -> Array:
     return unit
 
 
-def _relative(direction: Array, reference: Array) -> Array:
-    """A direction measured anticlockwise from a reference direction, both (2, ...) of length 1 or 0."""
+def _rotate_relative(direction: Array, reference: Array) -> Array:
+    """(2, ...) a direction measured anticlockwise from a reference; both are (2, ...) of length 1 or 0."""
     (dx, dy), (rx, ry) = direction, reference
     return np.stack([rx * dx + ry * dy, rx * dy - ry * dx])
 
@@ -129,16 +140,16 @@ MOTION_FEATURES = {
     "x": MotionFeature(("x",), lambda p: p.displacement[:1], (_XY,)),
     "y": MotionFeature(("y",), lambda p: p.displacement[1:], (_XY,)),
     "velocity": MotionFeature(("velocity",), lambda p: p.velocity, (frozenset({"velocity"}), _XY)),
-    "heading": _direction_feature("heading", lambda p: p.heading, {"heading"}, {"x", "y"}),
-    "facing": _direction_feature("facing", lambda p: p.facing, {"facing"}),
-    "approach": _direction_feature(
-        "approach", lambda p: _relative(p.heading, _normalize(-p.position)), {"x", "y"}
+    "heading": _make_direction_feature("heading", lambda p: p.heading, {"heading"}, {"x", "y"}),
+    "facing": _make_direction_feature("facing", lambda p: p.facing, {"facing"}),
+    "approach": _make_direction_feature(
+        "approach", lambda p: _rotate_relative(p.heading, _normalize(-p.position)), {"x", "y"}
     ),
-    "attention": _direction_feature(
-        "attention", lambda p: _relative(p.facing, _normalize(-p.position)), {"x", "y", "facing"}
+    "attention": _make_direction_feature(
+        "attention", lambda p: _rotate_relative(p.facing, _normalize(-p.position)), {"x", "y", "facing"}
     ),
     "distance": MotionFeature(("distance",), lambda p: np.hypot(*p.position)[None], (_XY,)),
-    "bearing": _direction_feature("bearing", lambda p: _normalize(p.position), {"x", "y"}),
+    "bearing": _make_direction_feature("bearing", lambda p: _normalize(p.position), {"x", "y"}),
 }
 """The motion features by name; the docstring of `Motion` describes each."""
 
@@ -168,11 +179,11 @@ def check_features(features: Sequence[str], inputs: Sequence[str]) -> None:
             )
 
 
-def feature_rows(features: Sequence[str]) -> tuple[str, ...]:
+def list_feature_rows(features: Sequence[str]) -> tuple[str, ...]:
     """The names of the numbers that the features consist of, in order."""
     return tuple(row for name in features for row in MOTION_FEATURES[name].rows)
 
 
 def compute_features(features: Sequence[str], points: TrackPoints) -> Array:
-    """(..., rows, points) the features of the points; rows as in `feature_rows`."""
+    """(..., rows, points) the features of the points; rows as in `list_feature_rows`."""
     return np.moveaxis(np.concatenate([MOTION_FEATURES[name].compute(points) for name in features]), 0, -2)

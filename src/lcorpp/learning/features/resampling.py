@@ -17,13 +17,14 @@ from lcorpp.errors import DataError
 from lcorpp.values import Array
 
 SAME_TIME = 1e-6
-"""Seconds; times that differ by less are equal. Floating-point times since 1970 have a resolution of 2e-7."""
+"""Seconds; times that differ by less are treated as equal. Times since 1970 have a floating-point resolution
+of 2e-7."""
 
 MAX_RATE = 1000.0
 """The highest rate, points per second."""
 
 MAX_POINTS = 10_000_000
-"""The maximal number of points of a track: milliseconds given as seconds could ask for too much memory."""
+"""The maximal number of points of a track: milliseconds taken for seconds would need too much memory."""
 
 InterpolationWeights = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Array]
 """(points,) each: index of the sample before, index of the sample after, and weight of the sample after."""
@@ -68,11 +69,14 @@ def resample(
     elapsed = stamps - stamps[0]
     if elapsed[-1] * rate >= MAX_POINTS:
         raise DataError(f"the track lasts {elapsed[-1]:g} s; expected less than {MAX_POINTS / rate:g} s")
-    return interpolate(track, interpolation_weights(elapsed, rate), angles)
+    return interpolate(track, compute_interpolation_weights(elapsed, rate), angles)
 
 
-def interpolation_weights(elapsed: Array, rate: float) -> InterpolationWeights:
-    """Weights to interpolate samples taken `elapsed` (samples,) seconds after the first at a fixed rate."""
+def compute_interpolation_weights(elapsed: Array, rate: float) -> InterpolationWeights:
+    """Compute the weights that interpolate samples at times `elapsed` (samples,) to a fixed rate.
+
+    elapsed: seconds since the first sample. rate: points per second.
+    """
     at = np.arange(int(elapsed[-1] * rate) + 2) / rate
     after = np.searchsorted(elapsed, at - SAME_TIME)
     known = after < len(elapsed)
@@ -89,11 +93,11 @@ def interpolate(tracks: Array, weights: InterpolationWeights, angles: Sequence[i
     points: Array = tracks[..., before] * (1 - weight) + tracks[..., after] * weight
     for channel in angles:
         start, end = tracks[..., channel, before], tracks[..., channel, after]
-        points[..., channel, :] = start + angle_difference(start, end) * weight
+        points[..., channel, :] = start + compute_angle_difference(start, end) * weight
     return points
 
 
-def angle_difference(start: Array, end: Array) -> Array:
+def compute_angle_difference(start: Array, end: Array) -> Array:
     """end - start, wrapped to [-pi, pi)."""
     return (end - start + np.pi) % (2 * np.pi) - np.pi
 

@@ -89,7 +89,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
         """The fitted state, for `storage`."""
         return {"rows": np.array(float(self.rows_))}
 
-    def from_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+    def restore_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
         """Restore the state that `to_arrays` returned."""
         self.rows_ = int(arrays["rows"])
         return self

@@ -218,7 +218,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         """The fitted state, for `storage`: the classes and every weight."""
         return {**self._fitted_weights().arrays(), "classes": self.classes_.astype(np.str_)}
 
-    def from_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+    def restore_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
         """Restore the state that `to_arrays` returned.
 
         Raises:

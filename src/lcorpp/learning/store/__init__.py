@@ -2,10 +2,10 @@
 
 `Store` appends to it, one process at a time; `read_store` reads it, any number at a time. The tables:
 
-- `store`, one row: identity, channels and classes (JSON lists), interval (s), points;
-- `track`, a row per track: record (its number), id, group_id, label, source, belief (JSON list in the order
-  of the classes), time (ISO 8601), context and extra (JSON objects), points, trajectory (the channels one
-  after the other, little-endian float64), crc32;
+- `store`, one row: identity, channels and classes (JSON lists), interval (s), points, crc32;
+- `track`, a row per track: record (its number), id, group_id, context and extra (JSON objects), label,
+  source, belief (JSON list in the order of the classes), time (ISO 8601), trajectory (the channels one after
+  the other, little-endian float64), crc32;
 - `later_label`, a row per later label: record, track (the track's record), label, source, belief, time,
   crc32.
 
@@ -14,10 +14,10 @@ JSON list, continued over the trajectory's bytes. SQLite's write-ahead log makes
 transaction; checksums and record numbers reveal damage that SQLite does not notice.
 """
 
-from lcorpp.learning.store.contents import Damage
+from lcorpp.learning.store.reading import is_store, read_store
 from lcorpp.learning.store.records import SOURCES, LabelRecord, NewTrack, StoredTrack
 from lcorpp.learning.store.schema import TrackSchema
-from lcorpp.learning.store.snapshot import Snapshot, is_store, read_store
+from lcorpp.learning.store.snapshot import Damage, Snapshot
 from lcorpp.learning.store.writing import Store
 
 __all__ = [

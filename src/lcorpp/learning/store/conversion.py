@@ -1,44 +1,75 @@
-"""Replace the file of a store: convert version 1, or rebuild a damaged file from its readable records."""
+"""Replace the file of a store: convert version 1, or rebuild a damaged file from its intact records.
+
+lcorpp wrote version 1 before it used SQLite. Such a file begins with two equal lines: `lcorpp tracks `,
+CRC-32 in hexadecimal digits, version, JSON. Frames follow: a marker of 16 bytes that the JSON names, CRC-32,
+two lengths (three little-endian uint32), JSON in UTF-8, float64 numbers.
+"""
 
 from __future__ import annotations
 
+import json
 import logging
-import os
-import shutil
 import sqlite3
+import struct
+import zlib
+from collections.abc import Iterator
 from contextlib import closing
+from itertools import count
 from pathlib import Path
+from typing import Any
 
-from lcorpp.errors import FileError
-from lcorpp.files import sync_folder
-from lcorpp.learning.store.contents import Contents, iterate_rows
-from lcorpp.learning.store.database import connect_reader, write_store
-from lcorpp.learning.store.legacy import read_legacy
+from lcorpp.errors import DataError, FileError
+from lcorpp.files import read_bytes, sync_folder, write_atomically
+from lcorpp.learning.store.database import (
+    LEGACY_MAGIC,
+    LENIENT,
+    MAX_HEADER,
+    connect,
+    connect_reader,
+    iterate_rows,
+    read_schema,
+    sibling,
+    write_store,
+)
+from lcorpp.learning.store.records import Row, is_intact, to_json, with_checksum
+from lcorpp.learning.store.schema import TrackSchema
 
 LOG = logging.getLogger("lcorpp.learning")
+
+_LENGTHS = struct.Struct("<III")
 
 
 def convert(path: Path) -> None:
     """Convert a store of version 1 to SQLite and log a warning; the original stays as `PATH.old`.
 
-    The caller has the writer's lock.
+    Of a damaged file all intact frames are converted. The caller has the writer's lock.
 
     Raises:
-        FileError, DataError: as `read_legacy`; or the folder is not writable.
+        FileError: the file cannot be read, another process writes to it, or the folder is not writable.
+        DataError: both copies of its header are damaged.
     """
-    header, tracks, labels = read_legacy(path)
+    content = _read_unlocked(path)
+    names = _parse_header(content, path)
+    schema = TrackSchema(names["channels"], names["interval"], names["classes"], names["points"])
+    tracks, labels = dict[str, Row](), dict[int, Row]()
+    for facts, trajectory in _iterate_frames(content, bytes.fromhex(names["marker"])):
+        number, belief = facts["number"], facts["belief"]
+        label = facts["label"], facts["source"], belief and to_json(belief), facts["time"]
+        if "id" in facts:
+            about = facts["id"], facts["group"], to_json(facts["context"]), to_json(facts["extra"])
+            tracks.setdefault(facts["id"], with_checksum(number, *about, *label, trajectory))
+        elif facts["of"] in tracks:
+            labels.setdefault(number, with_checksum(number, tracks[facts["of"]][0], *label))
     backup = _back_up(path, "old")
-    write_store(path, header, tracks, labels)
+    write_store(path, names["marker"], schema, list(tracks.values()), list(labels.values()))
+    records = len(tracks) + len(labels)
     LOG.warning(
-        "%s: converted from version 1 to SQLite, %d records; the original is %s",
-        path,
-        len(tracks) + len(labels),
-        backup.name,
+        "%s: converted from version 1 to SQLite, %d records; the original is %s", path, records, backup
     )
 
 
-def rebuild(path: Path, contents: Contents) -> str:
-    """Write the readable records of a damaged file to a new one; the original stays as `PATH.damaged`.
+def rebuild(path: Path) -> str:
+    """Write the intact records of a damaged file to a new one; the original stays as `PATH.damaged`.
 
     The caller has the writer's lock.
 
@@ -48,40 +79,72 @@ def rebuild(path: Path, contents: Contents) -> str:
     Raises:
         FileError: another process reads the file, or the folder is not writable.
     """
-    _leave_wal(path)
-    backup = _back_up(path, "damaged")
-    tables = []
-    with closing(connect_reader(backup)) as connection:
-        for table in ("track", "later_label"):
-            rows = iterate_rows(connection, table, contents.last)
-            tables.append([row for row in rows if row[0] in contents.readable])
-    write_store(path, contents.header, *tables)
-    return f"the readable records are in a new file; the damaged one is {backup.name}"
-
-
-def _leave_wal(path: Path) -> None:
-    """Move everything from the write-ahead log to the main file; it fails if a reader is active."""
-    try:
-        with closing(sqlite3.connect(path, timeout=0)) as connection:
+    try:  # move everything from the log to the main file; this fails if a reader is active
+        with closing(connect(path, "mode=rw", ("PRAGMA busy_timeout = 0", *LENIENT))) as connection:
             (mode,) = connection.execute("PRAGMA journal_mode = DELETE").fetchone()
     except sqlite3.DatabaseError as error:
         raise FileError(f"{path}: is damaged and cannot be rebuilt now: {error}") from None
     if mode != "delete":
         raise FileError(f"{path}: is damaged and cannot be rebuilt while another process reads it")
+    with closing(connect_reader(path)) as connection:
+        identity, schema = read_schema(connection)
+        tracks, labels = (
+            list(filter(is_intact, iterate_rows(connection, table))) for table in ("track", "later_label")
+        )
+    backup = _back_up(path, "damaged")
+    write_store(path, identity, schema, tracks, labels)
+    return f"the readable records are in a new file; the damaged one is {backup}"
 
 
-def _back_up(path: Path, suffix: str) -> Path:
-    """Give the file a second name, or copy it where the file system has no links; return that name."""
-    path = Path(os.path.realpath(path))
-    number = 1
-    while (backup := path.with_name(f"{path.name}.{suffix}{'' if number == 1 else f'-{number}'}")).exists():
-        number += 1
-    try:
-        try:
-            os.link(path, backup)
-        except OSError:
-            shutil.copy2(path, backup)
-    except OSError as error:
-        raise FileError(f"{backup}: cannot be written: {error.strerror}") from None
+def _back_up(path: Path, suffix: str) -> str:
+    """Copy a file to `PATH.suffix`, or to a name with a number if there is such a file; return that name."""
+    names = (sibling(path, f".{suffix}{'' if number == 1 else f'-{number}'}") for number in count(1))
+    backup = next(name for name in names if not name.exists())
+    write_atomically(backup, read_bytes(path))
     sync_folder(backup)
-    return backup
+    return backup.name
+
+
+def _read_unlocked(path: Path) -> bytes:
+    """Return the content of a file to which no process writes that uses version 1."""
+    try:
+        with path.open("rb") as file:
+            try:
+                import fcntl
+
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except ImportError:
+                pass  # version 1 had no lock on this system
+            except BlockingIOError:
+                raise FileError(f"{path}: an older lcorpp is writing to it; end that process first") from None
+            return file.read()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _parse_header(content: bytes, path: Path) -> dict[str, Any]:
+    at = content.find(LEGACY_MAGIC, 0, MAX_HEADER)
+    while at >= 0:
+        line = content[at + len(LEGACY_MAGIC) : content.find(b"\n", at)]
+        checksum, _, rest = line.partition(b" ")
+        if checksum == b"%08x" % zlib.crc32(rest) and rest.startswith(b"1 "):
+            names: dict[str, Any] = json.loads(rest[2:])
+            return names
+        at = content.find(LEGACY_MAGIC, at + 1, MAX_HEADER)
+    raise DataError(f"{path}: a store of version 1 whose header is damaged")
+
+
+def _iterate_frames(content: bytes, marker: bytes) -> Iterator[tuple[dict[str, Any], bytes]]:
+    """Yield the JSON object and the numbers of each intact frame."""
+    at = content.find(marker)
+    while at >= 0:
+        body = at + len(marker) + _LENGTHS.size
+        if body > len(content):
+            return
+        checksum, length, size = _LENGTHS.unpack_from(content, at + len(marker))
+        end = body + length + size
+        if end <= len(content) and checksum == zlib.crc32(memoryview(content)[body - 8 : end]):
+            yield json.loads(content[body : body + length]), content[body + length : end]
+            at = content.find(marker, end)
+        else:
+            at = content.find(marker, at + 1)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
-from collections.abc import Iterable
-from contextlib import closing
+from collections.abc import Iterator, Sequence
+from contextlib import closing, suppress
 from pathlib import Path
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.files import sync_folder, write_atomically
-from lcorpp.learning.store.records import Row
-from lcorpp.learning.store.schema import StoreHeader
+from lcorpp.learning.store.records import Row, is_intact, with_checksum
+from lcorpp.learning.store.schema import TrackSchema
 
 APPLICATION_ID, VERSION = 0x6C637472, 2
 """SQLite's `application_id` ("lctr") and `user_version` of a store."""
@@ -30,116 +30,145 @@ TABLES = f"""
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {VERSION};
 CREATE TABLE store (
-    identity TEXT NOT NULL CHECK (length(identity) = 32),
-    channels TEXT NOT NULL,
-    interval REAL NOT NULL CHECK (interval > 0),
-    classes TEXT NOT NULL,
-    points INTEGER CHECK (points >= 2)
+    identity TEXT NOT NULL, channels TEXT NOT NULL, interval REAL NOT NULL, classes TEXT NOT NULL,
+    points INTEGER, crc32 INTEGER NOT NULL
 );
 CREATE TABLE track (
-    record INTEGER PRIMARY KEY AUTOINCREMENT,
-    id TEXT NOT NULL UNIQUE CHECK (id <> ''),
-    group_id TEXT NOT NULL CHECK (group_id <> ''),
-    label TEXT,
-    source TEXT NOT NULL CHECK (source IN ('person', 'robot')),
-    belief TEXT,
-    time TEXT NOT NULL,
-    context TEXT NOT NULL,
-    extra TEXT NOT NULL,
-    points INTEGER NOT NULL CHECK (points >= 2),
-    trajectory BLOB NOT NULL CHECK (length(trajectory) % (8 * points) = 0),
-    crc32 INTEGER NOT NULL
+    record INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, group_id TEXT NOT NULL,
+    context TEXT NOT NULL, extra TEXT NOT NULL, label TEXT, source TEXT NOT NULL, belief TEXT,
+    time TEXT NOT NULL, trajectory BLOB NOT NULL, crc32 INTEGER NOT NULL
 );
 CREATE TABLE later_label (
-    record INTEGER PRIMARY KEY AUTOINCREMENT,
-    track INTEGER NOT NULL REFERENCES track (record),
-    label TEXT,
-    source TEXT NOT NULL CHECK (source IN ('person', 'robot')),
-    belief TEXT,
-    time TEXT NOT NULL,
-    crc32 INTEGER NOT NULL
+    record INTEGER PRIMARY KEY AUTOINCREMENT, track INTEGER NOT NULL REFERENCES track (record),
+    label TEXT, source TEXT NOT NULL, belief TEXT, time TEXT NOT NULL, crc32 INTEGER NOT NULL
 );
 """
 
-INSERT_TRACK = f"INSERT INTO track VALUES ({', '.join('?' * 12)})"
-INSERT_LABEL = f"INSERT INTO later_label VALUES ({', '.join('?' * 7)})"
+LAST_RECORD = "SELECT coalesce(max(CAST(seq AS INTEGER)), 0) FROM sqlite_sequence"
+"""Query for the number of the last record that was ever written."""
+
+MAX_RECORDS = "SELECT page_count * page_size / 32 FROM pragma_page_count, pragma_page_size"
+"""Query for the number of records for which a file has space; it limits a number that is damaged."""
+
+LENIENT = ("PRAGMA writable_schema = ON",)
+"""Statements with which SQLite opens a file that is cut off or whose definitions of tables are damaged."""
+
+READER = ("PRAGMA query_only = ON", "BEGIN", "SELECT 1 FROM sqlite_master")
+"""Statements that begin a transaction for reading, which sees no later writes."""
+
+WRITER = (
+    "PRAGMA journal_mode = WAL",
+    "PRAGMA synchronous = FULL",
+    "PRAGMA foreign_keys = ON",
+    "PRAGMA fullfsync = ON",  # macOS; without effect elsewhere
+    "PRAGMA checkpoint_fullfsync = ON",
+)
 
 
-def check_is_file(path: Path) -> None:
-    """Check that a store can be at `path`: a missing file in an existing folder, or a regular file.
+def sibling(path: Path, suffix: str) -> Path:
+    """Return the file whose name is that of a store, without symbolic links, and a suffix."""
+    return Path(f"{os.path.realpath(path)}{suffix}")
+
+
+def detect_version(path: Path) -> int | None:
+    """Return the format version of a store; 0 for an empty file, None for a missing one.
+
+    SQLite opens the file first, because to close it otherwise releases all locks of this process.
 
     Raises:
-        FileError: `path` is a folder or device, or its folder is missing.
-    """
-    try:
-        if path.exists() and not path.is_file():
-            raise FileError(f"{path}: is not a file; a store of tracks is one")
-        os.stat(path.parent)
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path}: cannot be opened: {getattr(error, 'strerror', None) or error}") from None
-
-
-def detect_version(path: Path) -> int:
-    """Return the format version of a store; 0 for an empty file.
-
-    Raises:
-        FileError: the file cannot be read.
+        FileError: the file cannot be read, `path` is a folder or device, or its folder is missing.
         DataError: the file is not a store, is damaged at its beginning, or has a newer version.
     """
+    queries = "PRAGMA application_id", "PRAGMA user_version"
     try:
-        if not path.stat().st_size:
-            return 0
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True)) as connection:
-            (application,) = connection.execute("PRAGMA application_id").fetchone()
-            (version,) = connection.execute("PRAGMA user_version").fetchone()
-    except sqlite3.DatabaseError:
-        return _detect_legacy(path)
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if application != APPLICATION_ID:
-        raise DataError(f"{path}: an SQLite file, but not a store of tracks")
-    if version != VERSION:
-        raise DataError(f"{path}: its version is {version}; this lcorpp reads versions 1 and {VERSION}")
-    return VERSION
-
-
-def _detect_legacy(path: Path) -> int:
-    try:
+        if not path.exists():
+            os.stat(path.parent)
+            return None
+        if not path.is_file():
+            raise FileError(f"{path}: is not a file; a store of tracks is one")
+        try:
+            with closing(connect(path, "immutable=1", LENIENT)) as connection:
+                application, version = (connection.execute(query).fetchone()[0] for query in queries)
+        except sqlite3.DatabaseError:
+            application = version = 0
+        if application == APPLICATION_ID:
+            if version == VERSION:
+                return VERSION
+            raise DataError(f"{path}: its version is {version}; this lcorpp reads versions 1 and {VERSION}")
         with path.open("rb") as file:
             start = file.read(MAX_HEADER)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     line = start.rstrip(b"\0")
     if b"\n" not in line and (LEGACY_MAGIC.startswith(line) or line.startswith(LEGACY_MAGIC)):
-        return 0  # the header that an interrupted process began to write
+        return 0  # empty, or the header that an interrupted process of version 1 began to write
     if LEGACY_MAGIC in start:
         return 1
-    if start.startswith(b"SQLite format 3\0"):
-        raise DataError(f"{path}: an SQLite file whose first page is damaged")
-    raise DataError(f"{path}: not a store of tracks")
+    kind = "an SQLite file, but " if start.startswith(b"SQLite format 3\0") else ""
+    raise DataError(f"{path}: {kind}not a store of tracks, or its first page is damaged")
 
 
 def write_store(
-    path: Path, header: StoreHeader, tracks: Iterable[Row] = (), labels: Iterable[Row] = ()
+    path: Path, identity: str, schema: TrackSchema, tracks: Sequence[Row] = (), labels: Sequence[Row] = ()
 ) -> None:
-    """Write a new store with the given rows, whole or not at all, in place of the file at `path`.
-
-    Raises:
-        FileError: the file cannot be written.
-    """
-    schema = header.schema
+    """Write a new store with the given rows, whole or not at all, in place of the file at `path`."""
     names = json.dumps(schema.channels), schema.interval, json.dumps(schema.classes), schema.points
     with closing(sqlite3.connect(":memory:")) as connection:
         connection.executescript(TABLES)
-        connection.execute("INSERT INTO store VALUES (?, ?, ?, ?, ?)", (header.identity, *names))
-        connection.executemany(INSERT_TRACK, tracks)
-        connection.executemany(INSERT_LABEL, labels)
+        insert(connection, "store", [with_checksum(identity, *names)])
+        insert(connection, "track", tracks)
+        insert(connection, "later_label", labels)
         connection.commit()
         content = connection.serialize()
     for suffix in ("-wal", "-shm", "-journal"):  # of a file that was deleted
-        Path(f"{os.path.realpath(path)}{suffix}").unlink(missing_ok=True)
+        sibling(path, suffix).unlink(missing_ok=True)
     write_atomically(path, content)
     sync_folder(path)
+
+
+def insert(connection: sqlite3.Connection, table: str, rows: Sequence[Row]) -> None:
+    """Insert whole rows into a table."""
+    if rows:
+        marks = ", ".join("?" * len(rows[0]))
+        connection.executemany(f"INSERT INTO {table} VALUES ({marks})", rows)
+
+
+def read_schema(connection: sqlite3.Connection) -> tuple[str, TrackSchema]:
+    """Return the identity and the schema of a store; a DataError or ValueError means damage."""
+    (row,) = connection.execute("SELECT * FROM store")
+    if not is_intact(row):
+        raise DataError("its checksum is wrong")
+    identity, channels, interval, classes, points, _ = row
+    return identity, TrackSchema(json.loads(channels), interval, json.loads(classes), points)
+
+
+def iterate_rows(connection: sqlite3.Connection, table: str) -> Iterator[Row]:
+    """Yield each readable row of a table of records once, in the order of the numbers, past damaged pages."""
+    query, start, numbers = f"SELECT * FROM {table} WHERE record", 1, set[int]()
+    last = read_last_record(connection)
+    while start <= last + 1:
+        try:
+            for row in connection.execute(f"{query} >= ? ORDER BY record", (start,)):
+                start = max(start, row[0] + 1)
+                if row[0] not in numbers:
+                    numbers.add(row[0])
+                    yield row
+            return
+        except sqlite3.DatabaseError:  # a damaged page: try the next record
+            if start not in numbers:
+                numbers.add(start)
+                with suppress(sqlite3.DatabaseError):
+                    yield from connection.execute(f"{query} = ?", (start,)).fetchall()
+            start += 1
+
+
+def read_last_record(connection: sqlite3.Connection) -> int:
+    """Return the number of the last record that was ever written; 0 if it is unreadable."""
+    try:
+        (last,), (space,) = (connection.execute(query).fetchone() for query in (LAST_RECORD, MAX_RECORDS))
+    except sqlite3.DatabaseError:
+        return 0
+    return int(min(last, space))
 
 
 def acquire_lock(path: Path) -> sqlite3.Connection:
@@ -151,9 +180,7 @@ def acquire_lock(path: Path) -> sqlite3.Connection:
     Raises:
         FileError: another process, or this one, has the lock; or the folder is not writable.
     """
-    lock = sqlite3.connect(
-        f"{os.path.realpath(path)}-lock", timeout=0, isolation_level=None, check_same_thread=False
-    )
+    lock = sqlite3.connect(sibling(path, "-lock"), timeout=0, isolation_level=None, check_same_thread=False)
     try:
         lock.execute("BEGIN IMMEDIATE")
     except sqlite3.Error as error:
@@ -167,60 +194,32 @@ def acquire_lock(path: Path) -> sqlite3.Connection:
     return lock
 
 
-def connect_writer(path: Path) -> sqlite3.Connection:
-    """Open a store for writing with a write-ahead log.
-
-    Raises:
-        sqlite3.Error: SQLite cannot open the file.
-    """
-    connection = _connect(path, "mode=rw")
-    try:
-        for pragma in (
-            "journal_mode = WAL",
-            "synchronous = FULL",
-            "foreign_keys = ON",
-            "fullfsync = ON",  # macOS; without effect elsewhere
-            "checkpoint_fullfsync = ON",
-        ):
-            connection.execute(f"PRAGMA {pragma}")
-    except BaseException:
-        connection.close()
-        raise
-    return connection
-
-
-def connect_reader(path: Path) -> sqlite3.Connection:
-    """Open a store for reading, as of one moment: a transaction that sees no later writes.
-
-    A store that is not open elsewhere can be read from a read-only folder.
-
-    Raises:
-        sqlite3.Error: SQLite cannot open the file.
-    """
-    connection = _connect(path, "mode=rw")
-    try:
-        connection.execute("SELECT 1 FROM sqlite_master").fetchone()
-    except sqlite3.OperationalError:
-        connection.close()
-        if Path(f"{os.path.realpath(path)}-wal").exists():
-            raise
-        connection = _connect(path, "immutable=1")
-    except BaseException:
-        connection.close()
-        raise
-    for pragma in ("query_only = ON", "writable_schema = ON"):  # the second accepts a truncated file
-        connection.execute(f"PRAGMA {pragma}")
-    connection.execute("BEGIN")
-    return connection
-
-
-def _connect(path: Path, mode: str) -> sqlite3.Connection:
+def connect(path: Path, mode: str, statements: Sequence[str] = ()) -> sqlite3.Connection:
+    """Open an SQLite file with an option for its URI and execute statements."""
+    uri = f"{path.absolute().as_uri()}?{mode}"
     connection = sqlite3.connect(
-        f"{path.absolute().as_uri()}?{mode}",
-        uri=True,
-        timeout=TIMEOUT,
-        isolation_level=None,
-        check_same_thread=False,
+        uri, uri=True, timeout=TIMEOUT, isolation_level=None, check_same_thread=False
     )
     connection.text_factory = lambda text: text.decode(errors="replace")
+    try:
+        for statement in statements:
+            connection.execute(statement).fetchall()
+    except BaseException:
+        connection.close()
+        raise
     return connection
+
+
+def connect_writer(path: Path) -> sqlite3.Connection:
+    """Open a store for writing, with a write-ahead log."""
+    return connect(path, "mode=rw", WRITER)
+
+
+def connect_reader(path: Path, statements: Sequence[str] = LENIENT) -> sqlite3.Connection:
+    """Open a store for reading, as of one moment; in a read-only folder only if it is not open elsewhere."""
+    try:
+        return connect(path, "mode=rw", (*statements, *READER))
+    except sqlite3.OperationalError:
+        if sibling(path, "-wal").exists():
+            raise
+        return connect(path, "immutable=1", (*statements, *READER))

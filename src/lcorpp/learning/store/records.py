@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from types import MappingProxyType
@@ -26,11 +26,8 @@ FLOAT64 = np.dtype("<f8")
 
 to_json = json.JSONEncoder(allow_nan=False, separators=(",", ":")).encode
 
-BELIEF_TOLERANCE = 1e-8
-"""Tolerance for a stored belief; it was checked exactly when it was written."""
-
 Row = tuple[Any, ...]
-"""A row of the table `track` or `later_label`; the last cell is its checksum."""
+"""A row of a table; the last cell is its checksum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,101 +133,24 @@ def encode_track(track: NewTrack, record: int, id: str, schema: TrackSchema) -> 
     trajectory = _check_trajectory(track.trajectory, schema)
     group = track_hash(trajectory) if track.group is None else track.group
     for what, name in (("id", id), ("group", group)):
-        if not isinstance(name, str) or not name or not _is_unicode(name):
+        if not isinstance(name, str) or not name or name.encode(errors="ignore").decode() != name:
             raise DataError(f"the {what} of a track is text, not {name!r}")
     for name, value in track.context.items():
         if not isinstance(name, str) or not isinstance(value, str):
             raise DataError(f"the context has {name!r}: {value!r}; expected text for both")
-    return with_checksum(
-        record,
-        id,
-        group,
-        *_encode_label_cells(track.label, track.source, track.belief, track.time, schema),
-        _check_json(dict(track.context)),
-        _check_json(dict(track.extra)),
-        trajectory.shape[1],
-        trajectory.astype(FLOAT64).tobytes(),
-    )
+    facts = _encode_json(dict(track.context)), _encode_json(dict(track.extra))
+    label = encode_label(track.label, track.source, track.belief, track.time, schema)
+    return with_checksum(record, id, group, *facts, *label, trajectory.astype(FLOAT64).tobytes())
 
 
 def encode_label(
-    record: int,
-    track: int,
-    label: str | None,
-    source: str,
-    belief: Distribution | None,
-    time: datetime | None,
-    schema: TrackSchema,
+    label: str | None, source: str, belief: Distribution | None, time: datetime | None, schema: TrackSchema
 ) -> Row:
-    """Convert a later label of the track with the record number `track` to a row of `later_label`.
+    """Convert a label to the cells label, source, belief and time of a row.
 
     Raises:
         DataError: an unknown class or source, a belief over other values, or a time without a zone.
     """
-    return with_checksum(record, track, *_encode_label_cells(label, source, belief, time, schema))
-
-
-def decode_track(row: Row, schema: TrackSchema) -> StoredTrack:
-    """Convert a row of `track`, without its trajectory.
-
-    Raises:
-        DataError: the checksum is wrong, or a cell has a value that lcorpp does not write.
-    """
-    check_checksum(row)
-    record, id, group, label, source, belief, time, context, extra, points, trajectory, _ = row
-    if schema.points not in (None, points) or len(trajectory) != points * len(schema.channels) * 8:
-        raise DataError(f"{len(trajectory)} bytes of trajectory for {points} time points")
-    history = (_decode_label_cells(label, source, belief, time, schema),)
-    facts = MappingProxyType(json.loads(context))
-    return StoredTrack(record, id, group, facts, MappingProxyType(json.loads(extra)), points, history)
-
-
-def decode_label(row: Row, schema: TrackSchema) -> tuple[int, int, LabelRecord]:
-    """Convert a row of `later_label` to its record number, its track's record number and its label record.
-
-    Raises:
-        DataError: as `decode_track`.
-    """
-    check_checksum(row)
-    record, track, label, source, belief, time, _ = row
-    return record, track, _decode_label_cells(label, source, belief, time, schema)
-
-
-def decode_trajectory(row: Row, schema: TrackSchema) -> Array:
-    """(channels, time points) the trajectory in a row of `track`, read-only.
-
-    Raises:
-        DataError: as `decode_track`.
-    """
-    check_checksum(row)
-    array: Array = np.frombuffer(row[-2], FLOAT64).reshape(len(schema.channels), -1)
-    return array
-
-
-def with_checksum(*cells: Any) -> Row:
-    """Append the CRC-32 of the cells: of all but a final BLOB as JSON, then of the BLOB."""
-    return (*cells, _checksum(cells))
-
-
-def _checksum(cells: Row) -> int:
-    blob = cells[-1] if isinstance(cells[-1], bytes) else b""
-    text = to_json(cells[:-1] if blob else cells)
-    return zlib.crc32(blob, zlib.crc32(text.encode()))
-
-
-def check_checksum(row: Row) -> None:
-    """Raise a DataError if the last cell of a row is not the checksum of the others."""
-    try:
-        right = _checksum(row[:-1]) == row[-1]
-    except (TypeError, ValueError):  # a cell of another type
-        right = False
-    if not right:
-        raise DataError("its checksum is wrong")
-
-
-def _encode_label_cells(
-    label: str | None, source: str, belief: Distribution | None, time: datetime | None, schema: TrackSchema
-) -> tuple[str | None, str, str | None, str]:
     if label is not None and label not in schema.classes:
         raise DataError(f"unknown class {label!r}; {expected_one_of(schema.classes)}")
     if source not in SOURCES:
@@ -242,26 +162,38 @@ def _encode_label_cells(
     time = datetime.now(UTC) if time is None else time
     if not isinstance(time, datetime) or time.utcoffset() is None:
         raise DataError(f"the time {time!r} lacks a zone; expected a datetime such as datetime.now(UTC)")
-    return (
-        label,
-        source,
-        None if belief is None else _check_json(belief.probabilities.tolist()),
-        time.isoformat(),
-    )
+    shares = None if belief is None else _encode_json(belief.probabilities.tolist())
+    return label, source, shares, time.isoformat()
 
 
-def _decode_label_cells(
-    label: str | None, source: str, belief: str | None, time: str, schema: TrackSchema
-) -> LabelRecord:
-    if (label is not None and label not in schema.classes) or source not in SOURCES:
-        raise DataError(f"unknown class {label!r} or source {source!r}")
-    when = datetime.fromisoformat(time)
-    if belief is None:
-        return LabelRecord(label, source, when, None)
-    shares = json.loads(belief)
-    if len(shares) != len(schema.classes) or abs(sum(shares) - 1) > BELIEF_TOLERANCE:
-        raise DataError(f"a belief of {shares} over {len(schema.classes)} classes")
-    return LabelRecord(label, source, when, Distribution.unchecked(schema.classes, freeze(shares)))
+def decode_track(row: Row, schema: TrackSchema) -> StoredTrack:
+    """Convert an intact row of `track`, without its trajectory."""
+    record, id, group, context, extra, *label, trajectory, _ = row
+    facts = MappingProxyType(json.loads(context)), MappingProxyType(json.loads(extra))
+    points = len(trajectory) // (FLOAT64.itemsize * len(schema.channels))
+    return StoredTrack(record, id, group, *facts, points, (decode_label(label, schema),))
+
+
+def decode_label(cells: Sequence[Any], schema: TrackSchema) -> LabelRecord:
+    """Convert the cells label, source, belief and time of an intact row."""
+    label, source, shares, time = cells
+    belief = None if shares is None else Distribution.unchecked(schema.classes, freeze(json.loads(shares)))
+    return LabelRecord(label, source, datetime.fromisoformat(time), belief)
+
+
+def with_checksum(*cells: Any) -> Row:
+    """Append the CRC-32 of the cells: of all but a final BLOB as JSON, then of the BLOB."""
+    blob = cells[-1] if isinstance(cells[-1], bytes) else b""
+    text = to_json(cells[:-1] if blob else cells)
+    return (*cells, zlib.crc32(blob, zlib.crc32(text.encode())))
+
+
+def is_intact(row: Row) -> bool:
+    """Whether the last cell of a row is the checksum of the others."""
+    try:
+        return with_checksum(*row[:-1]) == row
+    except (TypeError, ValueError):  # a cell of another type
+        return False
 
 
 def _check_trajectory(trajectory: npt.ArrayLike, schema: TrackSchema) -> Array:
@@ -291,16 +223,7 @@ def _check_trajectory(trajectory: npt.ArrayLike, schema: TrackSchema) -> Array:
     return array
 
 
-def _is_unicode(text: str) -> bool:
-    """Whether UTF-8 can encode the text, i.e. it has no lone surrogates."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
-
-
-def _check_json(value: Any) -> str:
+def _encode_json(value: Any) -> str:
     try:
         text = to_json(value)
     except (ValueError, TypeError, RecursionError) as error:

@@ -67,14 +67,6 @@ class TrackSchema:
                 raise DataError(f"{where}: its {what}: {here}; the tracks to be stored have: {there}")
 
 
-@dataclass(frozen=True)
-class StoreHeader:
-    """The schema of a store, and its identity: 32 hexadecimal digits that no other store has."""
-
-    schema: TrackSchema
-    identity: str
-
-
 def _check_names(what: str, names: Sequence[str]) -> tuple[str, ...]:
     if isinstance(names, str) or not isinstance(names, Sequence) or not names:
         raise DataError(f"the {what} of a store are a sequence of names, not {names!r}")

@@ -12,18 +12,27 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.errors import DataError, FileError, expected_one_of
-from lcorpp.learning.data.tracks import Recording, Track
-from lcorpp.learning.store.contents import DECODING_ERRORS, Contents, Damage, read_contents
-from lcorpp.learning.store.conversion import convert
-from lcorpp.learning.store.database import (
-    acquire_lock,
-    check_is_file,
-    connect_reader,
-    detect_version,
-)
-from lcorpp.learning.store.records import SOURCES, StoredTrack, decode_trajectory
+from lcorpp.learning.store.database import connect_reader, iterate_rows
+from lcorpp.learning.store.records import FLOAT64, SOURCES, StoredTrack, is_intact
 from lcorpp.learning.store.schema import TrackSchema
 from lcorpp.values import Array, Dataset
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A damaged place in a store.
+
+    description: the records or the page, and the fault. lost: number of records lost by it.
+    structural: whether SQLite's own structure is damaged there, so that nothing can be appended safely.
+    """
+
+    description: str
+    lost: int = 0
+    structural: bool = False
+
+    def __str__(self) -> str:
+        plural = "s" * (self.lost != 1)
+        return f"{self.description}; {self.lost} record{plural} lost" if self.lost else self.description
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,6 +41,7 @@ class Snapshot:
 
     path: the file. schema: what all its tracks have in common. tracks: in the order of their records.
     records: number of tracks and later labels. damage: damaged places; their records are lost.
+    identity: 32 hexadecimal digits that no other store has.
     """
 
     path: Path
@@ -39,11 +49,7 @@ class Snapshot:
     tracks: tuple[StoredTrack, ...]
     records: int
     damage: tuple[Damage, ...]
-
-    @classmethod
-    def from_contents(cls, path: Path, contents: Contents) -> Snapshot:
-        """Return a snapshot of contents that were read from `path`."""
-        return cls(path, contents.header.schema, contents.tracks, len(contents.readable), contents.damage)
+    identity: str
 
     def __len__(self) -> int:
         return len(self.tracks)
@@ -98,25 +104,56 @@ class Snapshot:
             and (labels is None or track.label in labels)
         )
 
-    def trajectories(self, tracks: Sequence[StoredTrack] | None = None) -> Array:
+    def trajectories(
+        self, tracks: Sequence[StoredTrack] | None = None, *, points: int | None = None
+    ) -> Array:
         """(cases, channels, time points) the trajectories of some tracks of this snapshot; by default of all.
+
+        Args:
+            points: only the last time points of each track; None takes all.
 
         Raises:
             DataError: the tracks differ in their number of time points.
             FileError: the file cannot be read, or was changed or damaged after the snapshot.
         """
         tracks = self.tracks if tracks is None else tracks
-        points = tracks[0].points if tracks else self.schema.points or 2
-        for track in tracks:
-            if track.points != points:
-                raise DataError(
-                    f"{self.path}: track {track.id!r} has {track.points} time points and {tracks[0].id!r}"
-                    f" {points}; a data set needs an equal number: select tracks, or cut them with `points`"
-                )
+        if points is None:
+            points = tracks[0].points if tracks else self.schema.points or 2
+            for track in tracks:
+                if track.points != points:
+                    raise DataError(
+                        f"{self.path}: track {track.id!r} has {track.points} time points and"
+                        f" {tracks[0].id!r} {points}; a data set needs an equal number: select tracks, or cut"
+                        " them with `points`"
+                    )
         numbers = np.empty((len(tracks), len(self.schema.channels), points))
-        for row, array in zip(numbers, self._read_trajectories(tracks), strict=True):
-            row[:] = array
+        for row, array in zip(numbers, self.iterate_trajectories(tracks), strict=True):
+            row[:] = array[:, -points:]
         return numbers
+
+    def iterate_trajectories(self, tracks: Sequence[StoredTrack]) -> Iterator[Array]:
+        """Yield the trajectory of each track, (channels, time points); its checksum is checked again.
+
+        Raises:
+            FileError: as `trajectories`.
+        """
+        if not tracks:
+            return
+        query = "SELECT * FROM track WHERE record = ?"
+        try:
+            with closing(connect_reader(self.path)) as connection:
+                for track in tracks:
+                    row = connection.execute(query, (track.record,)).fetchone()
+                    if row is None:  # the order of the records is damaged
+                        rows = iterate_rows(connection, "track")
+                        row = next((row for row in rows if row[0] == track.record), None)
+                    if row is None or row[1] != track.id or not is_intact(row):
+                        raise DataError(f"record {track.record} is not track {track.id!r} as it was")
+                    yield np.frombuffer(row[-2], FLOAT64).reshape(len(self.schema.channels), -1)
+        except (sqlite3.Error, DataError) as error:
+            raise FileError(
+                f"{self.path}: a track can no longer be read; the file was changed or damaged: {error}"
+            ) from None
 
     def dataset(self, tracks: Sequence[StoredTrack] | None = None, *, points: int | None = None) -> Dataset:
         """Return labelled tracks as a data set, in their order; its notes describe damage to the store.
@@ -131,29 +168,24 @@ class Snapshot:
             FileError: as `trajectories`.
         """
         tracks = self.select() if tracks is None else tracks
-        notes = tuple(str(damage) for damage in self.damage)
-        if points is None:
-            numbers = self.trajectories(tracks)
-        elif points < 2:
-            raise DataError(f"tracks cut to {points} time points show no motion; at least 2 are needed")
-        else:
-            long = [track for track in tracks if track.points >= points]
-            if len(long) < len(tracks):
-                notes += (f"{len(tracks) - len(long)} tracks of fewer than {points} time points left out",)
-            tracks = long
-            cut = [array[:, -points:] for array in self._read_trajectories(tracks)]
-            numbers = np.reshape(cut, (len(tracks), len(self.schema.channels), points))
+        notes = [str(damage) for damage in self.damage]
+        if points is not None:
+            if points < 2:
+                raise DataError(f"tracks cut to {points} time points show no motion; at least 2 are needed")
+            count, tracks = len(tracks), [track for track in tracks if track.points >= points]
+            if len(tracks) < count:
+                notes.append(f"{count - len(tracks)} tracks of fewer than {points} time points left out")
         labels = []
         for track in tracks:
             if track.label is None:
                 raise DataError(f"{self.path}: track {track.id!r} has no label to learn from")
             labels.append(track.label)
         return Dataset(
-            numbers,
+            self.trajectories(tracks, points=points),
             tuple(labels),
             tuple(track.group for track in tracks),
             source=str(self.path),
-            notes=notes,
+            notes=tuple(notes),
             interval=self.schema.interval,
             channels=self.schema.channels,
         )
@@ -166,24 +198,6 @@ class Snapshot:
         tracks = self.select() if tracks is None else tracks
         confidence = np.array([track.label_record.confidence for track in tracks], dtype=np.float64)
         return np.where(np.isnan(confidence), 1.0, confidence)
-
-    def recording(self) -> Recording:
-        """Return all tracks with their labels as a `Recording`, e.g. for `write_recording`.
-
-        Raises:
-            DataError: the tracks have no x or y. FileError: as `trajectories`.
-        """
-        tracks = [
-            Track(
-                stored.id,
-                np.arange(float(stored.points)) * self.schema.interval,
-                dict(zip(self.schema.channels, numbers, strict=True)),
-                stored.label,
-                stored.group,
-            )
-            for stored, numbers in zip(self.tracks, self._read_trajectories(self.tracks), strict=True)
-        ]
-        return Recording(tuple(tracks), str(self.path))
 
     def counts(self) -> Mapping[tuple[str | None, str], int]:
         """(label, source) -> number of tracks, in the order of the classes."""
@@ -202,69 +216,3 @@ class Snapshot:
             for (label, source), count in self.counts().items()
         )
         return f"{len(self)} tracks" + (f" ({counts})" if counts else "")
-
-    def _read_trajectories(self, tracks: Sequence[StoredTrack]) -> Iterator[Array]:
-        """Yield the trajectory of each track, (channels, time points); its checksum is checked again."""
-        if not tracks:
-            return
-        check_is_file(self.path)
-        try:
-            with closing(connect_reader(self.path)) as connection:
-                for track in tracks:
-                    row = connection.execute(
-                        "SELECT * FROM track WHERE record = ?", (track.record,)
-                    ).fetchone()
-                    if row is None or row[1] != track.id:
-                        raise DataError(f"record {track.record} is not track {track.id!r}")
-                    yield decode_trajectory(row, self.schema)
-        except (sqlite3.Error, *DECODING_ERRORS) as error:
-            raise FileError(
-                f"{self.path}: a track can no longer be read; the file was changed or damaged: {error}"
-            ) from None
-
-
-def read_store(path: str | Path) -> Snapshot:
-    """Read a store; this does not disturb a process that writes to it.
-
-    A store of version 1 is converted to SQLite first, with a warning in the log.
-
-    Raises:
-        FileError: the file is missing or unreadable.
-        DataError: the file is not a store, has a newer version, or its header is damaged.
-    """
-    path = Path(path)
-    check_is_file(path)
-    version = detect_version(path)
-    if version == 0:
-        raise DataError(f"{path}: an empty file; expected a store of tracks")
-    if version == 1:
-        with closing(acquire_lock(path)):
-            if detect_version(path) == 1:  # no other process was faster
-                convert(path)
-    return Snapshot.from_contents(path, load_contents(path))
-
-
-def load_contents(path: Path) -> Contents:
-    """Read all records of the SQLite file at `path`.
-
-    Raises:
-        DataError: its header is damaged. FileError: SQLite cannot open the file.
-    """
-    try:
-        with closing(connect_reader(path)) as connection:
-            return read_contents(connection)
-    except sqlite3.OperationalError as error:
-        raise FileError(f"{path}: cannot be read: {error}") from None
-    except (sqlite3.Error, *DECODING_ERRORS) as error:
-        raise DataError(f"{path}: a store whose header is damaged: {error}") from None
-
-
-def is_store(path: str | Path) -> bool:
-    """Whether a file is a store, by its name, *.tracks, or its first bytes."""
-    path = Path(path)
-    if not path.is_file():
-        return False
-    try:
-        return path.suffix == ".tracks" or detect_version(path) > 0
-    except DataError:
-        return False

@@ -13,20 +13,20 @@ from uuid import uuid4
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.files import sync, sync_folder
-from lcorpp.learning.store.contents import LAST_RECORD
 from lcorpp.learning.store.conversion import convert, rebuild
 from lcorpp.learning.store.database import (
-    INSERT_LABEL,
-    INSERT_TRACK,
+    LAST_RECORD,
     acquire_lock,
-    check_is_file,
     connect_writer,
     detect_version,
+    insert,
+    sibling,
     write_store,
 )
-from lcorpp.learning.store.records import NewTrack, Row, encode_label, encode_track
-from lcorpp.learning.store.schema import StoreHeader, TrackSchema
-from lcorpp.learning.store.snapshot import Snapshot, load_contents
+from lcorpp.learning.store.reading import load_snapshot
+from lcorpp.learning.store.records import NewTrack, Row, encode_label, encode_track, with_checksum
+from lcorpp.learning.store.schema import TrackSchema
+from lcorpp.learning.store.snapshot import Snapshot
 from lcorpp.values import Distribution
 
 
@@ -60,9 +60,7 @@ class Store:
                 damaged.
         """
         self.path, self.schema = Path(path), schema
-        check_is_file(self.path)
-        if self.path.exists():
-            detect_version(self.path)
+        detect_version(self.path)
         self._lock = acquire_lock(self.path)
         try:
             self.identity, self.notes = self._prepare()
@@ -82,7 +80,7 @@ class Store:
 
     def snapshot(self) -> Snapshot:
         """Return the current content; it stays the same when the store grows."""
-        return Snapshot.from_contents(self.path, load_contents(self.path))
+        return load_snapshot(self.path)
 
     def __len__(self) -> int:
         """Number of tracks."""
@@ -126,7 +124,7 @@ class Store:
                 which = f"track {index} of {len(tracks)} (counted from 0)" if len(tracks) > 1 else "the track"
                 raise DataError(f"{self.path}: {which} is not stored: {error}") from None
             ids[id] = None
-        self._write(INSERT_TRACK, rows, durable)
+        self._write("track", rows, durable)
         return list(ids)
 
     def relabel(
@@ -151,10 +149,10 @@ class Store:
         if not track:
             raise DataError(f"{self.path}: no track {id!r} to label")
         try:
-            row = encode_label(self.last_record + 1, track[0], label, source, belief, time, self.schema)
+            cells = encode_label(label, source, belief, time, self.schema)
         except DataError as error:
             raise DataError(f"{self.path}: track {id!r} not labelled: {error}") from None
-        self._write(INSERT_LABEL, [row], True)
+        self._write("later_label", [with_checksum(self.last_record + 1, track[0], *cells)], True)
 
     def sync(self) -> None:
         """Return when all appended records are on the disk.
@@ -164,7 +162,7 @@ class Store:
         """
         self._connect()
         try:
-            log = os.open(f"{os.path.realpath(self.path)}-wal", os.O_RDWR)
+            log = os.open(sibling(self.path, "-wal"), os.O_RDWR)
             try:
                 sync(log)
             finally:
@@ -191,19 +189,19 @@ class Store:
 
     def _prepare(self) -> tuple[str, tuple[str, ...]]:
         """Create, convert or rebuild the file if necessary; return its identity and the notes."""
-        version = detect_version(self.path) if self.path.exists() else 0
-        if version == 0:
-            write_store(self.path, StoreHeader(self.schema, uuid4().hex))
+        version = detect_version(self.path)
+        if not version:
+            write_store(self.path, uuid4().hex, self.schema)
         elif version == 1:
             convert(self.path)
-        contents = load_contents(self.path)
-        contents.header.schema.check_equal(self.schema, str(self.path))
-        notes = list(map(str, contents.damage))
-        if any(damage.structural for damage in contents.damage):
-            notes.append(rebuild(self.path, contents))
-        return contents.header.identity, tuple(f"{self.path}: {note}" for note in notes)
+        snapshot = load_snapshot(self.path)
+        snapshot.schema.check_equal(self.schema, str(self.path))
+        notes = list(map(str, snapshot.damage))
+        if any(damage.structural for damage in snapshot.damage):
+            notes.append(rebuild(self.path))
+        return snapshot.identity, tuple(f"{self.path}: {note}" for note in notes)
 
-    def _write(self, statement: str, rows: list[Row], durable: bool) -> None:
+    def _write(self, table: str, rows: list[Row], durable: bool) -> None:
         """Insert rows in one transaction: all or, on an error, none."""
         connection = self._connect()
         if _identify_file(self.path) != self._file:
@@ -212,7 +210,7 @@ class Store:
             connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
             with connection:
                 connection.execute("BEGIN IMMEDIATE")
-                connection.executemany(statement, rows)
+                insert(connection, table, rows)
         except sqlite3.Error as error:
             if error.sqlite_errorcode not in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_BUSY):
                 self.close()  # only reading the file again shows what the disk has

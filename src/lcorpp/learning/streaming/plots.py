@@ -12,13 +12,13 @@ from lcorpp.learning.streaming.timeline import PredictionTimeline
 from lcorpp.plot_style import BLUE, COLOURS, INK, MUTED, ORANGE, despine, save_figure, with_style
 from lcorpp.values import Array
 
-EXAMPLES = 6
+N_EXAMPLES = 6
 """People of each class drawn one by one."""
 
 
 @with_style
 def draw_timeline(
-    timeline: PredictionTimeline, *, class_name: str | None = None, examples: int = EXAMPLES
+    timeline: PredictionTimeline, *, class_name: str | None = None, examples: int = N_EXAMPLES
 ) -> Figure:
     """Draw the probability of a class over time and, for two classes, the AUC below it.
 
@@ -44,7 +44,7 @@ def draw_timeline(
     for number, each in enumerate(ordered):
         colour = (BLUE, ORANGE)[number] if number < 2 else COLOURS[number]
         _draw_class(axes[0, 0], seconds, probabilities[labels == each], each, colour, examples)
-    axes[0, 0].set(ylim=(0, 1), ylabel=f"probability of {_words(name)}")
+    axes[0, 0].set(ylim=(0, 1), ylabel=f"probability of {_format_name(name)}")
     axes[0, 0].legend(frameon=False, loc="upper left")
     despine(axes[0, 0])
     if binary:
@@ -58,7 +58,7 @@ def plot_timeline(
     path: str | Path,
     *,
     class_name: str | None = None,
-    examples: int = EXAMPLES,
+    examples: int = N_EXAMPLES,
 ) -> None:
     """Write `draw_timeline` to a file.
 
@@ -77,7 +77,7 @@ def _draw_class(
         return
     low, median, high = np.quantile(probabilities[:, known], (0.25, 0.5, 0.75), axis=0)
     axes.fill_between(seconds[known], low, high, color=colour, alpha=0.18, linewidth=0, step="post")
-    label = f"{_words(name)} ({len(probabilities)})"
+    label = f"{_format_name(name)} ({len(probabilities)})"
     axes.plot(seconds[known], median, color=colour, linewidth=2.4, label=label, drawstyle="steps-post")
     order = np.argsort(probabilities[:, -1])
     for row in order[np.linspace(0, len(order) - 1, min(examples, len(order)) + 2).astype(int)[1:-1]]:
@@ -88,17 +88,21 @@ def _draw_auc(axes: Axes, timeline: PredictionTimeline) -> None:
     auc, seconds = timeline.auc, timeline.seconds
     axes.axhline(0.5, color=MUTED, linewidth=0.8, linestyle=":")
     axes.plot(seconds, auc, color=INK, linewidth=1.6, drawstyle="steps-post")
-    for share in (0.25, 0.5, 1.0):
-        at = round(share * len(seconds)) - 1
-        if np.isfinite(auc[at]):
-            axes.plot(seconds[at], auc[at], "o", color=INK, markersize=4, clip_on=False)
+    for fraction in (0.25, 0.5, 1.0):
+        sample = round(fraction * len(seconds)) - 1
+        if np.isfinite(auc[sample]):
+            axes.plot(seconds[sample], auc[sample], "o", color=INK, markersize=4, clip_on=False)
             axes.annotate(
-                f"{auc[at]:.2f}", (seconds[at], auc[at]), (0, 6), textcoords="offset points", ha="center"
+                f"{auc[sample]:.2f}",
+                (seconds[sample], auc[sample]),
+                (0, 6),
+                textcoords="offset points",
+                ha="center",
             )
     known = auc[np.isfinite(auc)]
     axes.set(ylim=(min(0.45, *known.tolist()), 1), ylabel="AUC so far")
     despine(axes)
 
 
-def _words(name: str) -> str:
+def _format_name(name: str) -> str:
     return name.replace("_", " ")

@@ -27,28 +27,31 @@ MIN_PROBABILITY = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class PrefixEnsembleState:
-    """The state of n running tracks: the state of each classifier, and (n,) the number of points so far."""
+    """The state of n running tracks.
+
+    states: the state of each classifier. point_counts: (n,) number of points so far.
+    """
 
     states: tuple[Any, ...]
-    points: npt.NDArray[np.intp]
+    point_counts: npt.NDArray[np.intp]
 
     def __len__(self) -> int:
-        return len(self.points)
+        return len(self.point_counts)
 
     def take(self, rows: npt.ArrayLike) -> PrefixEnsembleState:
         """Copy the states of some tracks. rows: (k,) indices."""
-        return PrefixEnsembleState(
-            tuple(state.take(rows) for state in self.states), self.points[np.asarray(rows)]
-        )
+        states = tuple(state.take(rows) for state in self.states)
+        return PrefixEnsembleState(states, self.point_counts[np.asarray(rows)])
 
     def put(self, rows: npt.ArrayLike, state: PrefixEnsembleState) -> None:
         """Overwrite the states of some tracks in place. rows: (k,) indices for the k tracks of `state`."""
-        for mine, other in zip(self.states, state.states, strict=True):
-            mine.put(rows, other)
-        self.points[np.asarray(rows)] = state.points
+        for target, source in zip(self.states, state.states, strict=True):
+            target.put(rows, source)
+        self.point_counts[np.asarray(rows)] = state.point_counts
 
 
 def _is_stateful(ensemble: PrefixEnsemble) -> bool:
+    """Whether the classifier of the ensemble has `begin` and `advance`."""
     return all(hasattr(ensemble.classifier, name) for name in ("begin", "advance"))
 
 
@@ -62,16 +65,16 @@ class PrefixEnsemble(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
     Args:
         classifier: a classifier of tracks of any length; each prefix length has a clone. The ensemble has
             `begin` and `advance` if the classifier has.
-        shares: the prefix lengths, as fractions of the training tracks.
+        fractions: the prefix lengths, as fractions of the training tracks.
 
     Attributes:
-        classes_: (K,) the class names, set by `fit`. classifiers_: the copies. lengths_: points of their
-        training prefixes.
+        classes_: (K,) the class names, set by `fit`. classifiers_: the copies. lengths_: (copies,) number of
+            points of the training prefixes.
     """
 
-    def __init__(self, classifier: Any, *, shares: Sequence[float] = (0.25, 0.5, 0.75, 1.0)) -> None:
+    def __init__(self, classifier: Any, *, fractions: Sequence[float] = (0.25, 0.5, 0.75, 1.0)) -> None:
         self.classifier = classifier
-        self.shares = shares
+        self.fractions = fractions
 
     def fit(self, X: npt.ArrayLike, y: npt.ArrayLike) -> Self:
         """Train every copy.
@@ -80,16 +83,16 @@ class PrefixEnsemble(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             X: (cases, rows, points). y: (cases,) class names.
 
         Raises:
-            DataError: X is malformed, a share is out of range or two give the same length, or the classifier
+            DataError: X is malformed, a fraction is out of range, the lengths do not rise, or the classifier
                 fails.
         """
         tracks = check_tracks(X)
-        if not len(self.shares) or not all(0 < share <= 1 for share in self.shares):
-            raise DataError(f"the prefix lengths are shares in (0, 1], not {tuple(self.shares)}")
-        lengths = [max(2, round(share * tracks.shape[2])) for share in self.shares]
-        if any(later <= sooner for sooner, later in pairwise(lengths)):
+        if not len(self.fractions) or not all(0 < fraction <= 1 for fraction in self.fractions):
+            raise DataError(f"the prefix lengths are fractions in (0, 1], not {tuple(self.fractions)}")
+        lengths = [max(2, round(fraction * tracks.shape[2])) for fraction in self.fractions]
+        if any(longer <= shorter for shorter, longer in pairwise(lengths)):
             raise DataError(
-                f"the prefix lengths {tuple(self.shares)} are {lengths} points; expected rising numbers"
+                f"the prefix lengths {tuple(self.fractions)} are {lengths} points; expected rising numbers"
             )
         self.classifiers_ = [fit_clone(self.classifier, tracks[:, :, :length], y) for length in lengths]
         self.lengths_ = np.array(lengths, dtype=np.float64)
@@ -104,11 +107,12 @@ class PrefixEnsemble(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         """
         check_is_fitted(self, "classifiers_")
         tracks = check_tracks(X)
-        weights = self._interpolation_weights(np.full(len(tracks), tracks.shape[2]))
+        weights = self._compute_weights(np.full(len(tracks), tracks.shape[2]))
+        # log 1 = 0: copies of weight 0 add nothing
         probabilities = np.full((len(self.classifiers_), len(tracks), len(self.classes_)), 1.0)
         for copy in np.flatnonzero(weights.any(axis=0)):
             probabilities[copy] = predict_proba(self.classifiers_[copy], tracks)
-        return _interpolate_logs(probabilities, weights)
+        return _average_geometrically(probabilities, weights)
 
     def predict(self, X: npt.ArrayLike) -> npt.NDArray[Any]:
         """(cases,) the most probable of `classes_`."""
@@ -122,28 +126,36 @@ class PrefixEnsemble(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         return PrefixEnsembleState(states, np.zeros(n, dtype=np.intp))
 
     @available_if(_is_stateful)  # type: ignore[untyped-decorator]
-    def advance(self, state: PrefixEnsembleState, points: npt.ArrayLike) -> Array:
-        """(n, K) the probabilities after one more point (n, rows) of n tracks; updates `state` in place.
+    def advance(self, state: PrefixEnsembleState, features: npt.ArrayLike) -> Array:
+        """(n, K) the probabilities after one more point of n tracks; updates `state` in place.
+
+        features: (n, rows) the features of the points.
 
         All copies process all tracks, so a point costs one step per prefix length.
         """
         probabilities = np.stack(
             [
-                classifier.advance(one, points)
+                classifier.advance(one, features)
                 for classifier, one in zip(self.classifiers_, state.states, strict=True)
             ]
         )
-        state.points[:] += 1
-        return _interpolate_logs(probabilities, self._interpolation_weights(state.points))
+        state.point_counts[:] += 1
+        return _average_geometrically(probabilities, self._compute_weights(state.point_counts))
 
-    def _interpolation_weights(self, points: npt.NDArray[np.intp]) -> Array:
+    def _compute_weights(self, point_counts: npt.NDArray[np.intp]) -> Array:
         """(n, copies) the weight of each copy for tracks with these numbers of points (n,)."""
-        position = np.interp(points, self.lengths_, np.arange(len(self.lengths_)))
+        position = np.interp(point_counts, self.lengths_, np.arange(len(self.lengths_)))
         return np.asarray(np.maximum(0, 1 - np.abs(position[:, None] - np.arange(len(self.lengths_)))))
 
 
-def with_prefix_ensemble(pipeline: Pipeline, *, shares: Sequence[float] = (0.25, 0.5, 0.75, 1.0)) -> Pipeline:
+def with_prefix_ensemble(
+    pipeline: Pipeline, *, fractions: Sequence[float] = (0.25, 0.5, 0.75, 1.0)
+) -> Pipeline:
     """Return an unfitted pipeline with one classifier per prefix length, after the shared preprocessing.
+
+    Args:
+        pipeline: `Motion`, perhaps `ChannelStandardizer`, and a classifier of tracks of any length.
+        fractions: the prefix lengths, as fractions of the training tracks.
 
     Raises:
         DataError: there is no step after `Motion` and `ChannelStandardizer`.
@@ -154,10 +166,13 @@ def with_prefix_ensemble(pipeline: Pipeline, *, shares: Sequence[float] = (0.25,
     if not rest:
         raise DataError("the pipeline has no classifier after its preprocessing")
     classifier = rest[0][1] if len(rest) == 1 else Pipeline(rest)
-    return clone(Pipeline([*shared, (rest[-1][0], PrefixEnsemble(classifier, shares=shares))]))
+    return clone(Pipeline([*shared, (rest[-1][0], PrefixEnsemble(classifier, fractions=fractions))]))
 
 
-def _interpolate_logs(probabilities: Array, weights: Array) -> Array:
-    """(n, K) distributions (copies, n, K), averaged by their logarithms with weights (n, copies)."""
+def _average_geometrically(probabilities: Array, weights: Array) -> Array:
+    """(n, K) weighted geometric mean, normalised, of distributions (copies, n, K).
+
+    weights: (n, copies), summing to 1 for each track.
+    """
     logs = np.log(np.maximum(probabilities, MIN_PROBABILITY))
-    return np.asarray(softmax(np.einsum("na,ank->nk", weights, logs), axis=1))
+    return np.asarray(softmax(np.einsum("nc,cnk->nk", weights, logs), axis=1))

@@ -16,17 +16,20 @@ from lcorpp.learning.streaming.streaming_classifier import StreamingClassifier
 from lcorpp.learning.streaming.timeline import PredictionTimeline
 from lcorpp.values import Dataset
 
+MIN_GAP_LIMIT = 1.0
+"""Seconds; the smallest `max_gap` for recorded tracks, and the default of `StreamingClassifier`."""
 
-def truncate(dataset: Dataset, share: float) -> Dataset:
-    """Return the first `share` of every track, for training or validation on prefixes.
+
+def truncate(dataset: Dataset, fraction: float) -> Dataset:
+    """Return the first `fraction` of every track, for training or validation on prefixes.
 
     Raises:
-        DataError: `share` is not in (0, 1], or leaves less than two time points.
+        DataError: `fraction` is not in (0, 1], or leaves less than two time points.
     """
-    if not 0 < share <= 1:
-        raise DataError(f"the share of a track must lie in (0, 1], not {share}")
+    if not 0 < fraction <= 1:
+        raise DataError(f"the fraction of a track must lie in (0, 1], not {fraction}")
     points = dataset.trajectories.shape[2]
-    kept = round(share * points)
+    kept = round(fraction * points)
     if kept < 2:
         raise DataError(f"{kept} of {points} time points show no motion; at least 2 are needed")
     return replace(dataset, trajectories=dataset.trajectories[:, :, :kept])
@@ -38,18 +41,19 @@ def predict_over_time(
     """Return the predictions of a fitted pipeline after each sample of the tracks.
 
     Args:
-        min_points, window: as for `StreamingClassifier`, for a classifier of tracks of one length.
+        min_points, window: numbers of points, as for `StreamingClassifier`; a classifier that requires tracks
+            of one length needs this length as both.
 
     Raises:
         DataError: as `StreamingClassifier`, or the tracks do not have the inputs of the pipeline.
     """
-    gap = max(1.0, 2 * dataset.interval)
+    gap = max(MIN_GAP_LIMIT, 2 * dataset.interval)  # limits that no recorded track exceeds
     streams = StreamingClassifier(
         pipeline,
         max_gap=gap,
         max_duration=np.inf,
         max_speed=np.inf,
-        forget_after=2 * gap,
+        max_silence=2 * gap,
         min_points=min_points,
         window=window,
     )
@@ -58,16 +62,16 @@ def predict_over_time(
             f"the pipeline takes {', '.join(streams.inputs)}, the tracks are {', '.join(dataset.channels)}"
         )
     tracks = check_tracks(dataset.trajectories)
-    cases, _, times = tracks.shape
-    probabilities, points = np.full((cases, times, len(streams.classes)), np.nan), []
-    for time, row in enumerate(tracks.transpose(2, 0, 1).tolist()):
-        stamp = time * dataset.interval
-        predictions = streams.push_many([(stamp, case, *values) for case, values in enumerate(row)])
+    cases, _, samples = tracks.shape
+    probabilities, points = np.full((cases, samples, len(streams.classes)), np.nan), []
+    for t, frame in enumerate(tracks.transpose(2, 0, 1).tolist()):
+        stamp = t * dataset.interval
+        predictions = streams.push_many([(stamp, case, *values) for case, values in enumerate(frame)])
         points.append(predictions[0].points)
         for case in range(cases):
             known = predictions[case].probabilities
             if known is not None:
-                probabilities[case, time] = known
+                probabilities[case, t] = known
     return PredictionTimeline(probabilities, tuple(points), dataset.labels, streams.classes, dataset.interval)
 
 
@@ -80,13 +84,13 @@ def cross_predict_over_time(
     min_points: int = 2,
     window: int | None = None,
 ) -> PredictionTimeline:
-    """`predict_over_time` out of fold: each track by a classifier trained on whole tracks of other people.
+    """Run `predict_over_time` out of fold: each track's classifier is trained on other people's whole tracks.
 
     Args:
         estimator: a pipeline of `Motion` and a classifier; each fold uses a clone.
         folds: number of folds, stratified and with whole groups.
         seed: seed of the split.
-        min_points, window: as for `StreamingClassifier`.
+        min_points, window: as for `predict_over_time`.
 
     Raises:
         DataError: `dataset` is not trainable or cannot be split (see `check_trainable`), or as

@@ -44,8 +44,8 @@ class RecurrentState:
     def __init__(self, motion: Motion, standardizers: Sequence[ChannelStandardizer], classifier: Any) -> None:
         self._motion, self._standardizers, self._classifier = motion, standardizers, classifier
         self._state = classifier.begin(0)
-        self._first = self._before = np.empty((0, len(motion.inputs)))
-        self._new = np.empty(0, dtype=np.bool_)
+        self._first = self._previous = np.empty((0, len(motion.inputs)))
+        self._new = np.empty(0, dtype=np.bool_)  # (slots,) whether the next point is a track's first
 
     def grow(self, size: int) -> None:
         """As `StreamState.grow`."""
@@ -54,7 +54,10 @@ class RecurrentState:
         state.put(np.arange(old_size), self._state)
         self._state = state
         more = np.zeros((size - old_size, self._first.shape[1]))
-        self._first, self._before = np.concatenate([self._first, more]), np.concatenate([self._before, more])
+        self._first, self._previous = (
+            np.concatenate([self._first, more]),
+            np.concatenate([self._previous, more]),
+        )
         self._new = np.concatenate([self._new, np.ones(size - old_size, dtype=np.bool_)])
 
     def reset(self, slots: Slots) -> None:
@@ -66,12 +69,12 @@ class RecurrentState:
         """As `StreamState.advance`."""
         new = self._new[slots]
         if new.any():
-            self._first[slots[new]] = self._before[slots[new]] = points[new]
+            self._first[slots[new]] = self._previous[slots[new]] = points[new]
             self._new[slots] = False
-        features = self._motion.features_at(
-            points[..., None], self._before[slots][..., None], self._first[slots][..., None]
+        features = self._motion.compute_features(
+            points[..., None], self._previous[slots][..., None], self._first[slots][..., None]
         )
-        self._before[slots] = points
+        self._previous[slots] = points
         for standardizer in self._standardizers:
             features = standardizer.standardize(features)
         state = self._state.take(slots)
@@ -81,16 +84,22 @@ class RecurrentState:
 
 
 class ReplayedHistory:
-    """State of any other classifier: it predicts from all points so far, or from the last `window` ones.
+    """State of any other classifier: it predicts from all points so far, or from the last `window` points.
 
-    min_points: points of a track before the first prediction.
+    motion, later_steps: the first step of the pipeline and all others.
+    min_points: number of points of a track before the first prediction.
     """
 
     constant_cost = False
 
-    def __init__(self, motion: Motion, rest: Any, min_points: int, window: int | None) -> None:
-        self._motion, self._rest, self._min_points, self._window = motion, rest, min_points, window
-        self._points: list[deque[Array]] = []
+    def __init__(self, motion: Motion, later_steps: Any, min_points: int, window: int | None) -> None:
+        self._motion, self._later_steps, self._min_points, self._window = (
+            motion,
+            later_steps,
+            min_points,
+            window,
+        )
+        self._points: list[deque[Array]] = []  # of each slot
 
     def grow(self, size: int) -> None:
         """As `StreamState.grow`."""
@@ -107,7 +116,7 @@ class ReplayedHistory:
         for row, (slot, point) in enumerate(zip(slots, points, strict=True)):
             self._points[slot].append(point)
             rows_by_length.setdefault(len(self._points[slot]), []).append(row)
-        probabilities = np.full((len(slots), len(self._rest.classes_)), np.nan)
+        probabilities = np.full((len(slots), len(self._later_steps.classes_)), np.nan)
         for length, rows in rows_by_length.items():
             if length >= self._min_points:
                 tracks = np.array([self._points[slots[row]] for row in rows]).transpose(0, 2, 1)
@@ -116,7 +125,7 @@ class ReplayedHistory:
 
     def _predict(self, tracks: Array) -> Array:
         try:
-            return predict_proba(self._rest, tracks)
+            return predict_proba(self._later_steps, tracks)
         except DataError as error:
             raise DataError(
                 f"{error}; the tracks had {tracks.shape[2]} points. A classifier of tracks of one length"
@@ -125,7 +134,7 @@ class ReplayedHistory:
 
 
 def make_state(pipeline: Any, min_points: int, window: int | None) -> tuple[Motion, StreamState]:
-    """Return the first step of a fitted pipeline and the state for the rest.
+    """Return the first step of a fitted pipeline, `Motion`, and the state for the steps after it.
 
     Args:
         min_points, window: as for `StreamingClassifier`.
@@ -133,8 +142,8 @@ def make_state(pipeline: Any, min_points: int, window: int | None) -> tuple[Moti
     Raises:
         DataError: the pipeline is not a fitted Pipeline that begins with `Motion`.
     """
-    scored = isinstance(pipeline, SigmoidScores)
-    steps = pipeline.classifier_ if scored else pipeline
+    is_wrapped = isinstance(pipeline, SigmoidScores)
+    steps = pipeline.classifier_ if is_wrapped else pipeline
     if not isinstance(steps, Pipeline) or not isinstance(steps[0], Motion) or len(steps) < 2:
         first = type(steps[0] if isinstance(steps, Pipeline) else steps).__name__
         hint = ": use StreamingClassifier.from_trained" if hasattr(pipeline, "estimator") else ""
@@ -147,10 +156,11 @@ def make_state(pipeline: Any, min_points: int, window: int | None) -> tuple[Moti
         check_is_fitted(step)
     recurrent = all(hasattr(classifier, name) for name in ("begin", "advance"))
     standardizers_only = all(isinstance(step, ChannelStandardizer) for step in between)
-    if recurrent and not scored and window is None and standardizers_only:
+    if recurrent and not is_wrapped and window is None and standardizers_only:
         return motion, RecurrentState(motion, between, classifier)
-    rest = steps[1:]
-    if scored:
-        rest, pipeline = SigmoidScores(rest), rest
-        rest.classifier_, rest.classes_ = pipeline, pipeline.classes_
-    return motion, ReplayedHistory(motion, rest, min_points, window)
+    later_steps = steps[1:]
+    if is_wrapped:
+        wrapper = SigmoidScores(later_steps)
+        wrapper.classifier_, wrapper.classes_ = later_steps, later_steps.classes_
+        later_steps = wrapper
+    return motion, ReplayedHistory(motion, later_steps, min_points, window)

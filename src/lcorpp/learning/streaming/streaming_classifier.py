@@ -19,14 +19,22 @@ from lcorpp.learning.streaming.timeline import PrefixCalibration
 from lcorpp.learning.streaming.track import Clock, RepairCounts, Sample, StreamRules, TrackResampler
 from lcorpp.values import Array, freeze
 
+MIN_SLOTS = 16
+"""Slots of the classifier's state that the first person allocates; full slots are doubled."""
+
 
 class _Person:
-    """One id: its track, its slot in the state, the clock time of its last sample, and its prediction."""
+    """One id.
 
-    __slots__ = ("last_seen", "prediction", "probabilities", "slot", "track")
+    resampler: its current track. slot: its index in the classifier's state. last_seen: clock time of its last
+    sample. probabilities: (K,) after the last point, NaN before the first prediction. prediction: the current
+    one.
+    """
 
-    def __init__(self, track: TrackResampler, slot: int, name: Hashable) -> None:
-        self.track, self.slot, self.last_seen = track, slot, 0.0
+    __slots__ = ("last_seen", "prediction", "probabilities", "resampler", "slot")
+
+    def __init__(self, resampler: TrackResampler, slot: int, name: Hashable) -> None:
+        self.resampler, self.slot, self.last_seen = resampler, slot, 0.0
         self.probabilities: Array = np.empty(0)
         self.prediction = Prediction(name, 0, 0, None, None)
 
@@ -46,14 +54,14 @@ class StreamingClassifier:
 
     The rules for invalid samples; `report` counts all of them:
 
-    - not finite: refused; the report describes the first. The track continues with the next sample.
+    - not finite: rejected; the report describes the first. The track continues with the next sample.
     - out of order: sorted if at most `allowed_lateness` late, which delays predictions as much; older samples
       are dropped. A second sample with the same stamp is dropped.
     - missing: gaps up to `max_gap` are interpolated linearly. After a longer one a new track begins, and also
       after a jump faster than `max_speed` (an id given to another person, or units other than metres), and if
       the clock goes back by more than `max_gap`.
     - without end: after `max_duration` a new track begins.
-    - vanished ids: removed `forget_after` seconds after their last sample, by the stamps of the others (see
+    - vanished ids: removed `max_silence` seconds after their last sample, by the stamps of the others (see
       `Clock` for wrong ones). An id that returns is a new person. So memory is bounded by the number of
       people seen in that time.
 
@@ -63,7 +71,7 @@ class StreamingClassifier:
         max_gap: seconds without a sample that end a track.
         max_duration: seconds, the maximal duration of a track.
         max_speed: metres per second; faster motion is an error.
-        forget_after: seconds without a sample after which an id is removed.
+        max_silence: seconds without a sample, after which an id is removed.
         min_points: points of a track before the first prediction.
         window: use only the last `window` points, as if the track had begun with them: for classifiers of
             tracks of one length, which have it as `min_points`, too. None uses all points.
@@ -81,7 +89,7 @@ class StreamingClassifier:
         max_gap: float = 1.0,
         max_duration: float = 60.0,
         max_speed: float = 12.0,
-        forget_after: float = 5.0,
+        max_silence: float = 5.0,
         min_points: int = 2,
         window: int | None = None,
     ) -> None:
@@ -91,11 +99,11 @@ class StreamingClassifier:
             raise DataError(f"window must be at least min_points, {min_points}, not {window}")
         self._motion, self._state = make_state(pipeline, min_points, window)
         self._rules = StreamRules(
-            self._motion.rate, allowed_lateness, max_gap, max_duration, max_speed, forget_after
+            self._motion.rate, allowed_lateness, max_gap, max_duration, max_speed, max_silence
         )
         self._min_points, self._inputs = min_points, tuple(self._motion.inputs)
         self._people: dict[Hashable, _Person] = {}  # in the order of their last samples
-        self._free: list[int] = []
+        self._free: list[int] = []  # slots without a person
         self._slots = 0
         self._clock = Clock(max_gap)
         self._removed, self._removals = RepairCounts(), 0
@@ -185,7 +193,7 @@ class StreamingClassifier:
         checked = [self._check(sample) for sample in samples]
         updated = {name: self._add(time, name, sample) for time, name, sample in checked}
         self._update(updated)
-        self._forget()
+        self._remove_silent()
         return {name: person.prediction for name, person in updated.items()}
 
     def remove(self, person: Hashable) -> Prediction:
@@ -197,14 +205,14 @@ class StreamingClassifier:
         if person not in self._people:
             raise DataError(f"there is no person {person!r}")
         removed = self._people[person]
-        removed.track.flush()
+        removed.resampler.flush()
         self._update({person: removed})
         self._drop(person)
         return removed.prediction
 
     def report(self) -> StreamReport:
-        """Return the counts of refused, dropped and interpolated samples, by person."""
-        people = {name: person.track.repairs.copy() for name, person in self._people.items()}
+        """Return the counts of rejected, dropped and interpolated samples, by person."""
+        people = {name: person.resampler.repairs.copy() for name, person in self._people.items()}
         return StreamReport(MappingProxyType(people), self._removed.copy(), self._removals)
 
     def _check(self, sample: Sequence[Any]) -> tuple[float, Hashable, Sample]:
@@ -225,26 +233,26 @@ class StreamingClassifier:
         person = self._people.pop(name, None) or self._create_person(name)
         self._people[name] = person
         person.last_seen = self._clock.elapsed
-        person.track.add(time, sample)
+        person.resampler.add(time, sample)
         return person
 
     def _create_person(self, name: Hashable) -> _Person:
         if not self._free:
-            old, self._slots = self._slots, max(16, 2 * self._slots)
+            old, self._slots = self._slots, max(MIN_SLOTS, 2 * self._slots)
             self._state.grow(self._slots)
             self._free = list(range(self._slots - 1, old - 1, -1))
-        track = TrackResampler(self._rules, self._inputs, self._motion.angles)
-        return _Person(track, self._free.pop(), name)
+        resampler = TrackResampler(self._rules, self._inputs, self._motion.angles)
+        return _Person(resampler, self._free.pop(), name)
 
     def _update(self, people: Mapping[Hashable, _Person]) -> None:
         """Update the predictions of some people with their new points."""
         due = []
         for person in people.values():
-            points, is_new = person.track.drain()
-            if is_new:
+            new_points, is_new_track = person.resampler.take_points()
+            if is_new_track:
                 self._state.reset(np.array([person.slot]))
-            if points:
-                due.append((person, points))
+            if new_points:
+                due.append((person, new_points))
         try:
             self._advance(due)
         except BaseException:
@@ -252,26 +260,26 @@ class StreamingClassifier:
                 self._drop(name)
             raise
         for name, person in people.items():
-            track = person.track
-            if (track.number, track.count) != (person.prediction.track, person.prediction.points):
-                known = freeze(person.probabilities) if track.count >= self._min_points else None
-                person.prediction = Prediction(name, track.number, track.count, track.time, known)
+            track, points = person.resampler.track_count, person.resampler.point_count
+            if (track, points) != (person.prediction.track, person.prediction.points):
+                known = freeze(person.probabilities) if points >= self._min_points else None
+                person.prediction = Prediction(name, track, points, person.resampler.time, known)
 
     def _advance(self, due: Sequence[tuple[_Person, Sequence[Sample]]]) -> None:
         """Advance the state by the new points of people: the first point of each, then the second, ..."""
-        for turn in range(max((len(points) for _, points in due), default=0)):
-            batch = [(person, points[turn]) for person, points in due if len(points) > turn]
+        for turn in range(max((len(new_points) for _, new_points in due), default=0)):
+            batch = [(person, new_points[turn]) for person, new_points in due if len(new_points) > turn]
             slots = np.array([person.slot for person, _ in batch])
-            now = np.array([point for _, point in batch])
-            probabilities = self._state.advance(slots, now)
+            points = np.array([point for _, point in batch])
+            probabilities = self._state.advance(slots, points)
             for (person, _), row in zip(batch, probabilities, strict=True):
                 person.probabilities = row
 
-    def _forget(self) -> None:
-        """Remove people without recent samples; the oldest come first."""
+    def _remove_silent(self) -> None:
+        """Remove people without a sample for `max_silence` seconds; the longest silent come first."""
         while self._people:
             name, person = next(iter(self._people.items()))
-            if self._clock.elapsed - person.last_seen <= self._rules.forget_after:
+            if self._clock.elapsed - person.last_seen <= self._rules.max_silence:
                 return
             self._drop(name)
 
@@ -279,5 +287,5 @@ class StreamingClassifier:
         person = self._people.pop(name)
         self._state.reset(np.array([person.slot]))
         self._free.append(person.slot)
-        self._removed.add(person.track.repairs)
+        self._removed.add(person.resampler.repairs)
         self._removals += 1

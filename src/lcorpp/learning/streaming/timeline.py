@@ -24,7 +24,8 @@ class PredictionTimeline:
     """The predictions for recorded tracks after each of their samples.
 
     probabilities: (cases, time points, K) after each sample, NaN before the first prediction.
-    points: (time points,) number of points at the fixed rate so far; predictions change only with it.
+    points: (time points,) number of points at the fixed rate after each sample; predictions change only with
+        this number.
     labels: (cases,) the true classes. classes: (K,). interval: seconds between two time points.
     """
 
@@ -38,12 +39,12 @@ class PredictionTimeline:
         object.__setattr__(self, "probabilities", freeze(self.probabilities))
 
     def __repr__(self) -> str:
-        cases, times, _ = self.probabilities.shape
+        cases, samples, _ = self.probabilities.shape
         aucs = ""
         if len(self.classes) == 2:
-            quarter, half, whole = (self.auc_at(share) for share in (0.25, 0.5, 1.0))
+            quarter, half, whole = (self.auc_at(fraction) for fraction in (0.25, 0.5, 1.0))
             aucs = f"; AUC {quarter:.2f}, {half:.2f}, {whole:.2f} at a quarter, half, end"
-        return f"<PredictionTimeline: {cases} tracks of {times * self.interval:.3g} s{aucs}>"
+        return f"<PredictionTimeline: {cases} tracks of {samples * self.interval:.3g} s{aucs}>"
 
     @property
     def seconds(self) -> Array:
@@ -71,17 +72,17 @@ class PredictionTimeline:
             raise DataError(f"an AUC needs two classes, not {len(self.classes)}")
         is_second = np.array(self.labels) == self.classes[1]
         auc = np.full(self.probabilities.shape[1], np.nan)
-        for time, scores in enumerate(self.probability_of(self.classes[1]).T):
-            if time and self.points[time] == self.points[time - 1]:
-                auc[time] = auc[time - 1]
+        for t, scores in enumerate(self.probability_of(self.classes[1]).T):
+            if t and self.points[t] == self.points[t - 1]:
+                auc[t] = auc[t - 1]
             elif np.isfinite(scores).all():
-                auc[time] = roc_auc_score(is_second, scores)
+                auc[t] = roc_auc_score(is_second, scores)
         return auc
 
-    def auc_at(self, share: float) -> float:
-        """The AUC after the first `share` of the tracks, with the rounding of `truncate`."""
-        times = self.probabilities.shape[1]
-        return float(self.auc[max(1, min(times, round(share * times))) - 1])
+    def auc_at(self, fraction: float) -> float:
+        """The AUC after the first `fraction` of the tracks, with the rounding of `truncate`."""
+        samples = self.probabilities.shape[1]
+        return float(self.auc[max(1, min(samples, round(fraction * samples))) - 1])
 
 
 @dataclass(frozen=True, eq=False)

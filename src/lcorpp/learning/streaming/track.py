@@ -1,7 +1,9 @@
 """Resample the samples of one person to a fixed rate as they arrive: order, check, interpolate.
 
-`StreamRules` are the options, `TrackResampler` applies them to one person, `RepairCounts` counts what it
-repaired, and `Clock` measures time by the stamps of all people.
+`StreamRules` are the options, `TrackResampler` applies them to one person, `RepairCounts` counts its repairs,
+and `Clock` measures time by the stamps of all people.
+
+An invalid sample is rejected; a late one and a duplicate are dropped.
 """
 
 from __future__ import annotations
@@ -21,23 +23,26 @@ MAX_COORDINATE = 1e9
 """Larger coordinates, in metres, are rejected."""
 
 JUMP_TOLERANCE = 0.1
-"""Seconds added to a step before its speed is compared with the maximum: trackers are noisy and correct
-themselves."""
+"""Seconds added to the time between two samples before their speed is compared with `max_speed`: trackers are
+noisy and correct themselves."""
 
 
 @dataclass(frozen=True)
 class StreamRules:
-    """Rules for late, missing and impossible samples; `StreamingClassifier` describes the options."""
+    """Rules for late, missing and impossible samples; `StreamingClassifier` describes the options.
+
+    rate: points per second. max_speed: metres per second. All others are seconds.
+    """
 
     rate: float
     allowed_lateness: float
     max_gap: float
     max_duration: float
     max_speed: float
-    forget_after: float
+    max_silence: float
 
     def __post_init__(self) -> None:
-        for name in ("max_gap", "max_duration", "max_speed", "forget_after"):
+        for name in ("max_gap", "max_duration", "max_speed", "max_silence"):
             if not getattr(self, name) > 0:
                 raise DataError(f"{name} must be above 0, not {getattr(self, name)}")
         if not isfinite(self.max_gap):
@@ -47,9 +52,9 @@ class StreamRules:
                 f"allowed_lateness must be at least 0 and at most max_gap, {self.max_gap:g} s,"
                 f" not {self.allowed_lateness}"
             )
-        if self.forget_after < self.max_gap:
+        if self.max_silence < self.max_gap:
             raise DataError(
-                f"forget_after must be at least max_gap, {self.max_gap:g} s, not {self.forget_after}:"
+                f"max_silence must be at least max_gap, {self.max_gap:g} s, not {self.max_silence}:"
                 " until then a track may continue"
             )
         if self.max_duration * self.rate < 2:
@@ -63,31 +68,32 @@ class RepairCounts:
     """Counts of the samples, and of the repairs, of one person or of many.
 
     samples: samples that arrived.
-    refused: not finite, or beyond `MAX_COORDINATE`; first_refused describes the first of them.
-    duplicates: dropped because of an equal time stamp; the first sample is kept.
-    late: dropped because a later sample had been used.
-    bridged: gaps longer than the time between two points, interpolated linearly.
-    gaps, jumps, clock_resets, too_long: tracks that ended and were followed by a new one, because of a gap
-        longer than the maximum, an impossible speed, a clock that went back, or the maximal duration.
+    rejected: samples that are not finite or beyond `MAX_COORDINATE`; first_rejected describes the first one.
+    duplicates: samples dropped because of an equal time stamp; the first sample is kept.
+    late: samples dropped because a later sample was already used.
+    interpolated_gaps: gaps longer than the time between two points, interpolated linearly.
+    long_gaps, jumps, clock_resets, overlong_tracks: tracks that ended because of a gap longer than `max_gap`,
+        a speed above `max_speed`, a clock that went back by more than `max_gap`, or a duration above
+        `max_duration`; a new track follows each.
     """
 
     samples: int = 0
-    refused: int = 0
-    first_refused: str = ""
+    rejected: int = 0
+    first_rejected: str = ""
     duplicates: int = 0
     late: int = 0
-    bridged: int = 0
-    gaps: int = 0
+    interpolated_gaps: int = 0
+    long_gaps: int = 0
     jumps: int = 0
     clock_resets: int = 0
-    too_long: int = 0
+    overlong_tracks: int = 0
 
     def add(self, other: RepairCounts) -> None:
         """Add the counts of `other`."""
         for field in fields(self):
-            if field.name != "first_refused":
+            if field.name != "first_rejected":
                 setattr(self, field.name, getattr(self, field.name) + getattr(other, field.name))
-        self.first_refused = self.first_refused or other.first_refused
+        self.first_rejected = self.first_rejected or other.first_rejected
 
     def copy(self) -> Self:
         """Return a copy of the current counts."""
@@ -95,16 +101,16 @@ class RepairCounts:
 
     def __str__(self) -> str:
         words = [f"{self.samples} samples"]
-        if self.refused:
-            words.append(f"refused: {self.refused} (the first: {self.first_refused})")
+        if self.rejected:
+            words.append(f"rejected: {self.rejected} (the first: {self.first_rejected})")
         for what, count in (
             ("duplicates dropped", self.duplicates),
             ("late samples dropped", self.late),
-            ("gaps interpolated", self.bridged),
-            ("new tracks after long gaps", self.gaps),
+            ("gaps interpolated", self.interpolated_gaps),
+            ("new tracks after long gaps", self.long_gaps),
             ("new tracks after jumps", self.jumps),
             ("new tracks after clock resets", self.clock_resets),
-            ("new tracks after the maximal duration", self.too_long),
+            ("new tracks after the maximal duration", self.overlong_tracks),
         ):
             if count:
                 words.append(f"{what}: {count}")
@@ -112,44 +118,49 @@ class RepairCounts:
 
 
 class TrackResampler:
-    """One person's samples, in any order of arrival, as points at a fixed rate since the first one.
+    """Resample one person's samples, in any order of arrival, to a fixed rate from the first sample.
 
-    A sample is used once a sample arrives that is `allowed_lateness` seconds younger, or at once if that is
-    0. Samples are used in the order of their stamps; older ones that arrive later are dropped. The points
-    equal `resample` of the samples used.
+    A sample is used once a sample arrives that is `allowed_lateness` seconds younger, or at once if
+    `allowed_lateness` is 0. Samples are used in the order of their stamps; a sample older than the last used
+    one is dropped. The points equal `resample` of the samples used.
+
+    Args:
+        inputs: the names of the values of a sample. angles: indices of the inputs that are angles.
 
     Attributes:
-        number: tracks begun so far.
+        track_count: number of tracks so far, including the current one.
         repairs: counts of the repairs.
     """
 
     def __init__(self, rules: StreamRules, inputs: tuple[str, ...], angles: tuple[int, ...]) -> None:
         self._rules, self._inputs, self._angles = rules, inputs, frozenset(angles)
         self._xy = (inputs.index("x"), inputs.index("y")) if {"x", "y"} <= set(inputs) else None
-        self._waiting: list[tuple[float, Sample]] = []
-        self._latest = self._begin = self._elapsed = 0.0
-        self._last: Sample | None = None
-        self._next = 0
-        self._points: list[Sample] = []
-        self._is_new = False
-        self.number = 0
+        self._waiting: list[tuple[float, Sample]] = []  # samples within `allowed_lateness`, by time
+        self._latest = 0.0  # the latest stamp that arrived
+        self._begin = 0.0  # stamp of the first sample of the track
+        self._last: Sample | None = None  # the last sample used; None before the first track
+        self._elapsed = 0.0  # seconds from the first sample of the track to the last one used
+        self._next = 0  # index of the next point, due at _next / rate seconds
+        self._points: list[Sample] = []  # points since the last `take_points`
+        self._is_new = False  # whether these points begin a new track
+        self.track_count = 0
         self.repairs = RepairCounts()
 
     @property
     def time(self) -> float | None:
-        """Seconds, the time of the last point; None before the first."""
+        """Stamp of the last point in seconds; None before the first point."""
         return self._begin + (self._next - 1) / self._rules.rate if self._last is not None else None
 
     @property
-    def count(self) -> int:
+    def point_count(self) -> int:
         """Number of points of the current track."""
         return self._next if self._last is not None else 0
 
     def add(self, time: float, sample: Sample) -> None:
-        """Add a sample; `drain` returns the points that it completes."""
+        """Add a sample; `take_points` returns the points that it completes."""
         repairs = self.repairs
         repairs.samples += 1
-        if not self._check(time, sample):
+        if not self._is_valid(time, sample):
             return
         if self._last is None and not self._waiting:
             self._latest = time
@@ -175,22 +186,22 @@ class TrackResampler:
                 self._use(*self._waiting.pop(0))
 
     def flush(self) -> None:
-        """Use the samples that wait for younger ones."""
+        """Use the waiting samples at once."""
         for time, sample in self._waiting:
             self._use(time, sample)
         self._waiting.clear()
 
-    def drain(self) -> tuple[list[Sample], bool]:
+    def take_points(self) -> tuple[list[Sample], bool]:
         """Return the points completed since the last call, and whether they begin a new track."""
-        drained = self._points, self._is_new
+        taken = self._points, self._is_new
         self._points, self._is_new = [], False
-        return drained
+        return taken
 
-    def _check(self, time: float, sample: Sample) -> bool:
-        """Return whether a sample is valid; count it if not."""
+    def _is_valid(self, time: float, sample: Sample) -> bool:
+        """Return whether a sample is finite and within `MAX_COORDINATE`; count it as rejected if not."""
         if isfinite(time) and all(-MAX_COORDINATE <= value <= MAX_COORDINATE for value in sample):
             return True
-        if not self.repairs.refused:
+        if not self.repairs.rejected:
             if not isfinite(time):
                 reason = f"its time is {time}"
             else:
@@ -198,8 +209,8 @@ class TrackResampler:
                     i for i, value in enumerate(sample) if not -MAX_COORDINATE <= value <= MAX_COORDINATE
                 )
                 reason = f"{self._inputs[bad]} is {sample[bad]} at {time:.3f} s"
-            self.repairs.first_refused = reason
-        self.repairs.refused += 1
+            self.repairs.first_rejected = reason
+        self.repairs.rejected += 1
         return False
 
     def _use(self, time: float, sample: Sample) -> None:
@@ -211,7 +222,7 @@ class TrackResampler:
             return
         gap = elapsed - self._elapsed
         if gap > rules.max_gap:
-            repairs.gaps += 1
+            repairs.long_gaps += 1
             self._start(time, sample)
             return
         if self._xy is not None:
@@ -221,26 +232,27 @@ class TrackResampler:
                 self._start(time, sample)
                 return
         if elapsed > rules.max_duration:
-            repairs.too_long += 1
+            repairs.overlong_tracks += 1
             self._start(time, sample)
             return
         if gap > 1 / rules.rate + SAME_TIME:
-            repairs.bridged += 1
-        at = self._next / rules.rate
-        while elapsed >= at - SAME_TIME:
-            weight = 1.0 if elapsed <= at else (at - self._elapsed) / gap
+            repairs.interpolated_gaps += 1
+        due = self._next / rules.rate
+        while elapsed >= due - SAME_TIME:
+            weight = 1.0 if elapsed <= due else (due - self._elapsed) / gap
             self._points.append(self._interpolate(last, sample, weight))
             self._next += 1
-            at = self._next / rules.rate
+            due = self._next / rules.rate
         self._last, self._elapsed = sample, elapsed
 
     def _start(self, time: float, sample: Sample) -> None:
-        self.number += 1
+        """Begin a new track with a sample, which is its first point."""
+        self.track_count += 1
         self._begin, self._elapsed, self._last, self._next = time, 0.0, sample, 1
         self._points, self._is_new = [sample], True
 
     def _interpolate(self, start: Sample, end: Sample, weight: float) -> Sample:
-        """As `resampling.interpolate`, for one point."""
+        """Interpolate one point as `resampling.interpolate` does; weight: that of `end`."""
         rest = 1 - weight
         return tuple(
             a + ((b - a + pi) % (2 * pi) - pi) * weight if channel in self._angles else a * rest + b * weight
@@ -251,16 +263,19 @@ class TrackResampler:
 class Clock:
     """A clock that is robust to wrong time stamps.
 
-    A stamp at most `step` ahead of the latest one advances the clock. One further ahead or behind is an error
-    unless the next one is as far away; then there was a pause, or a recording starts again, and the clock
-    advances by one `step`. So a few wrong stamps do not advance it.
+    A stamp at most `step` seconds ahead of the latest one advances the clock; one at most `step` behind it
+    does not. A stamp further away is ignored, unless the previous one was ignored too. Then the clock
+    advances by one `step` and continues from the new stamp. A single wrong stamp has no effect.
+
+    Attributes:
+        elapsed: seconds since the first stamp.
     """
 
     def __init__(self, step: float) -> None:
         self.elapsed = 0.0
         self._step = step
         self._latest: float | None = None
-        self._outlier = False
+        self._ignored_last = False
 
     def observe(self, time: float) -> None:
         """Process one finite stamp."""
@@ -268,13 +283,13 @@ class Clock:
             self._latest = time
         ahead = time - self._latest
         if abs(ahead) <= self._step:
-            self._outlier = False
+            self._ignored_last = False
             if ahead > 0:
                 self.elapsed += ahead
                 self._latest = time
-        elif self._outlier:
-            self._outlier = False
+        elif self._ignored_last:
+            self._ignored_last = False
             self.elapsed += self._step
             self._latest = time
         else:
-            self._outlier = True
+            self._ignored_last = True

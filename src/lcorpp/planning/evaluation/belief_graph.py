@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from lcorpp.errors import ObservationError
 from lcorpp.planning.belief import MIN_PROBABILITY, format_belief
-from lcorpp.planning.evaluation.batch_policy import BatchPolicy
-from lcorpp.planning.evaluation.mdp import self_loop_observation_class
+from lcorpp.planning.evaluation.batch_policy import batch_policy
+from lcorpp.planning.evaluation.mdp import find_self_loop_classes
 from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
@@ -20,14 +20,17 @@ from lcorpp.values import Array
 UNKNOWN = -1
 """The index of a child that is not computed yet."""
 
+INITIAL_NODES, INITIAL_ENTRIES = 64, 256
+"""Lengths of the arrays of an empty graph; they grow with the graph."""
+
 
 class Children(NamedTuple):
     """All children of some nodes, by node and then by observation.
 
-    owner: (k,) the parent. observation: (k,). probability: (k,) positive. child: (k,) the node.
+    parent: (k,) the node before. observation: (k,). probability: (k,) positive. child: (k,) the node after.
     """
 
-    owner: Indices
+    parent: Indices
     observation: Indices
     probability: Array
     child: Indices
@@ -36,26 +39,27 @@ class Children(NamedTuple):
 class BeliefGraph:
     """A graph whose nodes are the distinct beliefs that a policy reaches.
 
-    Beliefs have 40 binary digits (`SparseBeliefs.round_weights`) and depend on the parent's belief, the
-    action and the observation only: the results at a node depend neither on the path to it nor on the order
-    of visits.
+    The weights of beliefs are rounded to 40 bits (`SparseBeliefs.round_weights`) and depend on the parent's
+    belief, the action and the observation only: the results at a node depend neither on the path to it nor
+    on the order of visits.
     """
 
-    def __init__(self, pomdp: Pomdp, policy: Policy, batch: BatchPolicy | None = None) -> None:
+    def __init__(self, pomdp: Pomdp, policy: Policy) -> None:
         self.pomdp, self.policy = pomdp, policy
-        self._batch = batch or BatchPolicy(policy)
+        self._batch = batch_policy(policy)
         self._node_of_key: dict[bytes, int] = {}
         self._count = 0
-        self._begins = np.zeros(65, dtype=np.int64)
-        self._states = np.zeros(256, dtype=np.int32)
-        self._weights = np.zeros(256)
-        self._children = np.full((64, len(pomdp.observations)), UNKNOWN, dtype=np.int32)
-        self._actions = np.zeros(64, dtype=np.int32)
-        self._vectors = np.zeros(64, dtype=np.intp)
-        self._values = np.zeros(64)
-        self._absorbing = np.zeros(64, dtype=bool)
+        # the arrays are longer than needed: the first len(self) nodes are used
+        self._begins = np.zeros(INITIAL_NODES + 1, dtype=np.int64)
+        self._states = np.zeros(INITIAL_ENTRIES, dtype=np.int32)
+        self._weights = np.zeros(INITIAL_ENTRIES)
+        self._children = np.full((INITIAL_NODES, len(pomdp.observations)), UNKNOWN, dtype=np.int32)
+        self._actions = np.zeros(INITIAL_NODES, dtype=np.int32)
+        self._vector_indices = np.zeros(INITIAL_NODES, dtype=np.intp)
+        self._values = np.zeros(INITIAL_NODES)
+        self._absorbing = np.zeros(INITIAL_NODES, dtype=bool)
         self._branching = mean_row_size(pomdp.transition) * mean_row_size(pomdp.observation)
-        self._loop_classes = self_loop_observation_class(pomdp)
+        self._loop_classes = find_self_loop_classes(pomdp)
 
     def __len__(self) -> int:
         return self._count
@@ -69,9 +73,9 @@ class BeliefGraph:
         return self._actions[: self._count]
 
     @property
-    def vectors(self) -> Indices:
+    def vector_indices(self) -> Indices:
         """(n,) the index of the policy's best vector at each node."""
-        return self._vectors[: self._count]
+        return self._vector_indices[: self._count]
 
     @property
     def values(self) -> Array:
@@ -80,7 +84,10 @@ class BeliefGraph:
 
     @property
     def absorbing(self) -> npt.NDArray[np.bool_]:
-        """(n,) whether the belief never changes again, with zero reward: `self_loop_observation_class`."""
+        """(n,) whether the belief never changes again, with zero reward.
+
+        This holds if all states of the belief have one self-loop class >= 0 (`find_self_loop_classes`).
+        """
         return self._absorbing[: self._count]
 
     @property
@@ -90,8 +97,8 @@ class BeliefGraph:
         return SparseBeliefs(self._begins[: self._count + 1], self._states[:end], self._weights[:end])
 
     @property
-    def size(self) -> int:
-        """How many numbers beliefs and children take in memory."""
+    def memory_size(self) -> int:
+        """The number of array entries that the beliefs and children take in memory."""
         return int(self._begins[self._count]) + self._count * self._children.shape[1]
 
     def add(self, beliefs: SparseBeliefs) -> Indices:
@@ -99,6 +106,7 @@ class BeliefGraph:
         return self._add_rounded(beliefs.round_weights())
 
     def _add_rounded(self, rounded: SparseBeliefs) -> Indices:
+        """Return the nodes (k,) of beliefs with rounded weights."""
         nodes = np.zeros(len(rounded), dtype=np.intp)
         known, number, new = self._node_of_key, self._count, []
         for i, key in enumerate(rounded.keys()):
@@ -112,18 +120,20 @@ class BeliefGraph:
         return nodes
 
     def _append(self, beliefs: SparseBeliefs) -> None:
+        """Append new nodes; their numbers follow those of the other nodes."""
         begin, end = self._count, self._count + len(beliefs)
         entry, last = int(self._begins[begin]), int(self._begins[begin] + beliefs.begins[-1])
         self._begins = _grow(self._begins, end + 1)
         self._states, self._weights = _grow(self._states, last), _grow(self._weights, last)
         self._children = _grow(self._children, end, UNKNOWN)
-        for name in ("_actions", "_vectors", "_values", "_absorbing"):
+        for name in ("_actions", "_vector_indices", "_values", "_absorbing"):
             setattr(self, name, _grow(getattr(self, name), end))
         self._begins[begin + 1 : end + 1] = entry + beliefs.begins[1:]
         self._states[entry:last] = beliefs.states
         self._weights[entry:last] = beliefs.weights
-        self._values[begin:end], self._vectors[begin:end] = self._batch.best(beliefs)
-        self._actions[begin:end] = self.policy.actions[self._vectors[begin:end]]
+        self._values[begin:end], self._vector_indices[begin:end] = self._batch.best(beliefs)
+        self._actions[begin:end] = self.policy.actions[self._vector_indices[begin:end]]
+        # the classes of the states of a belief are equal if the lowest is the highest
         classes = self._loop_classes[self._actions[begin:end][beliefs.owners], beliefs.states]
         low = np.minimum.reduceat(classes, beliefs.begins[:-1])
         self._absorbing[begin:end] = (low >= 0) & (low == np.maximum.reduceat(classes, beliefs.begins[:-1]))
@@ -139,25 +149,26 @@ class BeliefGraph:
         keys = nodes * width + observations
         children = self._children.reshape(-1)[keys].astype(np.intp)
         if len(children) and children.min() == UNKNOWN:
-            owner, observation = np.divmod(np.unique(keys[children == UNKNOWN]), width)
-            self._children[owner, observation] = self._compute_children(owner, observation)
+            parent, observation = np.divmod(np.unique(keys[children == UNKNOWN]), width)
+            self._children[parent, observation] = self._compute_children(parent, observation)
             children = self._children.reshape(-1)[keys].astype(np.intp)
         return children
 
-    def _compute_children(self, owner: Indices, observation: Indices) -> Indices:
-        beliefs, actions = self.beliefs.take(owner), self._actions[owner]
-        nodes = np.zeros(len(owner), dtype=np.intp)
+    def _compute_children(self, parent: Indices, observation: Indices) -> Indices:
+        """Return (k,) the nodes after nodes (k,) and observations (k,)."""
+        beliefs, actions = self.beliefs.take(parent), self._actions[parent]
+        nodes = np.zeros(len(parent), dtype=np.intp)
         for chunk in beliefs.chunks(self._branching):
             predicted = beliefs.take(np.arange(chunk.start, chunk.stop)).predict(self.pomdp, actions[chunk])
             posterior = predicted.condition(self.pomdp, actions[chunk], observation[chunk])
             impossible = np.flatnonzero(posterior.totals() < MIN_PROBABILITY)
             if len(impossible):
                 i = chunk.start + int(impossible[0])
-                raise self._impossible(int(owner[i]), int(observation[i]))
+                raise self._make_impossible_error(int(parent[i]), int(observation[i]))
             nodes[chunk] = self.add(posterior)
         return nodes
 
-    def _impossible(self, node: int, observation: int) -> ObservationError:
+    def _make_impossible_error(self, node: int, observation: int) -> ObservationError:
         pomdp = self.pomdp
         belief = self.beliefs.dense(node, len(pomdp.states))
         return ObservationError(
@@ -166,36 +177,36 @@ class BeliefGraph:
         )
 
     def expand(self, nodes: Indices) -> Children:
-        """Return all children of some nodes, without observations of probability below `MIN_PROBABILITY`."""
+        """Return all children of nodes (k,), at least one, without observations below `MIN_PROBABILITY`."""
         parts = []
         beliefs = self.beliefs.take(nodes)
         for chunk in beliefs.chunks(self._branching):
             actions = self._actions[nodes[chunk]]
             predicted = beliefs.take(np.arange(chunk.start, chunk.stop)).predict(self.pomdp, actions)
-            owner, observation, posterior = predicted.posteriors(self.pomdp, actions)
-            probability = posterior.totals() / predicted.totals()[owner]
+            position, observation, posterior = predicted.posteriors(self.pomdp, actions)
+            probability = posterior.totals() / predicted.totals()[position]
             likely = np.flatnonzero(probability >= MIN_PROBABILITY)
             posterior = posterior if len(likely) == len(probability) else posterior.take(likely)
             child = self.add(posterior)
-            owner, observation = nodes[chunk][owner[likely]], observation[likely]
-            self._children[owner, observation] = child
-            parts.append(Children(owner, observation, probability[likely], child))
+            parent, observation = nodes[chunk][position[likely]], observation[likely]
+            self._children[parent, observation] = child
+            parts.append(Children(parent, observation, probability[likely], child))
         return Children(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def rewards(self, nodes: Indices) -> Array:
-        """Return (k,) the expected reward of the action at some nodes."""
+        """Return (k,) the expected reward of the policy's action at nodes (k,)."""
         beliefs = self.beliefs.take(nodes)
         owners = beliefs.owners
         return beliefs.average(self.pomdp.reward[self._actions[nodes][owners], beliefs.states])
 
     def empty_copy(self) -> BeliefGraph:
         """Return a graph of the same policy without nodes."""
-        return BeliefGraph(self.pomdp, self.policy, self._batch)
+        return BeliefGraph(self.pomdp, self.policy)
 
     def import_nodes(self, other: BeliefGraph, nodes: Indices) -> Indices:
         """Add nodes (k,) of another graph of the same policy; return their nodes (k,) here."""
-        distinct, place = np.unique(nodes, return_inverse=True)
-        return self._add_rounded(other.beliefs.take(distinct))[place]
+        distinct, inverse = np.unique(nodes, return_inverse=True)
+        return self._add_rounded(other.beliefs.take(distinct))[inverse]
 
 
 def _grow(array: npt.NDArray[Any], length: int, fill: int = 0) -> npt.NDArray[Any]:

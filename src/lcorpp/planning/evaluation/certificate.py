@@ -23,7 +23,10 @@ Verdict = Literal["confirmed", "refuted", "open"]
 
 @dataclass(frozen=True)
 class Certificate:
-    """The check of a claim: the policy's value is at least `lower`, and no policy's exceeds `upper`.
+    """The check of a claim: the policy's value is at least `lower`, that of every policy at most `upper`.
+
+    The check evaluates this policy only: it can prove or refute the first half of the claim. The second half
+    can be refuted, not proved: it is false if this policy's value exceeds `upper`.
 
     vector_value: value of the policy's best vector at the start belief.
     tolerance: of the claim, in reward units.

@@ -95,7 +95,7 @@ class _BeliefRollout:
             survives = self._rng.uniforms(keys[trials], 2 * step + 2) < self._pomdp.discount
             trials, nodes = trials[survives], nodes[survives]
             step += 1
-            if self._graph.size > MAX_GRAPH_SIZE:
+            if self._graph.memory_size > MAX_GRAPH_SIZE:
                 full, self._graph = self._graph, self._graph.empty_copy()
                 nodes = self._graph.import_nodes(full, nodes)
 
@@ -103,10 +103,10 @@ class _BeliefRollout:
         """Return the expected rewards at nodes (n,), the expected change of the vectors' value, and the
         next nodes."""
         distinct, place = np.unique(nodes, return_inverse=True)
-        owner, _, probability, child = self._graph.expand(distinct)
-        begins = np.searchsorted(owner, np.append(distinct, len(self._graph)))
+        parent, _, probability, child = self._graph.expand(distinct)
+        begins = np.searchsorted(parent, np.append(distinct, len(self._graph)))
         ahead = segment_sum(
-            np.searchsorted(distinct, owner), probability * _vector_values(self._graph, child), len(distinct)
+            np.searchsorted(distinct, parent), probability * _vector_values(self._graph, child), len(distinct)
         )
         change = self._pomdp.discount * ahead - _vector_values(self._graph, distinct)
         reward = self._graph.rewards(distinct)

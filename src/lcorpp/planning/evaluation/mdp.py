@@ -71,11 +71,13 @@ def zero_reward_states(pomdp: Pomdp) -> npt.NDArray[np.bool_]:
     return ~rewarding
 
 
-def self_loop_observation_class(pomdp: Pomdp) -> npt.NDArray[np.intp]:
-    """Return (A, S) a class of equal observation rows for each zero-reward self-loop, and -1 elsewhere.
+def find_self_loop_classes(pomdp: Pomdp) -> npt.NDArray[np.intp]:
+    """Return (A, S) the self-loop class of each action and state.
 
-    If all states of a belief have the same class under the action taken there, no observation changes the
-    belief, and all further rewards are zero.
+    The class is -1 if the action has a reward in the state or can leave the state. Otherwise it is a number
+    from 0, equal for equal rows P(o | a, s) of the observation table. If all states of a belief have one
+    class >= 0 under an action, no observation changes the belief, and all further rewards of the action are
+    zero: the belief is absorbing.
     """
     T, Z, S = pomdp.transition, pomdp.observation, len(pomdp.states)
     positive = T.values > 0

@@ -75,7 +75,7 @@ class DiscountedOccupancy:
                 self._push()
             if self._gaps()[1] <= 0.9 * precision:
                 self._solve(precision)
-            full = len(self.graph) >= max_nodes or self.graph.size >= MAX_GRAPH_SIZE
+            full = len(self.graph) >= max_nodes or self.graph.memory_size >= MAX_GRAPH_SIZE
             if full or self._gaps()[1] <= 0.9 * precision:
                 break
             gaps = self.residual * (self._high - self._low)
@@ -120,16 +120,16 @@ class DiscountedOccupancy:
         edges = [self._edges]
         while True:
             before = len(self.graph)
-            owner, _, probability, child = self.graph.expand(nodes)
-            edges.append((owner, child, probability))
+            parent, _, probability, child = self.graph.expand(nodes)
+            edges.append((parent, child, probability))
             self._expanded[nodes] = True
             self._append_new_nodes()
             # a narrow path is expanded further; wider sets of beliefs are ranked first
             nodes, limit = np.flatnonzero(~self._expanded[before:]) + before, limit - len(nodes)
             if not 0 < len(nodes) <= min(MAX_PATH_WIDTH, limit) or len(self.graph) >= max_nodes:
                 break
-        owners, children, probabilities = (np.concatenate(column) for column in zip(*edges, strict=True))
-        self._edges = owners, children, probabilities
+        parents, children, probabilities = (np.concatenate(column) for column in zip(*edges, strict=True))
+        self._edges = parents, children, probabilities
         self._update_matrix()
 
     def _append_new_nodes(self) -> None:

@@ -111,7 +111,7 @@ class BatchRollout:
         before = len(self._graph)
         children = self._graph.follow(nodes, observations)
         self.beliefs += len(self._graph) - before
-        if self._graph.size > MAX_GRAPH_SIZE:
+        if self._graph.memory_size > MAX_GRAPH_SIZE:
             full, self._graph = self._graph, self._graph.empty_copy()
             children = self._graph.import_nodes(full, children)
         return children

@@ -28,14 +28,15 @@ CROSSING_TOLERANCE = 1e-9
 """Largest difference by which rounding may make the bounds cross, relative to the largest value."""
 
 SampleFunction = Callable[..., int]
-"""Samples one path and backs up its nodes, as `lcorpp.planning.sarsop.sampling.sample`."""
+"""Samples one path and backs up its nodes, as `lcorpp.planning.sarsop.path_sampling.sample`."""
 
 
 class BoundedTree:
     """A belief tree of a problem with a lower and an upper bound, for one or more searches.
 
     tree: the nodes and bounds. predictor: of the values of nodes.
-    informed: (A, S) the fast informed bound. scale: the largest value, the unit of rounding errors.
+    informed: (A, S) the fast informed bound. max_abs_value: the largest
+        absolute initial bound, at least 1: the unit of rounding errors.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class BoundedTree:
         else:
             mdp = self._kernels.mdp_bound(self._model, 1e-3 * precision, seconds)
             self.informed = self._kernels.fast_informed_bound(self._model, mdp, 1e-2 * precision, seconds)
-        self.scale = max(1.0, float(np.abs(self._blind).max()), float(np.abs(self.informed).max()))
+        self.max_abs_value = max(1.0, float(np.abs(self._blind).max()), float(np.abs(self.informed).max()))
         self.predictor = self._kernels.ValuePredictor(self.informed.max(axis=0))
         self.tree = self._make_tree(previous)
 
@@ -73,7 +74,7 @@ class BoundedTree:
         self.tree = self._make_tree(self.policy())
 
     def policy(self, roots: Iterable[int] = ()) -> Policy:
-        """The policy of the alpha vectors, with its upper bound.
+        """Return the policy of the alpha vectors, with its upper bound.
 
         Args:
             roots: nodes whose own upper bounds, often below that of the points, become points first.
@@ -95,7 +96,7 @@ class BoundedTree:
         return Policy.of_sets(self.pomdp, sets, SawtoothBound(self.informed, *tree.points()))
 
     def _make_tree(self, previous: Policy | None) -> Tree:
-        """A tree without nodes, with the vectors and points of an earlier policy."""
+        """Return a tree without nodes, with the vectors and points of an earlier policy."""
         tree = self._kernels.Tree(self._model, self.informed, self._blind)
         if previous is None:
             return tree
@@ -136,10 +137,10 @@ class BoundedSearch:
         """
         self.bounds, self.precision = bounds, precision
         self._began, self._deadline = began, began + time_limit
-        self.roots = [bounds.tree.add_node(belief) for belief in starts]
+        self.roots = [bounds.tree.find_or_add_node(belief) for belief in starts]
         self.trials = 0
         self.history: list[tuple[float, float, float, int]] = []
-        self.widest, self.lower, self.upper = self._measure()
+        self.widest, self.lower, self.upper = self._record_bounds()
 
     @property
     def gap(self) -> float:
@@ -175,9 +176,9 @@ class BoundedSearch:
                 reason = step()
                 if reason is not None:
                     return reason
-                self.widest, self.lower, self.upper = self._measure()
+                self.widest, self.lower, self.upper = self._record_bounds()
                 if callback is not None:
-                    callback(self._progress())
+                    callback(self._make_progress())
         except KeyboardInterrupt:
             return "interrupted"
 
@@ -204,9 +205,9 @@ class BoundedSearch:
         """Drop vectors that are useless at the beliefs that the roots reach."""
         self.bounds.tree.prune(roots, PRUNING_RADIUS, PRUNING_RATIO, PRUNING_GROWTH)
 
-    def solution(self, reason: str) -> Solution:
-        """The result after the search stopped for a reason."""
-        self.widest, self.lower, self.upper = self._measure()
+    def make_solution(self, reason: str) -> Solution:
+        """Return the result after the search stopped for a reason."""
+        self.widest, self.lower, self.upper = self._record_bounds()
         return Solution(
             pomdp=self.bounds.pomdp,
             policy=self.bounds.policy(self.roots),
@@ -220,12 +221,12 @@ class BoundedSearch:
             start=self.bounds.tree.belief(self.widest),
         )
 
-    def _measure(self) -> tuple[int, float, float]:
-        """The root with the widest gap and its bounds, which are added to the history if they changed."""
+    def _record_bounds(self) -> tuple[int, float, float]:
+        """Return the root with the widest gap and its bounds; append them to the history if they changed."""
         tree, widest = self.bounds.tree, (-1, 0.0, -np.inf)
         for root in self.roots:
             low, high = tree.lower_bound(root), tree.upper_bound(root)
-            if low > high + CROSSING_TOLERANCE * self.bounds.scale:
+            if low > high + CROSSING_TOLERANCE * self.bounds.max_abs_value:
                 raise RuntimeError(f"the bounds cross: {low!r} > {high!r}; this is a bug in lcorpp")
             if widest[0] < 0 or high - low > widest[2] - widest[1]:
                 widest = root, low, max(low, high)  # after the check, low exceeds high by rounding at most
@@ -234,6 +235,6 @@ class BoundedSearch:
             self.history.append((self.seconds, low, high, tree.vector_count))
         return widest
 
-    def _progress(self) -> Progress:
+    def _make_progress(self) -> Progress:
         tree = self.bounds.tree
         return Progress(self.seconds, self.lower, self.upper, tree.vector_count, tree.node_count, self.trials)

@@ -53,7 +53,7 @@ def solve(
         callback: called after each sampled path of beliefs.
         previous: a solution of the same model for other starts. Its vectors and points are valid for all
             beliefs, so the search continues from them and stops at once if its gap is small enough.
-        sample: replaces `lcorpp.planning.sarsop.sampling.sample`.
+        sample: replaces `lcorpp.planning.sarsop.path_sampling.sample`.
         kernels: implementation of the kernels; the compiled ones, if installed, when None.
 
     Returns:
@@ -79,4 +79,4 @@ def solve(
     search = BoundedSearch(bounds, starts, precision=precision, began=began, time_limit=time_limit)
     share = pomdp.discount**LOOK_AHEAD
     reason = search.run(lambda: search.sample(share, MAX_DEPTH, sample), callback)
-    return search.solution(reason)
+    return search.make_solution(reason)

@@ -16,12 +16,12 @@ from lcorpp.values import Array, Belief
 class SawtoothBound:
     """The fast informed bound and the sawtooth interpolation of points (`policy.UpperBound`).
 
-    At b it is the minimum of max over a of Q(a).b and of corners.b + phi(b) (v - corners.p) over all points
-    (p, v), with phi(b) = min over the support of p of b(s) / p(s), which is 0 if b does not contain the
-    support of p.
+    bound(b) = min(max over a of Q(a).b, corners.b + min over the points (p, v) of phi(b, p) (v - corners.p)),
+    with phi(b, p) = min over the support of p of b(s) / p(s), which is 0 if b does not contain the support of
+    p.
 
-    informed: (A, S) Q values that are upper bounds. corners: (S,) the bound at the beliefs that know the
-        state.
+    informed: (A, S) the fast informed bound: upper bounds on the Q values.
+    corners: (S,) the bound at each corner of the belief simplex, where the state is known.
     begins: (n + 1,) index of the first entry of each point. states, weights: (entries,). values: (n,).
 
     Source: Hauskrecht, JAIR 2000, section 4.4; Smith and Simmons, UAI 2005, section 4.2.
@@ -52,7 +52,7 @@ class SawtoothBound:
         return begins, states, weights, np.concatenate([self.corners[lowered], self.values])
 
     def value(self, belief: Belief) -> float:
-        """The bound at a belief (S,)."""
+        """Return the bound at a belief (S,)."""
         belief = np.asarray(belief, dtype=np.float64)
         plane = float(self.corners @ belief)
         if len(self.values):

@@ -15,7 +15,7 @@ from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
 from lcorpp.reasoning.circuit.matrices import Layer, forward_backward
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.errors import format_conditions, no_value_error, no_world_error
+from lcorpp.reasoning.errors import format_conditions, make_no_value_error, make_no_world_error
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
@@ -74,7 +74,9 @@ class Circuit:
         self.values = {name: program.attributes[name.partition("(")[0]].values for name in names}
         self.layers, self.ending = tuple(layers), ending
         self._variables = {name: i for i, name in enumerate(names)}
-        self._max_cached = min(CACHE_SIZE, 100 * CACHE_SIZE // (len(self.inputs) + 1))  # keys hold all inputs
+        self._max_cached = min(
+            CACHE_SIZE, 100 * CACHE_SIZE // (len(self.inputs) + 1)
+        )  # a key contains all inputs
         # two caches: by the values of all inputs if all are observed; by (input or None, ...) otherwise
         self._full_answers: dict[object, Answer] = {}
         self._partial_answers: dict[tuple[str | None, ...], tuple[int, Answer]] = {}
@@ -169,7 +171,7 @@ class Circuit:
             exact = self._compute_fractions(query, evidence)
             return Distribution(tuple(exact), np.array([float(p) for p in exact.values()]))
         if row[-1]:
-            raise no_value_error(self.program, query, row[-1])
+            raise make_no_value_error(self.program, query, row[-1])
         return Distribution(self.values[query], row[:-1])
 
     # batches
@@ -190,7 +192,7 @@ class Circuit:
         if not self._has_table or any(not isinstance(c, list) or len(c) != len(columns[0]) for c in columns):
             return self._answer_batch(self.encode(evidence), undefined)
         inputs = tuple([self._encoder.columns[name] for name in evidence])
-        codes = [self._encoder.codes_of(name) for name in evidence]
+        codes = [self._encoder.get_codes(name) for name in evidence]
         try:
             rows = self._table.find_rows_of_values(inputs, columns, codes)
         except (KeyError, TypeError):
@@ -229,7 +231,7 @@ class Circuit:
         if no_value.any() or np.isnan(no_value).any():
             bad = np.flatnonzero(no_value > 0)
             if len(bad):
-                raise no_value_error(self.program, query, no_value[bad[0]], f"row {bad[0]}: ")
+                raise make_no_value_error(self.program, query, no_value[bad[0]], f"row {bad[0]}: ")
             if undefined == "raise":
                 row = int(np.flatnonzero(np.isnan(no_value))[0])
                 raise UndefinedError(f"{self.program.file}: row {row}: no possible world has this evidence")
@@ -257,13 +259,13 @@ class Circuit:
         return answers[self.queries[0]] if self.single else answers
 
     def _compute_fractions(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
-        weights = self.world_queries.exact_weights(query, evidence)
+        weights = self.world_queries.compute_exact_weights(query, evidence)
         total = sum(weights.values(), Fraction(0))
         if total == 0:
-            raise no_world_error(self.program, format_conditions(evidence, self.do))
+            raise make_no_world_error(self.program, format_conditions(evidence, self.do))
         no_value = weights.get("", Fraction(0))
         if no_value:
-            raise no_value_error(self.program, query, no_value / total)
+            raise make_no_value_error(self.program, query, no_value / total)
         return {v: weights.get(v, Fraction(0)) / total for v in self.values[query]}
 
     def most_probable(self, evidence: Mapping[str, str], count: int = 1) -> tuple[World, ...]:
@@ -277,7 +279,7 @@ class Circuit:
             raise ProgramError(f"expected 1 to {MAX_WORLDS} worlds, not {count}")
         worlds = self.world_queries.most_probable(evidence, count)
         if not worlds:
-            raise no_world_error(self.program, format_conditions(evidence, self.do))
+            raise make_no_world_error(self.program, format_conditions(evidence, self.do))
         return worlds
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str]:
@@ -289,7 +291,7 @@ class Circuit:
         self._encoder.check(given)
         world = self.world_queries.sample(rng, given)
         if world is None:
-            raise no_world_error(self.program, format_conditions(given, self.do))
+            raise make_no_world_error(self.program, format_conditions(given, self.do))
         return world
 
 

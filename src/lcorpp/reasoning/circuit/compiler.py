@@ -1,4 +1,4 @@
-"""Compile a program: transition system -> decision diagram -> matrices between the observed terms."""
+"""Compilation, steps 1 to 4: transition system -> decision diagram -> matrices between the observed terms."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def compile_program(
 
     Raises:
         ProgramError: a name is unknown, a world breaks a condition of the language, or there are cr-rules.
-        TooLargeError: the program has too many states.
+        TooLargeError: the program is too large to be compiled.
     """
     if program.has_cr_rules:
         raise ProgramError(

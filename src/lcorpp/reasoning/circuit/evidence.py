@@ -32,8 +32,8 @@ class EvidenceEncoder:
         self.sizes = [len(self.values[name]) + 1 for name in self.names]
         self.columns = {name: i for i, name in enumerate(self.names)}
 
-    def codes_of(self, name: str) -> Mapping[str, int]:
-        """The code of each value of an input."""
+    def get_codes(self, name: str) -> Mapping[str, int]:
+        """Return the code of each value of an input."""
         return self._codes[name]
 
     def canonicalize(self, evidence: Mapping[str, _Column]) -> dict[str, _Column]:

@@ -50,7 +50,7 @@ class AtomTable:
         term = self.number_term(literal.term.name, make_key(arguments))
         return (
             term,
-            self._satisfying_outcomes(literal, parse_value(canonical_text(literal.value))),
+            self._compute_outcome_mask(literal, parse_value(canonical_text(literal.value))),
             literal.negated,
         )
 
@@ -85,11 +85,11 @@ class AtomTable:
         value = rule.translate(literal.value)
         if not isinstance(value, Source):
             term = self.translate_term(rule, literal.term)
-            return term, self._satisfying_outcomes(literal, value), literal.negated
+            return term, self._compute_outcome_mask(literal, value), literal.negated
         known = self._masks.setdefault((literal.term.name, literal.relation, literal.negated), {})
 
         def compute_mask(value: Value) -> int:
-            mask = known[value] = self._satisfying_outcomes(literal, value)
+            mask = known[value] = self._compute_outcome_mask(literal, value)
             return mask
 
         term, mask = self.translate_term(rule, literal.term), rule.name_constant(None)
@@ -103,7 +103,7 @@ class AtomTable:
             self._value_indexes[attribute] = {parse_value(value): i for i, value in enumerate(values)}
         return self._value_indexes[attribute]
 
-    def _satisfying_outcomes(self, literal: Literal, value: Value) -> int:
+    def _compute_outcome_mask(self, literal: Literal, value: Value) -> int:
         """The mask of the outcomes that satisfy a literal with this value on its right-hand side."""
         indexes, relation = self._index_values(literal.term.name), literal.relation
         self._mask_bits += len(indexes)

@@ -157,12 +157,12 @@ class _Grounder:
     def _instantiate(
         self, statement: Rule | Selection | Probability, body: Body, facts: Facts
     ) -> RuleInstantiator:
-        slots = list(self.signature.slots(statement))
+        slots = list(self.signature.iter_slots(statement))
         return RuleInstantiator(
-            self.signature, self._members, slots, list_expressions(statement), body, facts
+            self.signature, self._list_members, slots, list_expressions(statement), body, facts
         )
 
-    def _members(self, sort: str) -> Mapping[Value, None]:
+    def _list_members(self, sort: str) -> Mapping[Value, None]:
         if sort not in self._sorts:
             self._sorts[sort] = {parse_value(text): None for text in self.signature.sorts[sort]}
         return self._sorts[sort]
@@ -200,9 +200,11 @@ class _Grounder:
     ) -> None:
         assert selection.range
         variable, condition = selection.range.variable, selection.range.condition
-        slots = list(self.signature.range_slots(selection))
+        slots = list(self.signature.iter_range_slots(selection))
         used = [variable, *iter_expressions(condition)]
-        rule = RuleInstantiator(self.signature, self._members, slots, used, condition, self._facts, shared)
+        rule = RuleInstantiator(
+            self.signature, self._list_members, slots, used, condition, self._facts, shared
+        )
         value = self.atoms.translate_value(rule, selection.term, variable)
         instance = _write_tuple(shared)
         run = self._compile(

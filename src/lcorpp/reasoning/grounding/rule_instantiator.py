@@ -34,7 +34,7 @@ from lcorpp.reasoning.grounding.values import (
     parse_value,
 )
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
-from lcorpp.reasoning.language.safety import variable_sorts
+from lcorpp.reasoning.language.safety import find_variable_sorts
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Comparison,
@@ -64,8 +64,8 @@ class RuleInstantiator:
 
     Args:
         members: returns the members of a sort.
-        slots: the statement's expressions with the sort that their position requires (`Signature.slots`); a
-            variable ranges over the common members of its sorts.
+        slots: the statement's expressions with the sort that their position requires, from
+            `Signature.iter_slots`; a variable ranges over the common members of its sorts.
         scope: all expressions of the statement; each of their variables is bound.
         body: its comparisons, sort literals and literals of fact attributes restrict the bindings.
         facts: the attributes that only facts define.
@@ -85,7 +85,7 @@ class RuleInstantiator:
         self._signature, self._members = signature, members
         self._facts, self._arguments = facts, tuple(bound)
         used = [variable for expression in scope for variable in iter_variables(expression)]
-        self._sorts = variable_sorts(slots, used, signature)
+        self._sorts = find_variable_sorts(slots, used, signature)
         self._bound = set(bound)
         self._lines: list[str] = []
         self._depth = 1

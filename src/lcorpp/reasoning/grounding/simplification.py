@@ -124,7 +124,7 @@ def _propagate_observations(program: GroundProgram, clauses: list[Clause]) -> li
             if any(not literal[1] & allowed.get(literal[0], -1) for literal in clause.body):
                 continue
             body = tuple(
-                [x for x in clause.body if allowed.get(x[0], -1) & _all_outcomes(program, x[0]) & ~x[1]]
+                [x for x in clause.body if allowed.get(x[0], -1) & _compute_full_mask(program, x[0]) & ~x[1]]
             )
             if len(body) < len(clause.body):
                 clause = Clause(ClauseKind.FORBID, -1, 0, body, clause.statement)
@@ -132,7 +132,7 @@ def _propagate_observations(program: GroundProgram, clauses: list[Clause]) -> li
     return result
 
 
-def _all_outcomes(program: GroundProgram, term: int) -> int:
+def _compute_full_mask(program: GroundProgram, term: int) -> int:
     return (1 << len(program.values[term]) + 1) - 1
 
 

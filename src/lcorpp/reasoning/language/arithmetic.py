@@ -66,16 +66,16 @@ def canonical_text(expression: Expression) -> str:
     if isinstance(expression, Term):
         arguments = ",".join(map(canonical_text, expression.arguments))
         return f"{expression.name}({arguments})" if arguments else expression.name
-    return str(_integer(expression))
+    return str(_evaluate_integer(expression))
 
 
-def _integer(expression: Expression) -> int:
+def _evaluate_integer(expression: Expression) -> int:
     if isinstance(expression, Number):
         if expression.value.denominator != 1:
             raise SourceIssue(expression.at, f"expected an integer, not {expression}")
         value = expression.value.numerator
     elif isinstance(expression, Arithmetic):
-        left, right = _integer(expression.left), _integer(expression.right)
+        left, right = _evaluate_integer(expression.left), _evaluate_integer(expression.right)
         if expression.operator in ("/", "mod") and right == 0:
             raise SourceIssue(expression.at, f"division by zero in {expression}")
         quotient = abs(left) // abs(right) * (-1 if (left < 0) != (right < 0) else 1) if right else 0

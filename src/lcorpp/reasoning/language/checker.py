@@ -14,8 +14,8 @@ from lcorpp.reasoning.language.conformance import (
     check_ground_literal,
     check_intervention,
     check_query,
-    check_random,
     check_slots,
+    require_selections,
 )
 from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
 from lcorpp.reasoning.language.safety import check_variables
@@ -69,7 +69,7 @@ def _check_statement(statement: Statement, signature: Signature) -> None:
         check_variables(
             statement.at,
             list_expressions(statement),
-            list(signature.slots(statement)),
+            list(signature.iter_slots(statement)),
             statement.body,
             signature,
         )
@@ -108,14 +108,14 @@ def _check_selection(selection: Selection, signature: Signature) -> None:
     _check_body(selection.body, signature)
     outer = list_expressions(selection)
     outcomes = len(signature.attributes[selection.term.name].values)
-    slots = list(signature.slots(selection))
+    slots = list(signature.iter_slots(selection))
     check_variables(selection.at, outer, slots, selection.body, signature, outcomes=outcomes)
     if selection.range:
         chosen, condition = selection.range.variable, selection.range.condition
         if any(variable == chosen for expression in outer for variable in iter_variables(expression)):
             raise SourceIssue(chosen.at, f"variable {chosen} of the dynamic range is also used outside of it")
         _check_body(condition, signature)
-        slots = [*slots, *signature.range_slots(selection)]
+        slots = [*slots, *signature.iter_range_slots(selection)]
         inner = [*outer, chosen, *iter_expressions(condition)]
         check_variables(selection.at, inner, slots, (*selection.body, *condition), signature)
 
@@ -123,7 +123,7 @@ def _check_selection(selection: Selection, signature: Signature) -> None:
 def _check_probability(statement: Probability, signature: Signature) -> None:
     check_attribute(statement.term, signature)
     _check_body(statement.condition, signature)
-    selections = check_random(statement.term, statement.at, signature)
+    selections = require_selections(statement.term, statement.at, signature)
     if statement.label:
         label = statement.label
         named = [s.label for s in selections if s.label]
@@ -146,7 +146,7 @@ def _check_probability(statement: Probability, signature: Signature) -> None:
     check_variables(
         statement.at,
         list_expressions(statement),
-        list(signature.slots(statement)),
+        list(signature.iter_slots(statement)),
         statement.condition,
         signature,
         statement.number,
@@ -207,7 +207,7 @@ def _is_well_sorted(literal: Literal, signature: Signature) -> bool:
         return True
     try:
         check_attribute(literal.term, signature)
-        check_slots(signature.literal_slots(literal), signature)
+        check_slots(signature.iter_literal_slots(literal), signature)
     except SortMismatch:
         return False
     return True

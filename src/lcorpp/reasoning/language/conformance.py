@@ -42,10 +42,10 @@ def check_intervention(intervention: Intervention, signature: Signature) -> None
         SourceIssue: the first error.
     """
     check_ground_literal(Literal(intervention.term, "=", intervention.value, at=intervention.at), signature)
-    check_random(intervention.term, intervention.at, signature)
+    require_selections(intervention.term, intervention.at, signature)
 
 
-def check_random(term: Term, at: Place, signature: Signature) -> Sequence[Selection]:
+def require_selections(term: Term, at: Place, signature: Signature) -> Sequence[Selection]:
     """Return the random selections of an attribute.
 
     Raises:
@@ -67,14 +67,14 @@ def check_ground_literal(literal: Literal, signature: Signature) -> None:
     """
     _check_ground_term(literal.term, signature)
     _check_ground((literal.value,))
-    check_slots(signature.literal_slots(literal), signature)
+    check_slots(signature.iter_literal_slots(literal), signature)
     check_order((literal,), {}, signature)
 
 
 def _check_ground_term(term: Term, signature: Signature) -> None:
     check_attribute(term, signature)
     _check_ground(term.arguments)
-    check_slots(signature.term_slots(term), signature)
+    check_slots(signature.iter_term_slots(term), signature)
 
 
 def _check_ground(expressions: Iterable[Expression]) -> None:

@@ -135,10 +135,10 @@ class Cursor:
     def at(self) -> Place:
         """The place of the next token; at the end of the text, the place after its last visible character."""
         if self.kind == END:
-            return self._place(len(self.text.rstrip()))
-        return self._place(self._starts[self.index])
+            return self._find_place(len(self.text.rstrip()))
+        return self._find_place(self._starts[self.index])
 
-    def _place(self, offset: int) -> Place:
+    def _find_place(self, offset: int) -> Place:
         line = bisect_right(self._lines, offset)
         return Place(self.file, line, offset - self._lines[line - 1] + 1)
 

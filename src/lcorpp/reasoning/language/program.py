@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.language.checker import check_statements
@@ -72,7 +71,7 @@ class Program:
         return query
 
     def __str__(self) -> str:
-        return "".join(f"{line}\n" for line in self._lines())
+        return "".join(f"{line}\n" for line in self._format_lines())
 
     def __repr__(self) -> str:
         return (
@@ -81,7 +80,9 @@ class Program:
         )
 
     def _repr_html_(self) -> str:
-        lines = self._lines()
+        from html import escape  # its table of entities costs more than a small program
+
+        lines = self._format_lines()
         if len(lines) > SHOWN_STATEMENTS:
             lines = [*lines[:SHOWN_STATEMENTS], f"% ... {len(lines) - SHOWN_STATEMENTS} more statements"]
         return f"<pre>{escape(chr(10).join(lines))}</pre>"
@@ -89,7 +90,7 @@ class Program:
     def __reduce__(self) -> tuple[type[Program], tuple[str, tuple[Statement, ...], Semantics]]:
         return Program, (self.file, self.statements, self.semantics)  # mapping proxies cannot be pickled
 
-    def _lines(self) -> list[str]:
+    def _format_lines(self) -> list[str]:
         """One line per statement; a directive selects the semantics if the text alone would not."""
         explicit = any(isinstance(s, SortDefinition) and s.has_sort_expression for s in self.statements)
         directive = [f"#semantics {self.semantics}."] if explicit or self.semantics == "2018" else []

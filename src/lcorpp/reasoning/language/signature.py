@@ -98,43 +98,43 @@ class Signature:
         """Whether the literal is a sort membership `s(X)`; attributes take precedence over sorts."""
         return literal.term.name in self.sorts and literal.term.name not in self.attributes
 
-    def term_slots(self, term: Term) -> Iterator[ArgumentSlot]:
+    def iter_term_slots(self, term: Term) -> Iterator[ArgumentSlot]:
         """The argument slots of an attribute term."""
         return zip(term.arguments, self.attributes[term.name].arguments, strict=True)
 
-    def literal_slots(self, literal: Literal) -> Iterator[ArgumentSlot]:
+    def iter_literal_slots(self, literal: Literal) -> Iterator[ArgumentSlot]:
         """The argument slots of a literal: arguments, and the value unless it is only compared by order."""
         if self.is_sort(literal):
             return
-        yield from self.term_slots(literal.term)
+        yield from self.iter_term_slots(literal.term)
         if literal.relation in ("=", "!="):
             yield literal.value, self.attributes[literal.term.name].range
 
-    def body_slots(self, body: Iterable[Literal | Comparison]) -> Iterator[ArgumentSlot]:
+    def iter_body_slots(self, body: Iterable[Literal | Comparison]) -> Iterator[ArgumentSlot]:
         """The argument slots of a body; a positive sort membership `s(X)` has one."""
         for literal in body:
             if isinstance(literal, Literal):
-                yield from self.literal_slots(literal)
+                yield from self.iter_literal_slots(literal)
                 if self.is_sort(literal) and not literal.negated:
                     yield literal.term.arguments[0], literal.term.name
 
-    def slots(self, statement: Rule | Selection | Probability) -> Iterator[ArgumentSlot]:
+    def iter_slots(self, statement: Rule | Selection | Probability) -> Iterator[ArgumentSlot]:
         """The argument slots of a statement without those of a dynamic range, which has its own variables."""
         if isinstance(statement, Rule):
             if statement.head:
-                yield from self.literal_slots(statement.head)
-            yield from self.body_slots(statement.body)
+                yield from self.iter_literal_slots(statement.head)
+            yield from self.iter_body_slots(statement.body)
         else:
-            yield from self.term_slots(statement.term)
+            yield from self.iter_term_slots(statement.term)
             if isinstance(statement, Probability):
                 yield statement.value, self.attributes[statement.term.name].range
-            yield from self.body_slots(get_body(statement))
+            yield from self.iter_body_slots(get_body(statement))
 
-    def range_slots(self, selection: Selection) -> Iterator[ArgumentSlot]:
+    def iter_range_slots(self, selection: Selection) -> Iterator[ArgumentSlot]:
         """The argument slots of a dynamic range, its variable first."""
         if selection.range:
             yield selection.range.variable, self.attributes[selection.term.name].range
-            yield from self.body_slots(selection.range.condition)
+            yield from self.iter_body_slots(selection.range.condition)
 
 
 def mangle_name(name: str, count: int) -> str:

@@ -156,7 +156,7 @@ class SortTable:
         rows: Iterable[Sequence[str]] = product(*(part.members for part in parts))
         if record.condition is not None:
             condition = record.condition
-            rows = (row for row in rows if _holds(condition, row, places))
+            rows = (row for row in rows if _is_satisfied(condition, row, places))
         members = {f"{record.name}({','.join(row)})": None for row in rows}
         return Sort(members, max(part.max_integer for part in parts), False)
 
@@ -183,12 +183,12 @@ def _count_comparisons(condition: Comparison | Connective | None) -> int:
     return 2 if condition else 0
 
 
-def _holds(condition: Comparison | Connective, row: Sequence[str], places: Mapping[str, int]) -> bool:
+def _is_satisfied(condition: Comparison | Connective, row: Sequence[str], places: Mapping[str, int]) -> bool:
     if isinstance(condition, Connective):
-        left = _holds(condition.left, row, places)
+        left = _is_satisfied(condition.left, row, places)
         if left == (condition.operator == "|"):
             return left
-        return _holds(condition.right, row, places)
+        return _is_satisfied(condition.right, row, places)
     sides = (
         row[places[side.name]] if isinstance(side, Variable) else canonical_text(side)
         for side in (condition.left, condition.right)

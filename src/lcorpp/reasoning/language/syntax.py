@@ -69,11 +69,11 @@ Semantics = OneOf["2009", "2018"]
 Body = tuple[Literal | Comparison, ...]
 
 
-def _if(body: Body, sign: str = " :- ") -> str:
+def _format_body(body: Body, sign: str = " :- ") -> str:
     return f"{sign}{', '.join(map(str, body))}" if body else ""
 
 
-def _label(label: Term | None) -> str:
+def _format_label(label: Term | None) -> str:
     return f"[{label}] " if label else ""
 
 
@@ -142,7 +142,7 @@ class Selection(Node):
 
     def __str__(self) -> str:
         chosen = f" : {self.range}" if self.range else ""
-        return f"{_label(self.label)}random({self.term}{chosen}){_if(self.body)}."
+        return f"{_format_label(self.label)}random({self.term}{chosen}){_format_body(self.body)}."
 
 
 @dataclass(frozen=True, repr=False)
@@ -157,7 +157,8 @@ class Probability(Node):
 
     def __str__(self) -> str:
         number = str(self.number.value) if isinstance(self.number, Number) else str(self.number)
-        return f"{_label(self.label)}pr({self.term}={self.value}{_if(self.condition, ' | ')}) = {number}."
+        condition = _format_body(self.condition, " | ")
+        return f"{_format_label(self.label)}pr({self.term}={self.value}{condition}) = {number}."
 
 
 @dataclass(frozen=True, repr=False)
@@ -168,7 +169,7 @@ class Rule(Node):
     body: Body = ()
 
     def __str__(self) -> str:
-        return f"{self.head or ''}{_if(self.body)}.".lstrip()
+        return f"{self.head or ''}{_format_body(self.body)}.".lstrip()
 
 
 @dataclass(frozen=True, repr=False)
@@ -186,7 +187,7 @@ class CrRule(Node):
         head, _, body = str(self.statement)[:-1].partition(" :- ")
         if isinstance(self.statement, Rule) and self.statement.head is None:
             head, body = "", ", ".join(map(str, self.statement.body))
-        return f"{_label(self.label)}{head} +- {body}".rstrip() + "."
+        return f"{_format_label(self.label)}{head} +- {body}".rstrip() + "."
 
 
 @dataclass(frozen=True, repr=False)

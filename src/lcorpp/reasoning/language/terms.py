@@ -89,7 +89,7 @@ class Arithmetic(Node):
 
     def __str__(self) -> str:
         space = " " if self.operator == "mod" else ""
-        return f"{_operand(self.left)}{space}{self.operator}{space}{_operand(self.right)}"
+        return f"{_format_operand(self.left)}{space}{self.operator}{space}{_format_operand(self.right)}"
 
 
 Expression = Number | Variable | Term | Arithmetic
@@ -100,7 +100,7 @@ def depth(expression: Expression) -> int:
     return expression.depth if isinstance(expression, Term | Arithmetic) else 0
 
 
-def _operand(expression: Expression) -> str:
+def _format_operand(expression: Expression) -> str:
     bare = not isinstance(expression, Arithmetic) and not str(expression).startswith("-")
     return str(expression) if bare else f"({expression})"
 

@@ -3,7 +3,8 @@
 `elimination_order` sorts the components. `rule_groups` groups their clauses by structure. `selection`,
 `recursive_components` and `stratified` define the local distribution of each component; `transition` and
 `transition_builder` define its effect on the state. `transition_system` runs all of this. `circuit.trellis`
-expands the system to a decision diagram; `likelihood_weighting` samples from it if it has too many states.
+expands the system to a decision diagram; `likelihood_weighting` samples from the system if the program is too
+large to be compiled.
 
 Terms of this package:
 

@@ -42,7 +42,7 @@ def order_components(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list
     component_needs = needs
     constraints: Iterable[frozenset[int]] = joint
     if any(needed and max(needed) > term for term, needed in enumerate(needs)):  # cycles are possible
-        strong = strongly_connected_components(needs)
+        strong = find_strongly_connected_components(needs)
         if len(strong) < n_terms:
             components = sorted(strong)
             component_of = {term: i for i, terms in enumerate(components) for term in terms}
@@ -130,7 +130,7 @@ def _order_greedily(
     return order
 
 
-def strongly_connected_components(needs: Sequence[Iterable[int]]) -> list[tuple[int, ...]]:
+def find_strongly_connected_components(needs: Sequence[Iterable[int]]) -> list[tuple[int, ...]]:
     """Return the strongly connected components of a graph, each after the components it points to.
 
     Args:

@@ -1,4 +1,4 @@
-"""Likelihood weighting: estimates with standard errors, for programs with too many states to be compiled.
+"""Likelihood weighting: estimates with standard errors, for programs that are too large to be compiled.
 
 A sampler decides the components in elimination order. It does not draw observed terms but multiplies the
 weight of the world by the probability of the observed value. A world that violates a constraint has weight 0.

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lcorpp.reasoning.grounding.ground_program import ClauseKind, GroundProgram
-from lcorpp.reasoning.transitions.elimination_order import strongly_connected_components
+from lcorpp.reasoning.transitions.elimination_order import find_strongly_connected_components
 from lcorpp.reasoning.transitions.selection import ONE, GuardedClause, Outcome
 
 Atom = tuple[int, int]
@@ -99,7 +99,7 @@ class Stratified:
                 else:
                     positive.append(atoms)
             rules.append(_Rule(head, bit, tuple(positive), tuple(negative)))
-        order = strongly_connected_components(needs)
+        order = find_strongly_connected_components(needs)
         stratum_of = {atom: i for i, atoms in enumerate(order) for atom in atoms}
         if any(stratum_of[head] == stratum_of[atom] for head, atom in negations):
             return None

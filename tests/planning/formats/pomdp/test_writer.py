@@ -32,9 +32,9 @@ def sparse_pomdps(draw: st.DrawFn) -> Pomdp:
     def rows(N: int) -> SparseTables:
         row = np.repeat(np.arange(A * S), 4)
         column = rng.integers(N, size=len(row))
-        rough = SparseTables.of_entries(
-            (A, S, N), row, column, rng.random(len(row)) ** draw(st.sampled_from([1, 60]))
-        )
+        # no weight is below 1e-200, so that the inverse of the sum of a row is finite
+        weights = np.maximum(rng.random(len(row)) ** draw(st.sampled_from([1, 60])), 1e-200)
+        rough = SparseTables.of_entries((A, S, N), row, column, weights)
         return rough.scale_rows(1 / rough.row_sums())
 
     names = draw(st.sampled_from(["s{}", "{}", "a.b-{}", "é{}", "1_{}", "-{}x"]))
@@ -62,7 +62,7 @@ def test_sparse_models_are_written_and_read_exactly(pomdp):
 @pytest.mark.parametrize(
     "name", ["two words", "T", "3", "a:b", "*", "x#", "", "uniform", "\ud800", "a\u2028b"]
 )
-def test_names_that_cannot_be_written(name):
+def test_names_that_a_file_cannot_contain_raise_an_error(name):
     pomdp = parse_pomdp(HEAD + BODY)
     unwritable = Pomdp(
         (name, "b"),
@@ -75,6 +75,6 @@ def test_names_that_cannot_be_written(name):
         format_pomdp(unwritable)
 
 
-def test_a_folder_that_is_missing(tmp_path):
+def test_a_missing_folder_raises_an_error(tmp_path):
     with pytest.raises(FileError, match="cannot be written"):
         write_pomdp(parse_pomdp(HEAD + BODY), tmp_path / "missing" / "x.pomdp")

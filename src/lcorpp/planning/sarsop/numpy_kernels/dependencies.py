@@ -46,12 +46,12 @@ class VectorDependencies:
         """Record a new vector and the vectors it depends on."""
         self._depends_on[vector] = sorted({stamp for stamp in depends_on if stamp >= self._blind})
 
-    def record_imported(self, vector: int) -> None:
+    def record_imported_vector(self, vector: int) -> None:
         """Record a vector that was imported from another search."""
         self._depends_on.setdefault(IMPORTED, []).append(vector)
         self._depends_on[vector] = [IMPORTED]
 
-    def record_pruned(
+    def record_pruned_vectors(
         self, vectors: VectorSet, group: int, kept: npt.NDArray[np.bool_], slack: float
     ) -> None:
         """Record the vectors whose entry in `kept` is false, before the set drops them.
@@ -70,22 +70,24 @@ class VectorDependencies:
 
     def forget_unneeded(self, sets: Sequence[VectorSet]) -> None:
         """Forget all vectors that the vectors in the sets do not depend on."""
-        needed = self._find_needed(sets)  # it resolves all replacements
+        needed = self._find_needed_stamps(sets)  # it resolves all replacements
         self._depends_on = {stamp: self._depends_on[stamp] for stamp in needed if stamp in self._depends_on}
         self._pruned = {stamp: self._pruned[stamp] for stamp in needed if stamp in self._pruned}
         self._replaced_by = {}
 
-    def needed(self, sets: Sequence[VectorSet]) -> list[PrunedVector]:
-        """The pruned vectors that the vectors in the sets depend on, by rising stamps."""
-        return [self._pruned[stamp] for stamp in sorted(self._find_needed(sets)) if stamp in self._pruned]
+    def find_needed_vectors(self, sets: Sequence[VectorSet]) -> list[PrunedVector]:
+        """Return the pruned vectors that the vectors in the sets depend on, by rising stamps."""
+        return [
+            self._pruned[stamp] for stamp in sorted(self._find_needed_stamps(sets)) if stamp in self._pruned
+        ]
 
     def _find_replacement(self, stamp: int) -> int:
         while stamp in self._replaced_by:
             stamp = self._replaced_by[stamp]
         return stamp
 
-    def _find_needed(self, sets: Sequence[VectorSet]) -> list[int]:
-        """The stamps of the vectors in the sets and of all vectors they depend on, directly or not."""
+    def _find_needed_stamps(self, sets: Sequence[VectorSet]) -> list[int]:
+        """Return the stamps of the vectors in the sets and of all vectors they depend on, directly or not."""
         queue = [stamp for vectors in sets for stamp in vectors.stamps.tolist() if stamp >= self._blind]
         visited = set(queue)
         for stamp in queue:  # the loop body appends to the queue

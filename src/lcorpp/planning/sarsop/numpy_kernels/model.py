@@ -36,21 +36,17 @@ class BeliefBatch:
 
 
 class Model:
-    """The problem.
+    """A POMDP as sparse tables, and the partition of its states into blocks.
 
     Blocks partition the states: after every action and observation the belief lies within one block. A model
     with fully observed parts (a MOMDP; Ong, Png, Hsu and Lee, 2010) has many blocks, and beliefs and vectors
     are stored over their own block only. A group is a block, or (the last one) all states, for beliefs over
     several blocks.
 
-    actions, states, observations: A, S and O.
+    actions, states, observations: the numbers A, S and O.
     transition: (A, S, S) P(s' | s, a). observation: (A, S, O) P(o | a, s'). reward: (A, S). discount: gamma.
     block: (S,) block of each state. local: (S,) position of each state within its block.
     members: states of each block, rising.
-
-    Raises:
-        ValueError: shapes or indices do not fit together, a row is not a distribution, or a number is not
-            finite.
     """
 
     def __init__(
@@ -67,6 +63,23 @@ class Model:
         reward: Array,
         discount: float,
     ) -> None:
+        """
+        Args:
+            n_actions, n_states, n_observations: A, S and O, at least 1.
+            transition_begins: (A S + 1,) compressed sparse rows: the entries of row a S + s are those from
+                begins[a S + s] to before begins[a S + s + 1].
+            transition_columns: (entries,) the next state s' of each entry.
+            transition_values: (entries,) P(s' | s, a).
+            observation_begins: (A S + 1,) as transition_begins, for rows a S + s'.
+            observation_columns: (entries,) the observation o of each entry.
+            observation_values: (entries,) P(o | a, s').
+            reward: (A, S) expected immediate rewards.
+            discount: gamma, between 0 and 1.
+
+        Raises:
+            ValueError: shapes or indices do not fit together, a row is not a distribution, or a number is
+                not finite.
+        """
         if not 0 < discount < 1:
             raise ValueError("the discount must lie strictly between 0 and 1")
         if min(n_actions, n_states, n_observations) < 1:
@@ -90,25 +103,26 @@ class Model:
         self.local = np.empty(n_states, dtype=np.intp)
         self.local[order] = np.arange(n_states) - np.repeat(begins, [len(block) for block in self.members])
 
-    def blocks(self) -> npt.NDArray[np.int32]:
-        """(S,) block of each state."""
+    def export_blocks(self) -> npt.NDArray[np.int32]:
+        """Return (S,) the block of each state, a copy."""
         return self.block.astype(np.int32)
 
     def group_states(self, group: int) -> Indices:
-        """The states of a group: the members of a block, or all states."""
+        """Return the states of a group: the members of a block, or all states."""
         return self.members[group] if group < len(self.members) else self._all_states
 
-    def positions(self, group: int, states: Indices) -> Indices:
-        """(n,) positions of states (n,) in a group."""
+    def find_positions(self, group: int, states: Indices) -> Indices:
+        """Return (n,) the positions of states (n,) in a group."""
         return self.local[states] if group < len(self.members) else states
 
     def _make_batch(self, states: Indices, weights: Array) -> BeliefBatch:
+        """Return beliefs of states (n,) with weights (m, n), in the smallest group with all the states."""
         blocks = self.block[states]
         group = int(blocks[0]) if (blocks == blocks[0]).all() else len(self.members)
-        return BeliefBatch(group, states, self.positions(group, states), weights)
+        return BeliefBatch(group, states, self.find_positions(group, states), weights)
 
-    def belief(self, belief: Belief) -> BeliefBatch:
-        """A batch of one belief (S,).
+    def make_belief(self, belief: Belief) -> BeliefBatch:
+        """Return a batch of one belief (S,).
 
         Raises:
             ValueError: it is not a distribution over the states.
@@ -119,10 +133,10 @@ class Model:
         if not (np.isfinite(dense).all() and dense.min() >= 0):
             raise ValueError("a number of a belief is negative or not finite")
         states = np.flatnonzero(dense)
-        return self.sparse_belief(states, dense[states])
+        return self.make_sparse_belief(states, dense[states])
 
-    def sparse_belief(self, states: npt.NDArray[np.integer], weights: Array) -> BeliefBatch:
-        """A batch of one belief: states (n,), strictly increasing, with weights (n,).
+    def make_sparse_belief(self, states: npt.NDArray[np.integer], weights: Array) -> BeliefBatch:
+        """Return a batch of one belief: states (n,), strictly increasing, with weights (n,).
 
         Raises:
             ValueError: it is not a distribution over the states.
@@ -134,32 +148,33 @@ class Model:
         return self._make_batch(states.astype(np.intp), weights[None].astype(np.float64))
 
     def _find_blocks(self) -> Indices:
-        """(S,) block of each state.
+        """Return (S,) the block of each state.
 
-        Two states are in one block if the same action reaches both and the same observation can follow.
+        Two states are connected if one action reaches both and one observation can follow in both. Blocks
+        are the connected components, computed on a graph with a node for each state and each pair (a, o).
         """
         A, S, observations = self.actions, self.states, self.observations
         reached = np.zeros((A, S), dtype=bool)
         reached[self.transition.rows // S, self.transition.columns] = True
         action, state = np.divmod(self.observation.rows, S)
         possible = reached[action, state]
-        seen = S + action[possible] * observations + self.observation.columns[possible]
+        outcome = S + action[possible] * observations + self.observation.columns[possible]
         size = S + A * observations
-        graph = coo_array((np.ones(len(seen), dtype=bool), (state[possible], seen)), shape=(size, size))
+        graph = coo_array((np.ones(len(outcome), dtype=bool), (state[possible], outcome)), shape=(size, size))
         label = connected_components(graph, directed=False)[1][:S]
         # number the blocks by their first state
         first, inverse = np.unique(label, return_index=True, return_inverse=True)[1:]
         return np.argsort(np.argsort(first))[inverse]
 
 
-def row_entries(table: SparseTables, rows: Indices) -> tuple[Indices, Indices]:
-    """Indices of the entries of the given rows (n,) of a table, concatenated, and the row 0 to n - 1 of
-    each."""
+def find_row_entries(table: SparseTables, rows: Indices) -> tuple[Indices, Indices]:
+    """Return the indices (k,) of the entries of rows (n,) of a table, concatenated, and the position (k,) of
+    each entry's row in `rows`."""
     return concatenate_ranges(table.begins[rows], table.begins[rows + 1])
 
 
 def concatenate_ranges(begins: Indices, ends: Indices) -> tuple[Indices, Indices]:
-    """The ranges begins[i] to before ends[i], concatenated, and the i of each number."""
+    """Return the half-open ranges begins[i], ..., ends[i] - 1, concatenated, and the i of each number."""
     counts = ends - begins
     owner = np.repeat(np.arange(len(counts)), counts)
     return np.arange(len(owner)) + np.repeat(begins - (np.cumsum(counts) - counts), counts), owner
@@ -171,6 +186,7 @@ def _check_distributions(
     column: npt.NDArray[np.int32],
     value: Array,
 ) -> SparseTables:
+    """Return the tables, whose rows must be distributions."""
     try:
         rows = SparseTables(shape, begins, column, value)
     except ModelError as error:

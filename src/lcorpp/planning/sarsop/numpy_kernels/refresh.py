@@ -28,7 +28,7 @@ def refresh(state: SearchState, node: Node) -> None:
 
 
 def select_action(state: SearchState, node: Node, use_lower_bound: bool) -> int:
-    """The best action by the upper or lower bound, after an update of that action's bounds."""
+    """Return the best action by the upper or lower bound, after an update of that action's bounds."""
     action, updated = refresh_best_upper(state, node)
     update_best_vector(state, node)
     if use_lower_bound:
@@ -84,11 +84,11 @@ def refresh_upper(state: SearchState, node: Node, action: int) -> None:
         return
     branch, outcomes = expand(state, node, action)
     for children, beliefs in outcomes.batches:
-        bound = sawtooth.bound(beliefs, branch.points_version)
+        bound = sawtooth.compute_bound(beliefs, branch.points_version)
         branch.upper[children] = np.minimum(branch.upper[children], bound)
     for c in np.flatnonzero(branch.child_nodes >= 0).tolist():
-        of_node = state.nodes[branch.child_nodes[c]].upper + branch.lipschitz_slack[c]
-        branch.upper[c] = min(branch.upper[c], branch.probability[c] * of_node)
+        node_bound = state.nodes[branch.child_nodes[c]].upper + branch.lipschitz_slack[c]
+        branch.upper[c] = min(branch.upper[c], branch.probability[c] * node_bound)
     look_ahead = node.expected_rewards[action] + state.model.discount * branch.upper.sum()
     node.q_upper[action] = min(node.q_upper[action], look_ahead)
     branch.points_version = sawtooth.next_stamp
@@ -111,7 +111,7 @@ def update_best_vector(state: SearchState, node: Node) -> float:
 
 def update_upper_bound(state: SearchState, node: Node) -> float:
     """Update the sawtooth value at a node; return the smaller of it and the node's own upper bound."""
-    newer = float(state.sawtooth.bound(node.belief, node.sawtooth_version)[0])
+    newer = float(state.sawtooth.compute_bound(node.belief, node.sawtooth_version)[0])
     node.sawtooth_value = min(node.sawtooth_value, newer)
     node.sawtooth_version = state.sawtooth.next_stamp
     return min(node.sawtooth_value, node.upper)
@@ -126,31 +126,31 @@ def forget_lower(node: Node) -> None:
 
 
 def expand(state: SearchState, node: Node, action: int) -> tuple[Branch, Outcomes]:
-    """The branch of an action, created if necessary, and its next beliefs."""
+    """Return the branch of an action, created if necessary, and its next beliefs."""
     branch = node.branches.get(action)
     if branch is not None and branch.outcomes is not None:
         return branch, branch.outcomes
     outcomes = compute_outcomes(state.model, node.belief, action)
     if branch is None:
         branch = Branch.of(outcomes)
-        if outcomes.size <= state.cache_left:
-            state.cache_left -= outcomes.size
+        if outcomes.size <= state.cache_budget:
+            state.cache_budget -= outcomes.size
             branch.outcomes = outcomes
         node.branches[action] = branch
     return branch, outcomes
 
 
-def add_child(state: SearchState, node: Node, action: int, child: int) -> int:
+def find_or_add_child(state: SearchState, node: Node, action: int, child: int) -> int:
     """Return the node of a child of an expanded action, created if necessary."""
     branch = node.branches[action]
     if branch.child_nodes[child] < 0:
         states, weights = expand(state, node, action)[1].belief(child)
         group = int(branch.group[child])
-        positions = state.model.positions(group, states)
-        number = state.add_node(BeliefBatch(group, states, positions, weights[None]))
+        positions = state.model.find_positions(group, states)
+        number = state.find_or_add_node(BeliefBatch(group, states, positions, weights[None]))
         # the values of two beliefs differ by at most the largest value times their distance
         difference = state.dense_belief(number)
         difference[states] -= weights
-        branch.lipschitz_slack[child] = state.scale * float(np.abs(difference).sum())
+        branch.lipschitz_slack[child] = state.max_abs_value * float(np.abs(difference).sum())
         branch.child_nodes[child] = number
     return int(branch.child_nodes[child])

@@ -19,15 +19,31 @@ _Kind = TypeVar("_Kind", bound=np.generic)
 CHUNK_SIZE = 1 << 21
 """Numbers processed at once (16 MB): large enough for numpy, small enough for memory."""
 
+COMPACTION_MARGIN = 96
+"""Memory is released if three times the number of removed points exceeds that of others by more than this."""
+
 
 class Points:
-    """Points (p, v) of one group by rising stamp, with their entries concatenated.
+    """K points (p, v) of one group: the upper bound at belief p is at most v.
 
-    stamps, values, excess: (K,) excess is v - corners.p, not above 0; a removed point has excess 0.
-    begins: (K + 1,) index of the first entry of each point. positions, weights: (entries,).
+    A stamp numbers changes of the bound: it identifies a point and increases with every point added. The
+    points lie in the order of their stamps. The entries of a point are the states of the support of p, as
+    positions in the group, with their weights p(s); the entries of all points are concatenated.
+
+    Private arrays, longer than needed: the first `count` = K numbers are used, and the entries before
+    _begins[K].
+    _stamps: (K,). _values: (K,) v, NaN for a removed point.
+    _excess: (K,) v - corners.p, not above 0; 0 for a removed point.
+    _begins: (K + 1,) index of the first entry of each point. _positions, _weights: (entries,).
+    _rarest: (K,) the position in the support of p that the fewest points contained when p was added.
+    _counts: (size,) number of points that contain each position.
     """
 
     def __init__(self, size: int) -> None:
+        """
+        Args:
+            size: the number of states of the group.
+        """
         self.count = 0
         self._stamps = np.empty(0, dtype=np.int64)
         self._values, self._excess = np.empty(0), np.empty(0)
@@ -41,13 +57,17 @@ class Points:
         """Indices of the points that were not removed."""
         return np.flatnonzero(~np.isnan(self._values[: self.count]))
 
-    def point(self, k: int) -> tuple[int, Indices, Array, float]:
-        """Stamp, positions, weights and value of point k."""
+    def get_point(self, k: int) -> tuple[int, Indices, Array, float]:
+        """Return the stamp, the positions (n,), the weights (n,) and the value of point k."""
         part = slice(int(self._begins[k]), int(self._begins[k + 1]))
         return int(self._stamps[k]), self._positions[part], self._weights[part], float(self._values[k])
 
     def add(self, positions: Indices, weights: Array, value: float, corners: Array, stamp: int) -> None:
-        """Append a point with weights (n,) at positions (n,); its stamp is larger than all others."""
+        """Append a point with weights (n,) at positions (n,); its stamp is larger than all others.
+
+        Args:
+            corners: (size,) the bound at the corners of the group.
+        """
         k, begin = self.count, int(self._begins[self.count])
         end = begin + len(positions)
         self._grow(end)
@@ -68,7 +88,7 @@ class Points:
         return True
 
     def refresh(self, corners: Array) -> None:
-        """Recompute the excess of all points after a corner was lowered."""
+        """Recompute the excess of all points after a corner (size,) was lowered."""
         if not self.count:
             return
         entries = slice(int(self._begins[self.count]))
@@ -78,8 +98,8 @@ class Points:
         excess = np.minimum(0.0, self._values[: self.count] - planes)
         self._excess[: self.count] = np.where(np.isnan(excess), 0.0, excess)
 
-    def correction(self, beliefs: Array, since: int) -> Array:
-        """(m,) minimum over the points of phi (v - corners.p) at beliefs (m, size), not above 0.
+    def compute_correction(self, beliefs: Array, since: int) -> Array:
+        """Return (m,) the minimum over the points of phi (v - corners.p) at beliefs (m, size), at most 0.
 
         phi = min over the support of p of b(s) / p(s). Only points whose stamp is at least `since` count.
         """
@@ -129,15 +149,18 @@ class Points:
 class Sawtooth:
     """An upper bound on the value, positively homogeneous: arguments are beliefs times a probability.
 
-    At b it is the minimum of max over a of Q(a).b and of corners.b + phi(b) (v - corners.p) over all points
-    (p, v), with phi(b) = min over the support of p of b(s) / p(s), which is 0 if b does not contain the
-    support of p. A point counts only at beliefs of its own group.
+    bound(b) = min(max over a of Q(a).b, corners.b + min over the points (p, v) of phi(b, p) (v - corners.p)),
+    with phi(b, p) = min over the support of p of b(s) / p(s), which is 0 if b does not contain the support of
+    p. A point counts only at beliefs of its own group.
+
+    corners: (S,) the bound at each corner of the belief simplex, where the state is known.
+    next_stamp: the stamp of the next point. count: the number of points.
     """
 
     def __init__(self, model: Model, informed: Array) -> None:
         """
         Args:
-            informed: (A, S) Q values that are upper bounds.
+            informed: (A, S) the fast informed bound: upper bounds on the Q values.
         """
         self.model = model
         self.corners: Array = informed.max(axis=0)
@@ -146,20 +169,20 @@ class Sawtooth:
         self._informed = np.ascontiguousarray(informed.T)
         self._groups: dict[int, Points] = {}
 
-    def informed_values(self, beliefs: BeliefBatch) -> Array:
-        """(m, A) informed Q values at m beliefs."""
+    def compute_informed_values(self, beliefs: BeliefBatch) -> Array:
+        """Return (m, A) the upper bounds on the Q values at m beliefs, by the fast informed bound."""
         return np.asarray(beliefs.weights @ self._informed[beliefs.states])
 
-    def bound(self, beliefs: BeliefBatch, since: int = 0) -> Array:
-        """(m,) the bound at m beliefs by the points whose stamp is at least `since`."""
-        informed = self.informed_values(beliefs).max(axis=1)
+    def compute_bound(self, beliefs: BeliefBatch, since: int = 0) -> Array:
+        """Return (m,) the bound at m beliefs, by the points whose stamp is at least `since`."""
+        informed = self.compute_informed_values(beliefs).max(axis=1)
         plane = beliefs.weights @ self.corners[beliefs.states]
         points = self._groups.get(beliefs.group)
         if points is None:
             return np.asarray(np.minimum(informed, plane))
         dense = np.zeros((len(beliefs.weights), len(self.model.group_states(beliefs.group))))
         dense[:, beliefs.positions] = beliefs.weights
-        return np.asarray(np.minimum(informed, plane + points.correction(dense, since)))
+        return np.asarray(np.minimum(informed, plane + points.compute_correction(dense, since)))
 
     def add(self, belief: BeliefBatch, value: float) -> int:
         """Lower the bound at one belief; return the stamp of the new point, -1 if the belief is a corner."""
@@ -182,19 +205,20 @@ class Sawtooth:
 
     def compact(self) -> None:
         """Release the memory of removed points if there are many."""
-        if 3 * self._removed > self.count + 96:
+        if 3 * self._removed > self.count + COMPACTION_MARGIN:
             for points in self._groups.values():
                 points.compact()
             self._removed = 0
 
-    def points(
+    def export_points(
         self,
     ) -> tuple[Array, npt.NDArray[np.int64], npt.NDArray[np.int32], Array, Array]:
-        """Corners (S,), and the points by rising stamp: begins (K + 1,), states, weights, values (K,)."""
+        """Return the corners (S,), and the points by rising stamp: begins (K + 1,), states and weights
+        (entries,), values (K,)."""
         by_stamp = [
             (stamp, self.model.group_states(group)[positions], weights, value)
             for group, points in self._groups.items()
-            for stamp, positions, weights, value in map(points.point, points.alive.tolist())
+            for stamp, positions, weights, value in map(points.get_point, points.alive.tolist())
         ]
         by_stamp.sort(key=lambda point: point[0])
         begins = np.cumsum([0, *(len(states) for _, states, _, _ in by_stamp)])

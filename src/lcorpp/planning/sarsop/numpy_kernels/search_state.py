@@ -14,46 +14,47 @@ from lcorpp.planning.sarsop.numpy_kernels.sawtooth import Sawtooth
 from lcorpp.values import Array, Belief
 
 BELIEF_RESOLUTION = 1e10
-"""Beliefs that agree to within 1 / BELIEF_RESOLUTION share a node."""
+"""Beliefs whose weights are equal after rounding to multiples of 1 / BELIEF_RESOLUTION share a node."""
 
 MAX_CACHED_OUTCOMES = 1 << 25
 """Largest number of cached weights of outcomes; further ones are recomputed at each visit."""
 
 MIN_GAIN = 1e-11
-"""Smallest improvement of a bound, relative to the largest value; smaller ones are rounding errors."""
+"""Smallest improvement of a bound, relative to `max_abs_value`; smaller ones are rounding errors."""
 
 
 class SearchState:
     """All nodes, numbered in order of creation, with the bounds they share.
 
-    model: the problem. nodes: by number. sets: the vectors of each group. sawtooth: the upper bound.
-    scale: the largest value in the model, the unit of rounding errors.
+    model: the POMDP. nodes: by number. sets: the vectors of each group. sawtooth: the upper bound.
+    max_abs_value: the largest absolute initial bound, at least 1: the unit of rounding errors.
     next_vector: stamp of the next vector. dependencies: of the vectors.
     sizes_after_pruning: by group, the number of vectors after the last pruning.
-    cache_left: how many more weights of outcomes are cached.
+    cache_budget: how many more weights of outcomes are cached.
     """
 
     def __init__(self, model: Model, informed: Array, blind: Array) -> None:
         """
         Args:
-            informed: (A, S) Q values that are upper bounds.
-            blind: (A, S) values of repeating one action forever.
+            informed: (A, S) the fast informed bound: upper bounds on the Q values.
+            blind: (A, S) values of the blind policies, each of which repeats one action forever.
         """
         self.model, self.sawtooth = model, Sawtooth(model, informed)
-        self.scale = max(1.0, float(np.abs(blind).max()), float(np.abs(informed).max()))
+        self.max_abs_value = max(1.0, float(np.abs(blind).max()), float(np.abs(informed).max()))
         self.nodes: list[Node] = []
         self.sets = [VectorSet(len(model.group_states(g))) for g in range(len(model.members) + 1)]
         # with one block, no belief is over several blocks and the last set stays empty
         for g in range(len(self.sets) if len(model.members) > 1 else 1):
             for a in range(model.actions):
-                self.sets[g].add(blind[a, model.group_states(g)], a, a)
+                stamp = a  # the blind policies have the stamps 0 to A - 1
+                self.sets[g].add(blind[a, model.group_states(g)], a, stamp)
         self.next_vector = model.actions
         self.dependencies = VectorDependencies(model.actions)
         self.sizes_after_pruning = [vectors.count for vectors in self.sets]
-        self.cache_left = MAX_CACHED_OUTCOMES
+        self.cache_budget = MAX_CACHED_OUTCOMES
         self._node_index: dict[tuple[bytes, bytes], int] = {}
 
-    def add_node(self, belief: BeliefBatch) -> int:
+    def find_or_add_node(self, belief: BeliefBatch) -> int:
         """Return the node of one belief, created if necessary."""
         weights = np.floor(belief.weights[0] * BELIEF_RESOLUTION + 0.5)
         inside = weights > 0
@@ -64,7 +65,7 @@ class SearchState:
         return self._node_index[key]
 
     def dense_belief(self, node: int) -> Belief:
-        """(S,) the belief of a node."""
+        """Return (S,) the belief of a node."""
         sparse = self.nodes[node].belief
         dense = np.zeros(self.model.states)
         dense[sparse.states] = sparse.weights[0]
@@ -73,8 +74,8 @@ class SearchState:
     def _make_node(self, belief: BeliefBatch) -> Node:
         p, model = belief.weights[0], self.model
         entropy = -sum(q * log(q) for q in p.tolist()) / max(log(model.states), 1e-300)
-        q_upper = self.sawtooth.informed_values(belief)[0]
-        informed, sawtooth = float(q_upper.max()), float(self.sawtooth.bound(belief)[0])
+        q_upper = self.sawtooth.compute_informed_values(belief)[0]
+        informed, sawtooth = float(q_upper.max()), float(self.sawtooth.compute_bound(belief)[0])
         return Node(
             belief=belief,
             expected_rewards=model.reward[:, belief.states] @ p,

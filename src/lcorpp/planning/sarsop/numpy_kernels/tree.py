@@ -20,14 +20,14 @@ from lcorpp.planning.sarsop.numpy_kernels.model import Model
 from lcorpp.planning.sarsop.numpy_kernels.node import Node
 from lcorpp.planning.sarsop.numpy_kernels.pruning import prune
 from lcorpp.planning.sarsop.numpy_kernels.refresh import (
-    add_child,
+    find_or_add_child,
     refresh,
     select_action,
     update_best_vector,
     update_upper_bound,
 )
 from lcorpp.planning.sarsop.numpy_kernels.search_state import SearchState
-from lcorpp.planning.sarsop.sampling import sample
+from lcorpp.planning.sarsop.path_sampling import sample
 from lcorpp.values import Array, Belief
 
 
@@ -42,8 +42,8 @@ class Tree:
     def __init__(self, model: Model, informed: Array, blind: Array) -> None:
         """
         Args:
-            informed: (A, S) Q values that are upper bounds.
-            blind: (A, S) values of repeating one action forever.
+            informed: (A, S) the fast informed bound: upper bounds on the Q values.
+            blind: (A, S) values of the blind policies, each of which repeats one action forever.
         """
         self._state = SearchState(model, copy_table(model, informed), copy_table(model, blind))
 
@@ -72,17 +72,17 @@ class Tree:
         """The number of blocks, plus one."""
         return len(self._state.sets)
 
-    def add_node(self, belief: Belief) -> int:
+    def find_or_add_node(self, belief: Belief) -> int:
         """Return the node of a belief (S,), created if necessary."""
-        return self._state.add_node(self._state.model.belief(belief))
+        return self._state.find_or_add_node(self._state.model.make_belief(belief))
 
-    def add_child(self, node: int, action: int, child: int) -> int:
+    def find_or_add_child(self, node: int, action: int, child: int) -> int:
         """Return the node of a child, created if necessary."""
         parent = self.node(node)
         branch = parent.branches.get(self._check_action(action))
         if branch is None or not 0 <= child < len(branch.child_nodes):
             raise IndexError("unknown child")
-        return add_child(self._state, parent, action, child)
+        return find_or_add_child(self._state, parent, action, child)
 
     def refresh(self, node: int) -> None:
         """Update the bounds of a node."""
@@ -105,14 +105,14 @@ class Tree:
         seconds: float,
         use_lower_bound: bool,
     ) -> int:
-        """Sample a path and back up its nodes; return their number. See sampling.py."""
+        """Sample a path and back up its nodes; return their number. See path_sampling.py."""
         self.node(root)
         if not target >= 0 or isnan(seconds):
             raise ValueError("target and seconds must not be NaN, target not negative")
         return sample(self, predictor, root, target, max_depth, seconds, use_lower_bound)
 
     def prune(self, roots: Sequence[int], radius: float, max_ratio: float, growth: float) -> None:
-        """Keep the vectors that are best, or nearly best, at a belief that matters; see pruning.py."""
+        """Keep the vectors that are best, or nearly best, at a reachable belief; see pruning.py."""
         for root in roots:
             self.node(root)
         if not (radius >= 0 and max_ratio >= 0 and growth >= 0):
@@ -120,42 +120,42 @@ class Tree:
         prune(self._state, roots, radius, max_ratio, growth)
 
     def lower_bound(self, node: int) -> float:
-        """The value of the best alpha vector at a node."""
+        """Return the value of the best alpha vector at a node."""
         return update_best_vector(self._state, self.node(node))
 
     def upper_bound(self, node: int) -> float:
-        """The upper bound at a node."""
+        """Return the upper bound at a node."""
         return update_upper_bound(self._state, self.node(node))
 
     def cached_lower(self, node: int) -> float:
-        """The lower bound of a node at its last update."""
+        """Return the lower bound of a node at its last update."""
         return self.node(node).lower
 
     def cached_upper(self, node: int) -> float:
-        """The upper bound of a node at its last update."""
+        """Return the upper bound of a node at its last update."""
         return self.node(node).upper
 
     def q_lower(self, node: int) -> Array:
-        """(A,) lower bounds on the values of the actions."""
+        """Return (A,) lower bounds on the values of the actions."""
         return self.node(node).q_lower.copy()
 
     def q_upper(self, node: int) -> Array:
-        """(A,) upper bounds on the values of the actions."""
+        """Return (A,) upper bounds on the values of the actions."""
         return self.node(node).q_upper.copy()
 
     def expected_rewards(self, node: int) -> Array:
-        """(A,) expected rewards of the actions."""
+        """Return (A,) expected rewards of the actions."""
         return self.node(node).expected_rewards.copy()
 
     def belief(self, node: int) -> Belief:
-        """(S,) the belief of a node."""
+        """Return (S,) the belief of a node."""
         self.node(node)
         return self._state.dense_belief(node)
 
     def children(
         self, node: int, action: int
     ) -> tuple[npt.NDArray[np.int32], Array, Array, Array, npt.NDArray[np.int32]]:
-        """(n,) observation, probability, lower and upper bound times probability, and node of each child."""
+        """Return (n,) each child's observation, probability, bounds times probability, and node."""
         branch = self.node(node).branches.get(self._check_action(action))
         if branch is None:
             indices, numbers = np.empty(0, dtype=np.int32), np.empty(0)
@@ -164,21 +164,23 @@ class Tree:
         return branch.observation.astype(np.int32), *bounds, branch.child_nodes.astype(np.int32)
 
     def vectors(self, group: int) -> tuple[npt.NDArray[np.int32], Array, npt.NDArray[np.int32]]:
-        """The states (n,) of a group, its alpha vectors (K, n) and their actions (K,)."""
+        """Return the states (n,) of a group, its alpha vectors (K, n) and their actions (K,)."""
         vectors = self._state.sets[self._check_group(group)]
         states = self._state.model.group_states(group).astype(np.int32)
         return states, np.ascontiguousarray(vectors.table.T), vectors.actions.copy()
 
     def dependencies(self, group: int) -> tuple[Array, npt.NDArray[np.int32]]:
-        """The pruned vectors (K, n) of a group that others depend on, and their actions (K,)."""
+        """Return the pruned vectors (K, n) of a group that others depend on, and their actions (K,)."""
         n = self._state.sets[self._check_group(group)].table.shape[0]
-        needed = [v for v in self._state.dependencies.needed(self._state.sets) if v.group == group]
+        needed = [
+            v for v in self._state.dependencies.find_needed_vectors(self._state.sets) if v.group == group
+        ]
         table = np.array([vector.values for vector in needed]).reshape(len(needed), n)
         return table, np.array([vector.action for vector in needed], dtype=np.int32)
 
     def points(self) -> tuple[Array, *PointArrays]:
-        """The upper bound: corners (S,), and begins, states, weights and values of the points."""
-        return self._state.sawtooth.points()
+        """Return the upper bound: corners (S,), and begins, states, weights and values of the points."""
+        return self._state.sawtooth.export_points()
 
     def add_vectors(self, group: int, vectors: Array, actions: npt.NDArray[np.int32]) -> None:
         """Import alpha vectors (K, n) over the states of a group, and their actions (K,)."""
@@ -189,7 +191,7 @@ class Tree:
                 "the vectors do not fit the states of the group or the actions, or are not finite"
             )
         for vector, action in zip(table, [self._check_action(a) for a in first.tolist()], strict=True):
-            state.dependencies.record_imported(state.next_vector)
+            state.dependencies.record_imported_vector(state.next_vector)
             own.add(vector, action, state.next_vector)
             state.next_vector += 1
 
@@ -202,14 +204,16 @@ class Tree:
         if not np.isfinite(values).all():
             raise ValueError("the value of a point is not finite")
         beliefs = [
-            self._state.model.sparse_belief(np.asarray(states)[begin:end], np.asarray(weights)[begin:end])
+            self._state.model.make_sparse_belief(
+                np.asarray(states)[begin:end], np.asarray(weights)[begin:end]
+            )
             for begin, end in pairwise(np.asarray(begins).tolist())
         ]
         for belief, value in zip(beliefs, np.asarray(values, dtype=np.float64).tolist(), strict=True):
             self._state.sawtooth.add(belief, value)
 
     def node(self, number: int) -> Node:
-        """The node of a number, for the other kernels."""
+        """Return the node of a number, for the other kernels."""
         if not 0 <= number < len(self._state.nodes):
             raise IndexError("unknown node")
         return self._state.nodes[number]

@@ -24,14 +24,14 @@ from lcorpp.planning.solvers.exact.point_based import Plans, improve
 from lcorpp.planning.solvers.exact.pruning import excess, prune
 from lcorpp.values import Array, Belief
 
-LOSS_SHARE = 0.2
-"""Largest loss by pruning, as a share of the precision."""
+MAX_LOSS_SHARE = 0.2
+"""Largest loss of a step by pruning, as a share of the rise at which value iteration may stop."""
 
-INITIAL_LOSS_SHARE = 0.05
-"""Largest loss by pruning in early steps, as a share of the last change in a step."""
+MAX_INITIAL_LOSS_SHARE = 0.05
+"""Largest loss of an early step by pruning, as a share of the rise in the step before."""
 
-GAIN_SHARE = 0.01
-"""Point-based improvement stops when a round gains no more than this share of the wanted change of a step."""
+MIN_GAIN_SHARE = 0.01
+"""Point-based improvement stops if a round gains no more than this share of the rise in the last step."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,7 +45,7 @@ class ShiftedBound:
         return f"<ShiftedBound: {len(self.vectors)} vectors + {self.shift:.3g}>"
 
     def value(self, belief: Belief) -> float:
-        """The bound at a belief (S,)."""
+        """Return the bound at a belief (S,)."""
         return float((self.vectors @ belief).max()) + self.shift
 
 
@@ -59,21 +59,20 @@ def solve_exact(
 ) -> Solution:
     """Find the value of every belief to a precision, by value iteration with incremental pruning.
 
-    If a step raises the value by at most d and loses at most e by pruning, the optimal value is at most
-    e + (d + e) gamma / (1 - gamma) above the vectors after the step. From below, vectors are values of plans
-    that can be followed; if pruning lowers the value by at most f in a step, the vectors are lowered by
-    f gamma / (1 - gamma), so that the policy earns what they promise. The bounds d, e and f are proven
-    (`dominance_lp`); only the rounding of doubles remains.
+    A step is an exact backup. Let it raise the value by at most d at any belief, lower it by at most f, and
+    lose at most e by pruning. Then the optimal value is at most e + (d + e) gamma / (1 - gamma) above the
+    vectors after the step, and these vectors, lowered by f gamma / (1 - gamma), are lower bounds on the
+    value of the policy. The bounds d, e and f are proven (`dominance_lp`) up to the rounding of doubles.
 
-    Between two steps the plans are improved at the beliefs where the last step found each to be the best
-    (`point_based`), because an exact step costs many times as much. At the time limit or after Ctrl-C, the
+    Between two steps, `point_based` improves the plans at the beliefs where the last step found one of them
+    to be the best, because an exact step costs many times as much. At the time limit or after Ctrl-C, the
     result is the best policy so far.
 
     Args:
         pomdp: the problem. The number of vectors limits the method: it may explode with a dozen states and
             observations.
-        start: (S,) belief of the reported bounds, or (N, S) several; the model's own when None. The policy is
-            as good at all beliefs.
+        start: (S,) belief of the reported bounds, or (N, S) several; the model's own when None. The precision
+            applies to all beliefs.
         precision: stop when upper - lower is at most this, in reward units, at every belief.
         time_limit: wall-clock seconds.
         callback: called after each step.
@@ -89,110 +88,129 @@ def solve_exact(
     Source: Cassandra, Littman and Zhang, UAI 1997.
     """
     check_limits(precision, time_limit)
-    search = _Iteration(pomdp, check_starts(pomdp, start), precision, monotonic() + time_limit)
+    search = _ValueIteration(pomdp, check_starts(pomdp, start), precision, monotonic() + time_limit)
     try:
         reason = search.run(callback)
     except KeyboardInterrupt:
         reason = "interrupted"
     except DeadlineExceeded:
         reason = "time limit"
-    return search.solution(reason)
+    return search.make_solution(reason)
 
 
-class _Iteration:
+class _ValueIteration:
     """The state of value iteration.
 
-    plans: of the last step. sure: plans whose promise is proven. upper: the best upper bound.
-    beliefs: of point-based improvement. done: number of steps.
+    plans: of the last step. proven_plans: plans whose vectors are proven lower bounds on the policy's value.
+    upper: the best upper bound. beliefs: (n, S) of point-based improvement. n_steps: number of exact steps.
+    history: of the bounds, as in `Solution`.
     """
 
     def __init__(self, pomdp: Pomdp, starts: Array, precision: float, deadline: float) -> None:
         self.began, self.deadline = monotonic(), deadline
         self.pomdp, self.starts, self.precision = pomdp, starts, precision
         self.model = DenseModel(pomdp)
-        self.plans = self.sure = Plans(self.model.evaluate_blind(), np.arange(self.model.actions))
+        self.plans = self.proven_plans = Plans(self.model.evaluate_blind(), np.arange(self.model.actions))
         self.beliefs = np.concatenate([starts, np.eye(self.model.states)])
         # no policy earns more than the largest reward in every step
         largest = float(pomdp.reward.max()) / (1 - pomdp.discount)
         self.upper = ShiftedBound(np.full((1, self.model.states), largest), 0.0)
-        self.done = 0
+        self.n_steps = 0
         self.history: list[tuple[float, float, float, int]] = []
-        self._measure()
+        self._record_bounds()
 
     def run(self, callback: Callable[[Progress], None] | None) -> str:
-        """Step until a reason to stop; the reason."""
-        # the change of a step that is small enough to stop
-        target, prunings = self.precision * (1 - self.model.discount), self.model.max_prunings + 1
-        rise, loss_share = float(np.ptp(self.pomdp.reward)), INITIAL_LOSS_SHARE
+        """Iterate until the precision is reached; return the reason to stop."""
+        # `target`: the rise of a step that proves the precision; `n_prunings`: of a step, each with its loss
+        target, n_prunings = self.precision * (1 - self.model.discount), self.model.max_prunings + 1
+        rise, loss_share = float(np.ptp(self.pomdp.reward)), MAX_INITIAL_LOSS_SHARE
         while True:
-            loss = max(LOSS_SHARE * target, loss_share * rise) / prunings
-            self._improve(GAIN_SHARE * max(target, rise), loss)
-            before, (rise, gap) = rise, self._step(loss, GAIN_SHARE * target)
+            loss = max(MAX_LOSS_SHARE * target, loss_share * rise) / n_prunings
+            self._improve(MIN_GAIN_SHARE * max(target, rise), loss)
+            before, (rise, gap) = rise, self._step(loss, MIN_GAIN_SHARE * target)
             if rise > 0.5 * before:
                 loss_share *= 0.5  # pruning loses too much for the steps to converge
-            _, low, high = self._measure()
+            _, low, high = self._record_bounds()
             if callback is not None:
-                vectors, beliefs = len(self.sure.actions), len(self.beliefs)
-                callback(Progress(self.history[-1][0], low, high, vectors, beliefs, self.done))
+                vectors, beliefs = len(self.proven_plans.actions), len(self.beliefs)
+                callback(Progress(self.history[-1][0], low, high, vectors, beliefs, self.n_steps))
             if gap <= self.precision:
                 return "precision reached"
 
     def _improve(self, gain: float, loss: float) -> None:
-        """Improve the plans at the beliefs, and keep the old plans that are best at other beliefs."""
+        """Improve the plans at `beliefs`, and keep the old plans that are best at other beliefs.
+
+        Args:
+            gain: a round of improvement that gains no more, in reward units, is the last.
+            loss: largest loss by pruning, in reward units.
+        """
+        # `closed` are plans that continue with each other only: their vectors are proven lower bounds
         better, closed = improve(self.model, self.plans, self.beliefs, gain=gain, deadline=self.deadline)
         if closed is not None:
-            self._keep(closed)
-        # without the old plans, the gains of exact steps between the beliefs would be lost
+            self._raise_lower_bound(closed)
+        # the old plans keep what exact steps gained at other beliefs
         vectors = np.concatenate([better.vectors, self.plans.vectors])
         actions = np.concatenate([better.actions, self.plans.actions])
         rows = prune(vectors, self.beliefs, tolerance=loss, deadline=self.deadline).rows
         self.plans = Plans(vectors[rows], actions[rows])
 
     def _step(self, loss: float, tolerance: float) -> tuple[float, float]:
-        """Run one exact step; return how far it raised the value, and the gap that it proves at all
-        beliefs."""
+        """Run one exact step.
+
+        Args:
+            loss: largest loss of each pruning, in reward units.
+            tolerance: of the computed rise and fall of the value, in reward units.
+
+        Returns:
+            The largest rise of the value at any belief, and the largest gap between the bounds that the step
+            proves for all beliefs.
+        """
         model, old, deadline = self.model, self.plans, self.deadline
-        share = model.discount / (1 - model.discount)
+        tail_factor = model.discount / (1 - model.discount)  # the sum of gamma^t over t = 1, 2, ...
         after = model.backup(old.vectors, self.beliefs, tolerance=loss, deadline=deadline)
         new, beliefs = Plans(after.vectors, after.actions), np.concatenate([self.starts, after.witnesses])
         rise = excess(new.vectors, old.vectors, beliefs, tolerance=tolerance, deadline=deadline)
-        upper = ShiftedBound(new.vectors, after.loss + share * (rise + after.loss))
-        # a new plan continues with old plans; the best new plan instead loses at most the fall per step
+        upper = ShiftedBound(new.vectors, after.loss + tail_factor * (rise + after.loss))
+        # a new plan continues with old plans, but the policy continues with the best new plan, which is worth
+        # less than the old plan by at most the fall: the policy loses this in each later step
         fall = excess(old.vectors, new.vectors, self.beliefs, tolerance=tolerance, deadline=deadline)
-        sure, gap = Plans(new.vectors - share * fall, new.actions), upper.shift + share * fall
-        if gap <= self.precision or self._bounds(upper)[2] <= self._bounds(self.upper)[2]:
+        proven = Plans(new.vectors - tail_factor * fall, new.actions)
+        gap = upper.shift + tail_factor * fall
+        if gap <= self.precision or self._find_widest_gap(upper)[2] <= self._find_widest_gap(self.upper)[2]:
             self.upper = upper
         if gap <= self.precision:
-            self.sure = sure
+            self.proven_plans = proven
         else:
-            self._keep(sure)
-        self.plans, self.beliefs, self.done = new, beliefs, self.done + 1
+            self._raise_lower_bound(proven)
+        self.plans, self.beliefs, self.n_steps = new, beliefs, self.n_steps + 1
         return rise, gap
 
-    def _keep(self, plans: Plans) -> None:
-        """Keep plans whose promise is proven if they promise more than the earlier ones."""
-        if self._values(plans).sum() > self._values(self.sure).sum():
-            self.sure = plans
+    def _raise_lower_bound(self, plans: Plans) -> None:
+        """Replace `proven_plans` by other proven plans if the sum of their values at the starts is larger."""
+        if self._compute_values(plans).sum() > self._compute_values(self.proven_plans).sum():
+            self.proven_plans = plans
 
-    def _values(self, plans: Plans) -> Array:
+    def _compute_values(self, plans: Plans) -> Array:
+        """Return (N,) the value of the best plan at each start."""
         return np.asarray((self.starts @ plans.vectors.T).max(axis=1))
 
-    def _bounds(self, upper: ShiftedBound) -> tuple[int, float, float]:
-        """The start with the widest gap, and its bounds."""
-        low = self._values(self.sure)
+    def _find_widest_gap(self, upper: ShiftedBound) -> tuple[int, float, float]:
+        """Return the index of the start with the widest gap, and its bounds."""
+        low = self._compute_values(self.proven_plans)
         high = (self.starts @ upper.vectors.T).max(axis=1) + upper.shift
         widest = int((high - low).argmax())
         return widest, float(low[widest]), max(float(low[widest]), float(high[widest]))
 
-    def _measure(self) -> tuple[int, float, float]:
-        widest, low, high = self._bounds(self.upper)
-        self.history.append((monotonic() - self.began, low, high, len(self.sure.actions)))
+    def _record_bounds(self) -> tuple[int, float, float]:
+        """Append the bounds to the history; return them as `_find_widest_gap`."""
+        widest, low, high = self._find_widest_gap(self.upper)
+        self.history.append((monotonic() - self.began, low, high, len(self.proven_plans.actions)))
         return widest, low, high
 
-    def solution(self, reason: str) -> Solution:
-        """The result so far."""
-        widest, low, high = self._measure()
-        alphas = AlphaVectors(np.arange(self.model.states), *self.sure)
+    def make_solution(self, reason: str) -> Solution:
+        """Return the result so far."""
+        widest, low, high = self._record_bounds()
+        alphas = AlphaVectors(np.arange(self.model.states), *self.proven_plans)
         return Solution(
             pomdp=self.pomdp,
             policy=Policy.of_sets(self.pomdp, [alphas], self.upper),
@@ -202,6 +220,6 @@ class _Iteration:
             reason=reason,
             history=tuple(self.history[:-1]),
             beliefs=len(self.beliefs),
-            trials=self.done,
+            trials=self.n_steps,
             start=self.starts[widest],
         )

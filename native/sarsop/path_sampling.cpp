@@ -1,4 +1,4 @@
-#include "sampling.hpp"
+#include "path_sampling.hpp"
 
 #include <algorithm>
 
@@ -21,19 +21,19 @@ ValuePredictor::ValuePredictor(const std::vector<double>& corners)
       sum_(kPredictorBins * kPredictorBins, 0.0),
       count_(kPredictorBins * kPredictorBins, 0.0) {}
 
-std::size_t ValuePredictor::bin(const Node& node) const {
+std::size_t ValuePredictor::find_bin(const Node& node) const {
     // Clamp before the conversion to an integer: the quotient is unbounded if all corners are equal.
     const double level = std::clamp((node.informed_value - lowest_) / range_ * kPredictorBins, 0.0, kPredictorBins - 1.0);
     return static_cast<std::size_t>(level) * kPredictorBins + static_cast<std::size_t>(node.entropy_bin);
 }
 
 void ValuePredictor::learn(const Node& node) {
-    sum_[bin(node)] += node.lower;
-    count_[bin(node)] += 1.0;
+    sum_[find_bin(node)] += node.lower;
+    count_[find_bin(node)] += 1.0;
 }
 
-double ValuePredictor::value(const Node& node) const {
-    const std::size_t own = bin(node);
+double ValuePredictor::predict(const Node& node) const {
+    const std::size_t own = find_bin(node);
     return count_[own] > 0 ? sum_[own] / count_[own] : node.upper;
 }
 
@@ -52,7 +52,7 @@ std::size_t sample(Tree& tree, ValuePredictor& predictor, Index root, const Samp
         const Node& node = tree.nodes[static_cast<std::size_t>(number)];
         if (node.upper - node.lower <= kNegligibleShare * allowed) break;
         const double margin = kLevelMargin * allowed;
-        if (predictor.value(node) <= L + margin && node.upper <= std::max(U, node.lower + allowed) + margin) break;
+        if (predictor.predict(node) <= L + margin && node.upper <= std::max(U, node.lower + allowed) + margin) break;
         const Branch& branch = node.branches[static_cast<std::size_t>(action)];
         allowed /= gamma;
         double widest = -kInfinity, widest_fresh = -kInfinity, lower_sum = 0.0, upper_sum = 0.0;
@@ -79,7 +79,7 @@ std::size_t sample(Tree& tree, ValuePredictor& predictor, Index root, const Samp
         // The value that the child needs for its parent to reach a level, with the other children unchanged.
         L = ((L - branch.expected_reward) / gamma - (lower_sum - child.lower)) / child.probability;
         U = ((U - branch.expected_reward) / gamma - (upper_sum - child.upper)) / child.probability;
-        number = tree.add_child(number, action, chosen);
+        number = tree.find_or_add_child(number, action, chosen);
         action = tree.select_action(number, options.use_lower_bound);
         predictor.learn(tree.nodes[static_cast<std::size_t>(number)]);
         path.push_back(number);

@@ -14,10 +14,10 @@ class ValuePredictor {
   public:
     explicit ValuePredictor(const std::vector<double>& corners);
     void learn(const Node& node);
-    double value(const Node& node) const;
+    double predict(const Node& node) const;
 
   private:
-    std::size_t bin(const Node& node) const;
+    std::size_t find_bin(const Node& node) const;
     double lowest_, range_;
     std::vector<double> sum_, count_;
 };

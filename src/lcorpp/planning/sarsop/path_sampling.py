@@ -1,8 +1,8 @@
-"""SAMPLE: sample one path of beliefs from a root, towards the beliefs whose bounds matter most at the root.
+"""SAMPLE: sample a path of beliefs from a root, towards the beliefs whose bounds matter most, and back it up.
 
-The search strategy in Python, on the methods of a tree. To change it, pass another function to `solve`: it
-runs on the compiled kernels and on the numpy kernels. By default the numpy kernels run this function, and
-the compiled kernels a copy of it in C++.
+The compiled kernels run native/sarsop/path_sampling.cpp, a copy of this function in C++; the numpy kernels
+run this function. To change the search strategy, pass another function to `solve`: it uses only methods of a
+tree, so it runs with both kernels.
 
 Source: Kurniawati, Hsu and Lee, RSS 2008, Algorithm 2 (SAMPLE, SAMPLEPOINTS).
 """
@@ -33,7 +33,7 @@ def sample(
     seconds: float,
     use_lower_bound: bool,
 ) -> int:
-    """Sample a path and back up its nodes, from the last to the first.
+    """Sample a path (a trial of SARSOP) and back up its nodes, from the last to the first.
 
     The path continues while a node's gap may matter at the root (gap termination with level U), or while the
     predicted value shows that the lower bound may still rise there (selective deep sampling with level L).
@@ -72,9 +72,9 @@ def sample(
         if (excess[fresh] > 0).any():
             excess = np.where(fresh, excess, -np.inf)
         k = int(excess.argmax())
-        L = _child_level(L, reward, gamma, lower, k) / float(probability[k])
-        U = _child_level(U, reward, gamma, upper, k) / float(probability[k])
-        node = tree.add_child(node, action, k)
+        L = _compute_child_level(L, reward, gamma, lower, k) / float(probability[k])
+        U = _compute_child_level(U, reward, gamma, upper, k) / float(probability[k])
+        node = tree.find_or_add_child(node, action, k)
         action = tree.select_action(node, use_lower_bound)
         predictor.learn(tree, node)
         path.append(node)
@@ -85,8 +85,8 @@ def sample(
     return len(path)
 
 
-def _child_level(level: float, reward: float, gamma: float, bounds: Array, k: int) -> float:
-    """The value that child k needs, times its probability, for its parent to reach `level`.
+def _compute_child_level(level: float, reward: float, gamma: float, bounds: Array, k: int) -> float:
+    """Return the value that child k needs, times its probability, for its parent to reach `level`.
 
     Args:
         bounds: (n,) bounds of all children times their probability; the others stay unchanged.

@@ -1,4 +1,4 @@
-"""A noisy channel in place of a trained classifier: labels drawn at known error rates."""
+"""A simulated classifier, the noisy channel: it draws each class at known error rates."""
 
 from __future__ import annotations
 
@@ -24,12 +24,13 @@ class BatchClassifier(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class NoisyChannel:
-    """A classifier of known confusion rates; it serves as the source of its trajectories, too.
+    """A classifier with known error rates; it is its own source of trajectories, too.
 
-    The "trajectory" of a person is one number: the index of the label, drawn from the person's row of rates.
+    The "trajectory" of a person is one number: the index of the predicted class, drawn from the row of rates
+    of the person's true class.
 
     target: the attribute that is classified. classes: its V values.
-    rates: (V, V) rates[i, j] = P(label j | true class i).
+    rates: (V, V) rates[i, j] = P(predicted class j | true class i).
     """
 
     target: str
@@ -38,26 +39,26 @@ class NoisyChannel:
 
     @classmethod
     def of(cls, domain: Domain) -> NoisyChannel:
-        """Return the channel of a domain.
+        """Return the noisy channel of a domain.
 
         Raises:
             DomainError: the domain has none.
         """
-        channel = domain.simulation.confusion_channel
-        if channel is None:
+        label_rates = domain.simulation.noisy_channel
+        if label_rates is None:
             raise DomainError(
-                f"{domain.folder}: no channel: neither [simulation.channel] nor rules for"
+                f"{domain.folder}: no noisy channel: neither [simulation.channel] nor rules for"
                 f" {domain.learning.attribute!r} in the truth program"
             )
         labels = [domain.learning.label_of[value] for value in domain.values]
         return cls(
             domain.target,
             domain.values,
-            np.array([[channel[value][label] for label in labels] for value in domain.values]),
+            np.array([[label_rates[value][label] for label in labels] for value in domain.values]),
         )
 
     def trajectories(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
-        """Draw label indices, shape (people, 1, 1)."""
+        """Draw the index of each person's predicted class: (people, 1, 1)."""
         bounds = np.cumsum(self.rates, axis=1)
         rows = [self.classes.index(person[self.target]) for person in people]
         drawn = (rng.random((len(people), 1)) >= bounds[rows][:, :-1]).sum(axis=1)
