@@ -47,14 +47,14 @@ bool is_supported([[maybe_unused]] const Kernels& kernels) {
 
 }  // namespace
 
-const Kernels* best_kernels() {
+const Kernels* find_best_kernels() {
     for (const Kernels* kernels : kAll) {
         if (is_supported(*kernels)) return kernels;
     }
     return nullptr;  // unreachable: the base kernels run everywhere
 }
 
-const Kernels* kernels_named(const char* name) {
+const Kernels* find_kernels(const char* name) {
     for (const Kernels* kernels : kAll) {
         if (std::strcmp(kernels->name, name) == 0 && is_supported(*kernels)) return kernels;
     }

@@ -51,11 +51,11 @@ INLINE Vector tanh(Vector x) {
 INLINE Vector sigmoid(Vector x) { return tanh(x * 0.5f) * 0.5f + 0.5f; }
 
 // n, rounded up to a multiple of `step`.
-INLINE Index whole(Index n, Index step) { return (n + step - 1) / step * step; }
+INLINE Index round_up(Index n, Index step) { return (n + step - 1) / step * step; }
 
-Index forward_size(Shape shape) { return shape.rows() * whole(shape.units, kUnits) * 4; }
+Index forward_size(Shape shape) { return shape.rows() * round_up(shape.units, kUnits) * 4; }
 
-Index backward_size(Shape shape) { return shape.units * 4 * whole(shape.units, kBack); }
+Index backward_size(Shape shape) { return shape.units * 4 * round_up(shape.units, kBack); }
 
 void pack(Shape shape, const float* gates, float* forward, float* backward) {
     const Index U = shape.units, K = shape.rows();
@@ -114,7 +114,7 @@ void step_tile(Index K, const float* weights, const float* rows, const float* ce
 
 // Calls tile(lane) for one or kVectors vectors of lanes at a time, until all cases are covered.
 template <typename Many, typename One>
-INLINE void each_lanes(Index cases, Many many, One one) {
+INLINE void for_each_lanes(Index cases, Many many, One one) {
     for (Index lane = 0; lane < cases;) {
         const bool full = cases - lane > (kVectors - 1) * kWide;
         full ? many(lane) : one(lane);
@@ -141,7 +141,7 @@ void step(Shape shape, const float* forward, Index cases, const float* rows, con
             units(U - first, K, forward, rows + lane, cells + at, gates + 4 * first * kLanes + lane, new_cells + at,
                   outputs + at);
         };
-        each_lanes(
+        for_each_lanes(
             cases, [&](Index lane) { run(step_units<kVectors>, lane); }, [&](Index lane) { run(step_units<1>, lane); });
     }
 }
@@ -205,7 +205,7 @@ void back_hidden(Index U, const float* backward, Index cases, const float* gates
         const auto run = [&](auto rows, Index lane) {
             rows(U - first, 4 * U, backward, gates + lane, hidden + first * kLanes + lane);
         };
-        each_lanes(
+        for_each_lanes(
             cases, [&](Index lane) { run(back_rows<kBack, kVectors>, lane); },
             [&](Index lane) { run(back_rows<kBack, 1>, lane); });
     }
@@ -282,7 +282,7 @@ void back_weights(Index U, Index K, Index cases, Index times, const float* rows,
 void back(Shape shape, const float* backward, Index cases, Index times, Pass pass, float* gradient) {
     const Index U = shape.units, K = shape.rows();
     // Unused lanes must not count in sums over lanes: their gradients are 0 from the start.
-    const Index used = whole(cases, kWide);
+    const Index used = round_up(cases, kWide);
     for (Index t = times - 1; t >= 0; --t) {
         float* gates = pass.gates + t * 4 * U * kLanes;
         back_gates(U, used, pass.cells + t * U * kLanes, pass.cells + (t + 1) * U * kLanes, gates, pass.hidden, pass.cell);

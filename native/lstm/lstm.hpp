@@ -12,13 +12,13 @@ namespace lcorpp::lstm {
 
 using Index = std::ptrdiff_t;
 
-constexpr Index kLanes = 32;
-constexpr Index kAlign = 64;
+constexpr Index kLanes = 32;  // cases that are computed together, a multiple of the width of all vector types
+constexpr Index kAlign = 64;  // alignment of arrays in bytes: that of the widest vectors, AVX-512
 
 // The sizes of the network: channels C, units U, outputs O.
 struct Shape {
     Index channels, units, outputs;
-    Index rows() const { return units + channels + 1; }
+    Index rows() const { return units + channels + 1; }  // K
 };
 
 // The weights of the LSTM in the order in which the kernels read them; `Kernels::pack` makes it from (K, U, 4) gates.
@@ -63,8 +63,8 @@ struct Kernels {
 };
 
 // The fastest kernels that this machine supports; and those of an instruction set, null if it is not supported.
-const Kernels* best_kernels();
-const Kernels* kernels_named(const char* name);
+const Kernels* find_best_kernels();
+const Kernels* find_kernels(const char* name);
 
 // Flushes denormal numbers to 0 during its lifetime: they are negligible here and take a hundred times longer.
 class NoDenormals {

@@ -59,7 +59,7 @@ Out to_numpy(std::vector<float> values, const std::vector<std::size_t>& shape) {
 }
 
 const Kernels& select_kernels(const std::optional<std::string>& instruction_set) {
-    const Kernels* kernels = instruction_set ? kernels_named(instruction_set->c_str()) : best_kernels();
+    const Kernels* kernels = instruction_set ? find_kernels(instruction_set->c_str()) : find_best_kernels();
     expect(kernels != nullptr, "this machine does not support that instruction set");
     return *kernels;
 }
@@ -88,7 +88,7 @@ NB_MODULE(_kernels, m) {
         [] {
             std::vector<std::string> names;
             for (const char* name : {"v4", "v3", "base"}) {
-                if (kernels_named(name)) names.emplace_back(name);
+                if (find_kernels(name)) names.emplace_back(name);
             }
             return names;
         },

@@ -10,7 +10,7 @@ namespace {
 // arrays, in the order of ConstArrays: 0 inputs, 1 recurrent, 2 bias, 3 dense, 4 dense bias.
 // A column of the gates has K = U + C + 1 rows: hidden units, input channels, bias.
 template <typename Visit>
-void each_weight(Shape shape, Visit visit) {
+void for_each_weight(Shape shape, Visit visit) {
     const Index U = shape.units, C = shape.channels, K = shape.rows();
     const Layout layout{shape};
     for (Index gate = 0; gate < 4; ++gate) {
@@ -31,7 +31,7 @@ void each_weight(Shape shape, Visit visit) {
 Floats gather(Shape shape, const ConstArrays& arrays) {
     Floats weights(Layout{shape}.all());
     const float* const parts[] = {arrays.inputs, arrays.recurrent, arrays.bias, arrays.dense, arrays.dense_bias};
-    each_weight(shape, [&](Index layout_index, Index numpy_index, int array) {
+    for_each_weight(shape, [&](Index layout_index, Index numpy_index, int array) {
         weights.data()[layout_index] = parts[array][numpy_index];
     });
     return weights;
@@ -39,7 +39,7 @@ Floats gather(Shape shape, const ConstArrays& arrays) {
 
 void scatter(Shape shape, const float* weights, const Arrays& arrays) {
     float* const parts[] = {arrays.inputs, arrays.recurrent, arrays.bias, arrays.dense, arrays.dense_bias};
-    each_weight(shape, [&](Index layout_index, Index numpy_index, int array) {
+    for_each_weight(shape, [&](Index layout_index, Index numpy_index, int array) {
         parts[array][numpy_index] = weights[layout_index];
     });
 }

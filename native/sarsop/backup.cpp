@@ -11,7 +11,7 @@ namespace lcorpp {
 void Tree::backup(Index number) {
     refresh(number);
     Node& node = nodes[static_cast<std::size_t>(number)];
-    Index action = best_lower_action(node);
+    Index action = find_best_lower_action(node);
     for (int attempt = 0; attempt < 2; ++attempt) {
         Branch& branch = node.branches[static_cast<std::size_t>(action)];
         const bool pruned = std::any_of(branch.children.begin(), branch.children.end(), [&](const Child& child) {
@@ -24,7 +24,7 @@ void Tree::backup(Index number) {
             other.vectors_version = 0;
         }
         refresh(number);
-        action = best_lower_action(node);
+        action = find_best_lower_action(node);
     }
     update_best_vector(node);
     if (node.branches[static_cast<std::size_t>(action)].lower > node.lower_value + kMinGain * max_abs_value) {

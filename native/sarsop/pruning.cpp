@@ -29,7 +29,7 @@ std::vector<Index> Tree::find_reachable(const std::vector<Index>& roots) const {
     }
     for (std::size_t i = 0; i < queue.size(); ++i) {
         const Node& node = nodes[static_cast<std::size_t>(queue[i])];
-        const double lower = node.branches[static_cast<std::size_t>(best_lower_action(node))].lower;
+        const double lower = node.branches[static_cast<std::size_t>(find_best_lower_action(node))].lower;
         for (const Branch& branch : node.branches) {
             if (branch.upper < lower) continue;
             for (const Child& child : branch.children) {

@@ -37,8 +37,8 @@ void Tree::refresh_upper(Node& node, Index action) {
             sawtooth.bound(outcomes.states(c), outcomes.weights(c), outcomes.size(c), child.group, branch.points_version);
         child.upper = std::min(child.upper, bound);
         if (child.node >= 0) {
-            const double of_node = nodes[static_cast<std::size_t>(child.node)].upper + child.lipschitz_slack;
-            child.upper = std::min(child.upper, child.probability * of_node);
+            const double node_bound = nodes[static_cast<std::size_t>(child.node)].upper + child.lipschitz_slack;
+            child.upper = std::min(child.upper, child.probability * node_bound);
         }
         sum += child.upper;
     }
@@ -47,7 +47,7 @@ void Tree::refresh_upper(Node& node, Index action) {
     branch.refreshed = true;
 }
 
-Index Tree::best_lower_action(const Node& node) {
+Index Tree::find_best_lower_action(const Node& node) {
     std::size_t best = 0;
     for (std::size_t a = 1; a < node.branches.size(); ++a) {
         if (node.branches[a].lower > node.branches[best].lower) best = a;
@@ -55,7 +55,7 @@ Index Tree::best_lower_action(const Node& node) {
     return static_cast<Index>(best);
 }
 
-Index Tree::best_upper_action(const Node& node) {
+Index Tree::find_best_upper_action(const Node& node) {
     std::size_t best = 0;
     for (std::size_t a = 1; a < node.branches.size(); ++a) {
         if (node.branches[a].upper > node.branches[best].upper) best = a;
@@ -67,11 +67,11 @@ Index Tree::best_upper_action(const Node& node) {
 // Returns for each action whether its upper bound was updated.
 std::vector<char> Tree::refresh_best_upper(Node& node) {
     std::vector<char> updated(static_cast<std::size_t>(model.actions), 0);
-    Index action = best_upper_action(node);
+    Index action = find_best_upper_action(node);
     while (!updated[static_cast<std::size_t>(action)]) {
         refresh_upper(node, action);
         updated[static_cast<std::size_t>(action)] = 1;
-        action = best_upper_action(node);
+        action = find_best_upper_action(node);
     }
     node.upper = std::min(node.upper, node.branches[static_cast<std::size_t>(action)].upper);
     return updated;
@@ -80,9 +80,9 @@ std::vector<char> Tree::refresh_best_upper(Node& node) {
 void Tree::refresh(Index number) {
     Node& node = nodes[static_cast<std::size_t>(number)];
     refresh_best_upper(node);
-    const Index action = best_upper_action(node);
+    const Index action = find_best_upper_action(node);
     // The lower bounds of actions that cannot be the best are not updated.
-    double lower = node.branches[static_cast<std::size_t>(best_lower_action(node))].lower;
+    double lower = node.branches[static_cast<std::size_t>(find_best_lower_action(node))].lower;
     refresh_lower(node, action);
     lower = std::max(lower, node.branches[static_cast<std::size_t>(action)].lower);
     for (Index a = 0; a < model.actions; ++a) {
@@ -98,10 +98,10 @@ void Tree::refresh(Index number) {
 Index Tree::select_action(Index number, bool use_lower_bound) {
     Node& node = nodes[static_cast<std::size_t>(number)];
     const std::vector<char> updated = refresh_best_upper(node);
-    Index action = best_upper_action(node);
+    Index action = find_best_upper_action(node);
     update_best_vector(node);
     if (use_lower_bound) {
-        action = best_lower_action(node);
+        action = find_best_lower_action(node);
         if (node.branches[static_cast<std::size_t>(action)].lower < node.lower_value) {
             const VectorSet& set = sets[static_cast<std::size_t>(node.group)];
             action = set.action(static_cast<std::size_t>(set.find(node.best_vector)));

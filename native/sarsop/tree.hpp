@@ -116,8 +116,8 @@ class Tree {
     void refresh_lower(Node& node, Index action);
     void refresh_upper(Node& node, Index action);
     void update_best_vector(Node& node);
-    static Index best_lower_action(const Node& node);
-    static Index best_upper_action(const Node& node);
+    static Index find_best_lower_action(const Node& node);
+    static Index find_best_upper_action(const Node& node);
     // A new vector; the stamps of the vectors it depends on are appended to `depends_on`.
     std::vector<double> make_vector(Node& node, Index action, std::vector<Stamp>& depends_on);
     Best find_best_vector(Index group, const Index* states, const double* weights, std::size_t n, std::size_t first);

@@ -11,7 +11,7 @@ from tests.planning.models import LCORPP, TIGER, pomdps
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
 
-def test_listening_once():
+def test_update_after_one_reading_of_the_tiger():
     assert update(tiger, tiger.start, 0, 0) == pytest.approx([0.85, 0.15])
 
 

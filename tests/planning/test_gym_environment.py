@@ -24,7 +24,7 @@ def test_gymnasium_env_checker_passes(pomdp, options):
     check_env(gymnasium.make(ID, pomdp=pomdp, **options).unwrapped)
 
 
-def test_an_episode():
+def test_an_episode_follows_bayes_rule_and_the_rewards():
     world = PomdpEnvironment(lcorpp, render_mode="ansi")
     nothing, info = world.reset(seed=4)
     assert nothing == len(lcorpp.observations)
@@ -78,7 +78,7 @@ def test_returns_agree_with_policy_evaluation():
     assert abs(np.mean(returns) - exact) < 5 * np.std(returns) / 150**0.5 + 0.95**60 * 200
 
 
-def test_another_start_and_belief_copies():
+def test_reset_uses_the_given_start_and_copies_the_belief():
     world = PomdpEnvironment(tiger, [1.0, 0.0])
     _, info = world.reset(seed=0)
     assert (info["state"], info["belief"].tolist()) == (0, [1.0, 0.0])

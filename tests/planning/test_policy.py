@@ -11,7 +11,7 @@ tiger = parse_pomdp(TIGER)
 policy = Policy.of(tiger, [[0.0, 0.0], [-100.0, 10.0], [10.0, -100.0]], [0, 1, 2])
 
 
-def test_the_best_vector_decides():
+def test_action_and_value_are_those_of_the_best_vector():
     assert (policy.action(np.array([0.5, 0.5])), policy.value(np.array([0.5, 0.5]))) == (0, 0.0)
     assert (policy.action(np.array([0.0, 1.0])), policy.value(np.array([0.0, 1.0]))) == (1, 10.0)
 
@@ -26,6 +26,6 @@ def test_the_best_vector_decides():
         (np.zeros((0, 2)), []),
     ],
 )
-def test_invalid_policies(vectors, actions):
+def test_invalid_vectors_or_actions_raise_errors(vectors, actions):
     with pytest.raises(PolicyError):
         Policy.of(tiger, vectors, actions)

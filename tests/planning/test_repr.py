@@ -60,7 +60,7 @@ def test_a_notebook_shows_a_table(value):
     assert html.endswith("</table>")
 
 
-def test_what_a_repr_states():
+def test_repr_of_each_value_gives_sizes_and_names():
     assert repr(tiger) == "<Pomdp tiger.pomdp: 2 states, 3 actions, 2 observations, discount 0.95>"
     assert repr(tiger.observation) == "<SparseTables 3 x 2 x 2, 12 entries>"
     assert repr(solution).startswith("<Solution precision reached after ")

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from lcorpp.reasoning.answers import Numeric, QueryAnswer
     from lcorpp.reasoning.explanation import Explanation
 
+Z95 = 1.96
+"""A 95 % interval of a normal estimate: so many standard errors on each side."""
+
 
 def ask(
     file: Annotated[Path, typer.Argument(metavar="FILE.plog", help="The program.")],
@@ -82,6 +85,7 @@ def _warnings_to_stderr() -> Iterator[None]:
 
 
 def _log_to_stderr() -> None:
+    """Print the reasoner's log, e.g. which engine answers, on standard error."""
     log = logging.getLogger("lcorpp.reasoning")
     if not log.handlers:
         handler = logging.StreamHandler()
@@ -117,13 +121,14 @@ def _print_explanation(explanation: Explanation, exact: bool) -> None:
 
 
 def _format_number(probability: Numeric, exact: bool) -> str:
-    error = getattr(probability, "error", None)
-    if error is not None:
-        return f"{float(probability):.6f} ± {1.96 * error:.6f}"
+    """Return a probability as a fraction, a decimal number, or an estimate with its 95 % interval."""
+    standard_error = getattr(probability, "error", None)
+    if standard_error is not None:
+        return f"{float(probability):.6f} ± {Z95 * standard_error:.6f}"
     if exact:
         return str(probability)
-    small = 0 < probability < 5e-7  # six decimals would show 0
-    return f"{float(probability):.6g}" if small else f"{float(probability):.6f}"
+    shown_as_zero = 0 < probability < 5e-7  # with six decimals
+    return f"{float(probability):.6g}" if shown_as_zero else f"{float(probability):.6f}"
 
 
 def _draw_bar(share: float, width: int = 30) -> str:

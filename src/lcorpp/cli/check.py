@@ -118,6 +118,7 @@ def _check_model(path: Path) -> None:
 
 
 def _format_size(pomdp: Pomdp) -> str:
+    """Return the numbers of states, actions and observations."""
     counts = (len(pomdp.states), len(pomdp.actions), len(pomdp.observations))
     return "{} states, {} actions, {} observations".format(*counts)
 

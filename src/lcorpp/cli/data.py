@@ -127,12 +127,13 @@ def fetch(
     for url, digest in downloads.items():
         with console.show_progress(f"downloading {url.rsplit('/', 1)[-1]}", kept=PARTIAL) as advance:
             file = download(url, out, sha256=digest, progress=advance)
-        console.out.print(f"{file}: {file.stat().st_size} bytes, {_find_checksum(file)}")
+        console.out.print(f"{file}: {file.stat().st_size} bytes, {_format_checksum(file)}")
     if what == "authors":
         console.out.print("note: their repository names no licence; the tracks are their authors'")
 
 
-def _find_checksum(file: Path) -> str:
+def _format_checksum(file: Path) -> str:
+    """Return the SHA-256 checksum of a file as `sha256 HEX`."""
     import hashlib
 
     with open(file, "rb") as opened:

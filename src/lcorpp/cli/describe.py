@@ -28,11 +28,11 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
         f"{path}: {description.tracks} tracks of {people} people; {', '.join(description.channels)}",
         style="bold",
     )
-    width = max(5, *(len(_name(part)) for part in description.classes))
+    width = max(5, *(len(_format_class_name(part)) for part in description.classes))
     emit(f"  {'class':<{width}}  tracks  people   samples  seconds of a track      m/s of a track")
     for part in description.classes:
         emit(
-            f"  {_name(part):<{width}}  {part.tracks:6}  {part.groups:6}  {part.samples:8}"
+            f"  {_format_class_name(part):<{width}}  {part.tracks:6}  {part.groups:6}  {part.samples:8}"
             f"  {_format_quantiles(part.duration, 1):<22}  {_format_quantiles(part.speed, 2)}"
         )
     _print_sampling(description)
@@ -43,12 +43,12 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
         emit(f"note: {note}", style="yellow")
 
 
-def _name(part: ClassSummary) -> str:
+def _format_class_name(part: ClassSummary) -> str:
     return part.name or "without a label"
 
 
 def _format_quantiles(spread: Quantiles, digits: int) -> str:
-    """Return the median with the extremes."""
+    """Return the median with the minimum and maximum."""
     return f"{spread.median:.{digits}f} [{spread.min:.{digits}f}, {spread.max:.{digits}f}]"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,7 +12,7 @@ from lcorpp.errors import DomainError
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
-    from lcorpp.experiments.setup import ClassifierOptions
+    from lcorpp.experiments.setup import ClassifierOptions, TrainingOptions
 
 
 def run(
@@ -121,7 +121,7 @@ def run(
         check_folder(out)
     print_domain(loaded)
     if out is not None and isinstance(source, TrainingOptions):
-        _note_storage_problem(source)
+        _print_storage_problem(source)
     given_policy = None
     if policy is not None:
         from lcorpp.cli.model_files import read_policy
@@ -186,7 +186,7 @@ def _reject_given(reason: str, **given: object) -> None:
             raise DomainError(f"--{name}: {reason}")
 
 
-def _note_storage_problem(training: Any) -> None:
+def _print_storage_problem(training: TrainingOptions) -> None:
     """Print before the training that its classifier cannot be saved."""
     from lcorpp.experiments.classifier_training import find_storage_problem
 

@@ -60,8 +60,8 @@ def simulate(
     if comparison is not None:
         typer.echo(f"  {comparison}")
     if result.unfinished:
-        least, most = result.truncation
-        change = f"truncation changes the mean by {least:.4g} to {most:.4g}"
+        min_change, max_change = result.truncation
+        change = f"truncation changes the mean by {min_change:.4g} to {max_change:.4g}"
         typer.echo(f"  {result.unfinished} episodes were cut off; {change}")
     speed = result.steps / max(result.seconds, 1e-9)
     typer.echo(f"  {result.steps} steps in {result.seconds:.2f} s: {speed:.3g} steps per second")

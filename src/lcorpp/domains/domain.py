@@ -23,6 +23,9 @@ from lcorpp.values import JEFFREYS, Array, Belief, ConfusionMatrix, Distribution
 MAX_GRID_STEPS, MAX_PRIORS = 10, 36
 """Limits of the grid of priors in `Domain.start_beliefs`: grid steps from 0 to 1, and number of priors."""
 
+TERMINAL_TOLERANCE = 1e-9
+"""Rounding error of the probability 1 of the terminal state."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Domain:
@@ -175,7 +178,7 @@ class Domain:
     def is_terminal(self, belief: Belief) -> bool:
         """Whether the terminal state has probability 1 under a belief (S,)."""
         terminal = self.planning.terminal
-        return terminal is not None and bool(belief[terminal] > 1 - 1e-9)
+        return terminal is not None and bool(belief[terminal] > 1 - TERMINAL_TOLERANCE)
 
     def program_for(self, confusion: ConfusionMatrix, smoothing: Fraction = JEFFREYS) -> Program:
         """The P-log program with the classifier's rules replaced by a confusion matrix.

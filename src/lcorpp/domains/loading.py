@@ -21,11 +21,11 @@ def shipped_domains() -> tuple[str, ...]:
     return tuple(sorted(file.parent.name for file in SHIPPED_FOLDER.glob("*/domain.toml")))
 
 
-def load_domain(place: str | Path, *, preset: str | None = None) -> Domain:
+def load_domain(name_or_folder: str | Path, *, preset: str | None = None) -> Domain:
     """Load a domain folder and check it as a whole.
 
     Args:
-        place: a folder with a `domain.toml`, or the name of a shipped domain.
+        name_or_folder: a folder with a `domain.toml`, or the name of a shipped domain.
         preset: name of a preset; None for the first, if the domain has any.
 
     Raises:
@@ -33,15 +33,15 @@ def load_domain(place: str | Path, *, preset: str | None = None) -> Domain:
             names both places.
         ParseError, ProgramError, ModelError, FileError: a file of the folder is itself wrong.
     """
-    folder = Path(place)
+    folder = Path(name_or_folder)
     if not (folder / "domain.toml").is_file():
-        if str(place) not in shipped_domains():
+        if str(name_or_folder) not in shipped_domains():
             raise DomainError(
-                f"{place}: no folder with a domain.toml, and no shipped domain;"
+                f"{name_or_folder}: no folder with a domain.toml, and no shipped domain;"
                 f" {expected_one_of(shipped_domains())}"
             )
-        folder = SHIPPED_FOLDER / str(place)
-    table, chosen = read_domain_toml(folder / "domain.toml", preset)
+        folder = SHIPPED_FOLDER / str(name_or_folder)
+    table, preset_name = read_domain_toml(folder / "domain.toml", preset)
     name = table.text("name", folder.resolve().name)
     description = table.text("description", name)
     reasoning = read_reasoning(table.section("reasoning", required=True), folder)
@@ -51,4 +51,4 @@ def load_domain(place: str | Path, *, preset: str | None = None) -> Domain:
     table.reject_unknown_keys()
     if simulation.trajectories is None:  # nothing to train on
         learning = replace(learning, classifier="channel")
-    return Domain(name, description, folder, chosen, reasoning, learning, planning, simulation)
+    return Domain(name, description, folder, preset_name, reasoning, learning, planning, simulation)

@@ -89,7 +89,7 @@ class PomdpEnvironment(gymnasium.Env):  # type: ignore[misc]
         self._state = self._draw(self._start, 0)
         self._belief = self.start
         self._last_step = NO_STEP
-        return np.int64(len(self.pomdp.observations)), self._info()
+        return np.int64(len(self.pomdp.observations)), self._make_info()
 
     def step(self, action: np.int64) -> tuple[np.int64, float, bool, bool, dict[str, Any]]:
         """Take an action; return observation, reward, whether the episode terminated, False, and the info.
@@ -114,7 +114,7 @@ class PomdpEnvironment(gymnasium.Env):  # type: ignore[misc]
             f"{pomdp.actions[a]}: reward {reward:g}, observed {pomdp.observations[observation]},"
             f" now in {pomdp.states[self._state]}"
         )
-        return np.int64(observation), reward, bool(self._absorbing[self._state]), False, self._info()
+        return np.int64(observation), reward, bool(self._absorbing[self._state]), False, self._make_info()
 
     def render(self) -> str | None:
         """Return the last step as text if the render mode is "ansi"."""
@@ -123,7 +123,7 @@ class PomdpEnvironment(gymnasium.Env):  # type: ignore[misc]
     def _draw(self, sampler: InverseCdfSampler, row: int) -> int:
         return int(sampler.draw(np.array([row]), np.array([self.np_random.random()]))[0])
 
-    def _info(self) -> dict[str, Any]:
+    def _make_info(self) -> dict[str, Any]:
         belief: Belief = self._belief.copy()
         return {"belief": belief, "state": self._state}
 

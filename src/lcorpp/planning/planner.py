@@ -48,7 +48,7 @@ class Planner:
         return self.pomdp.start
 
     def action(self, belief: Belief) -> str:
-        """The name of the policy's action at a belief (S,)."""
+        """Return the name of the policy's action at a belief (S,)."""
         return self.pomdp.actions[self.policy.action(belief)]
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:

@@ -59,7 +59,7 @@ class UpperBound(Protocol):
     """An upper bound on the optimal value."""
 
     def value(self, belief: Belief) -> float:
-        """The bound at a belief (S,)."""
+        """Return the bound at a belief (S,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,15 +167,15 @@ class Policy:
         return np.concatenate([part.actions for part in self.vector_sets])
 
     def action(self, belief: Belief) -> int:
-        """Index of the action at a belief (S,), that of the best vector; the first of equals."""
+        """Return the index of the action at a belief (S,), that of the best vector; the first of equals."""
         return self.value_and_action(belief)[1]
 
     def value(self, belief: Belief) -> float:
-        """Lower bound on the policy's discounted reward from a belief (S,)."""
+        """Return the lower bound on the policy's discounted reward from a belief (S,)."""
         return self.value_and_action(belief)[0]
 
     def gap(self, belief: Belief) -> float:
-        """Upper minus lower bound on the optimal value at a belief (S,), in reward units.
+        """Return upper minus lower bound on the optimal value at a belief (S,), in reward units.
 
         Raises:
             PolicyError: the policy has no upper bound; a policy read from a file has none.
@@ -185,9 +185,9 @@ class Policy:
         return max(0.0, self.upper_bound.value(belief) - self.value(belief))
 
     def value_and_action(self, belief: Belief) -> tuple[float, int]:
-        """The maximum over the vectors at a belief (S,), and the index of its action."""
+        """Return the maximum over the vectors at a belief (S,), and the index of its action."""
         best, action = -np.inf, -1
-        for part in self._sets_for(belief):
+        for part in self._find_sets(belief):
             inside = belief if len(part.states) == len(belief) else belief[part.states]
             values = part.vectors @ inside
             k = int(values.argmax())
@@ -198,8 +198,8 @@ class Policy:
                 best, action = value, int(part.actions[k])
         return best, action
 
-    def _sets_for(self, belief: Belief) -> Iterable[AlphaVectors]:
-        """The vector sets that cover the support of a belief; all sets if none does."""
+    def _find_sets(self, belief: Belief) -> Iterable[AlphaVectors]:
+        """Return the vector sets that cover the support of a belief; all sets if none does."""
         if len(self.vector_sets) == 1:
             return self.vector_sets
         count = np.count_nonzero(belief)

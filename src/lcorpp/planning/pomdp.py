@@ -129,15 +129,15 @@ class Pomdp:
         return known[name]
 
     def state_index(self, name: str) -> int:
-        """The index of a state. Raises ModelError with the known names."""
+        """Return the index of a state. Raises ModelError with the known names."""
         return self._index("state", name)
 
     def action_index(self, name: str) -> int:
-        """The index of an action. Raises ModelError with the known names."""
+        """Return the index of an action. Raises ModelError with the known names."""
         return self._index("action", name)
 
     def observation_index(self, name: str) -> int:
-        """The index of an observation. Raises ModelError with the known names."""
+        """Return the index of an observation. Raises ModelError with the known names."""
         return self._index("observation", name)
 
     @cached_property

@@ -14,7 +14,9 @@ from lcorpp.values import Belief
 class Progress:
     """The state of a running search, as a solver passes it to its callback.
 
-    seconds: since the call. lower, upper: bounds at the start belief. vectors, beliefs, trials: so far.
+    seconds: wall-clock time since the call.
+    lower, upper: bounds on the optimal value at the start belief, in reward units.
+    vectors, beliefs, trials: their numbers so far, as in `Solution`.
     """
 
     seconds: float
@@ -35,7 +37,8 @@ class Solution:
     seconds: wall-clock time.
     reason: why the search stopped: "precision reached", "time limit", "interrupted".
     history: (seconds, lower, upper, vectors) before the first trial and after each trial that moved a bound.
-    beliefs: nodes of the belief tree. trials: sampled paths.
+    beliefs: number of nodes of the belief tree.
+    trials: number of sampled paths (trials) of SARSOP, of backups or steps of other solvers.
     start: (S,) the belief of `lower` and `upper`; the model's own when None.
     """
 
@@ -56,7 +59,7 @@ class Solution:
         return len(self.policy)
 
     def gap(self, belief: Belief) -> float:
-        """Upper minus lower bound at a belief (S,), in reward units: the most another search can gain."""
+        """Return upper minus lower bound at a belief (S,), in reward units: the most a search can gain."""
         return self.policy.gap(belief)
 
     def summary(self) -> str:

@@ -50,7 +50,7 @@ class SparseTables:
             if field != "values" and not np.array_equal(array, original):
                 limit = 2**31 - 1 if field == "columns" else 2**63 - 1
                 raise ModelError(
-                    f"{field} are whole numbers up to {limit}, not {_changed_number(array, original)}"
+                    f"{field} are whole numbers up to {limit}, not {_find_changed_number(array, original)}"
                 )
             if array is getattr(self, field) and array.flags.writeable:
                 array = array.copy()
@@ -170,18 +170,18 @@ class SparseTables:
         return np.repeat(np.arange(len(self.begins) - 1), np.diff(self.begins))
 
     def action_slice(self, action: int) -> slice:
-        """The slice of the entries of an action."""
+        """Return the slice of the entries of an action."""
         R = self.shape[1]
         return slice(int(self.begins[action * R]), int(self.begins[(action + 1) * R]))
 
     def row(self, action: int, row: int) -> tuple[Int32Array, Array]:
-        """The columns and values of one row."""
+        """Return the columns and values of one row."""
         at = action * self.shape[1] + row
         part = slice(int(self.begins[at]), int(self.begins[at + 1]))
         return self.columns[part], self.values[part]
 
     def column(self, action: int, column: int) -> tuple[npt.NDArray[np.intp], Array]:
-        """The rows, increasing, and the values of one column of an action."""
+        """Return the rows, increasing, and the values of one column of an action."""
         begins, rows, values = self._by_column
         at = action * self.shape[2] + column
         part = slice(begins[at], begins[at + 1])
@@ -229,6 +229,6 @@ def _freeze(array: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:
     return array
 
 
-def _changed_number(array: npt.NDArray[Any], original: npt.NDArray[Any]) -> object:
-    """The first number that a conversion changed, or the shape if the shapes differ."""
+def _find_changed_number(array: npt.NDArray[Any], original: npt.NDArray[Any]) -> object:
+    """Return the first number that a conversion changed, or the shape if the shapes differ."""
     return original[array != original].flat[0] if array.shape == original.shape else original.shape

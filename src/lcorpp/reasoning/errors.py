@@ -28,12 +28,12 @@ def format_conditions(facts: Mapping[str, str], do: Mapping[str, str]) -> str:
 
 
 def make_no_world_error(program: Program, conditions: str) -> UndefinedError:
-    """The error for evidence of probability zero."""
+    """Make the error for evidence of probability zero."""
     return UndefinedError(f"{program.file}: no possible world of positive measure{conditions}")
 
 
 def make_no_value_error(program: Program, term: str, probability: object, where: str = "") -> ProgramError:
-    """The error for a term that may have no value, so that its distribution does not sum to 1.
+    """Make the error for a term that may have no value, so that its distribution does not sum to 1.
 
     Args:
         probability: that the term has no value.

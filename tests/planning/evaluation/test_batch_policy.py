@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -79,3 +82,12 @@ def test_an_empty_batch_and_a_wrong_shape():
     assert [len(part) for part in BatchPolicy(policy).values_and_actions(np.zeros((0, 2)))] == [0, 0]
     with pytest.raises(ModelError, match=r"beliefs over 2 states cannot have shape \(2,\)"):
         BatchPolicy(policy).values_and_actions(np.array([0.5, 0.5]))
+
+
+def test_the_layout_is_shared_and_does_not_keep_its_policy():
+    policy = Policy.of(tiger, [[1.0, 3.0]], [2])
+    layout, reference = module.batch_policy(policy), weakref.ref(policy)
+    assert module.batch_policy(policy) is layout
+    del policy
+    gc.collect()
+    assert reference() is None

@@ -15,14 +15,14 @@ tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 LISTEN = Policy.of(tiger, [[0.0, 0.0]], [0])
 
 
-def test_listening_for_ever():
+def test_value_of_listening_for_ever_is_minus_20():
     found = evaluate(tiger, LISTEN, precision=1e-3)
     assert found.exact
     assert found.lower <= -20 <= found.upper
     assert found.upper - found.lower <= 1e-3
 
 
-def test_opening_at_once():
+def test_a_policy_with_one_belief_is_evaluated_exactly():
     # a door has reward -45 on average and resets the problem
     found = evaluate(tiger, Policy.of(tiger, [[0.0, 0.0]], [1]), precision=1e-9)
     assert found.complete
@@ -32,7 +32,7 @@ def test_opening_at_once():
     assert "value -900 to -900 (1 beliefs)" in found.summary()
 
 
-def test_reporting_at_once():
+def test_an_absorbing_belief_ends_the_evaluation():
     # two of the five states have reward 80, two -80; then all rewards are 0
     found = evaluate(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [3]), precision=1e-9)
     assert (found.complete, found.exact) == (True, True)

@@ -98,11 +98,11 @@ def test_limits_leave_edges_out():
     assert (len(alone), len(alone.sources), alone.to_dot().count("->")) == (1, 0, 0)
 
 
-def test_another_start():
+def test_graph_starts_at_the_given_belief():
     assert policy_graph(tiger, WAIT, [1.0, 0.0]).actions[0] == 2
 
 
-def test_dot():
+def test_to_dot_gives_nodes_and_edges_of_graphviz():
     text = policy_graph(tiger, WAIT, max_depth=1).to_dot()
     assert text.startswith("digraph policy {\n")
     assert text.endswith("}\n")
@@ -137,11 +137,11 @@ def test_names_are_escaped_in_dot():
         ({"start": [1.0]}, "cannot have shape"),
     ],
 )
-def test_bad_arguments(changes, words):
+def test_invalid_arguments_raise_errors(changes, words):
     with pytest.raises(ModelError, match=words):
         policy_graph(tiger, WAIT, **changes)
 
 
-def test_a_policy_for_another_model():
+def test_a_policy_for_another_model_raises_an_error():
     with pytest.raises(PolicyError, match="another model"):
         policy_graph(lcorpp, WAIT)

@@ -121,7 +121,7 @@ def test_truncation_is_reported():
     assert "discounted reward -2.8525 (95% confidence: -2.8525 to -2.8525)" in found.summary()
 
 
-def test_another_start():
+def test_simulation_starts_at_the_given_belief():
     certain = Policy.of(tiger, [[0.0, 0.0]], [2])
     found = simulate(tiger, certain, trials=50, steps=1, seed=0, start=[1.0, 0.0])
     assert (found.returns == 10).all()

@@ -215,7 +215,7 @@ def test_start_beliefs_mix_to_the_start_belief(problem):
         assert len({tuple(part for part in name if part.split("=")[0] in seen) for name in names}) == 1
 
 
-def test_observing_first_has_value():
+def test_start_beliefs_after_an_observation_are_worth_more():
     problem = rover(start={"rover": {"left": 0.5, "middle": 0.5}, "rock": "good"})
     flat = flatten(problem)
     starts = start_beliefs(problem, flat)

@@ -17,14 +17,14 @@ WORDS = st.text("0123456789.eE+-_ ny\u0663", max_size=8).map(lambda word: word.r
 
 
 @pytest.mark.parametrize("word", ["1", "-1.", "+.5", "1e5", "1.5E-3", "007", "-0"])
-def test_numbers(word):
+def test_is_number_accepts_each_form_of_a_number(word):
     assert is_number(word)
 
 
 @pytest.mark.parametrize(
     "word", ["", ".", "e5", "1e", "1_0", "nan", "inf", "0x1", "--1", "1,5", "\u0663", "1 "]
 )
-def test_invalid_numbers(word):
+def test_is_number_rejects_other_words(word):
     assert not is_number(word)
 
 
@@ -34,7 +34,7 @@ def test_is_number_agrees_with_the_grammar(word):
 
 
 @given(st.lists(WORDS.filter(bool)))
-def test_many_at_once_or_one_by_one(words):
+def test_parse_numbers_agrees_with_is_number(words):
     values = parse_numbers("  ".join(words))
     index, message = find_invalid_number(words)
     right = [is_number(word) and bool(np.isfinite(float(word))) for word in words]

@@ -54,7 +54,7 @@ def test_a_sparse_vector_is_read(tmp_path):
     assert read(tmp_path, SPARSE).vectors[0].tolist() == [0.0, 2.5]
 
 
-def test_the_model_changed_since(tmp_path):
+def test_a_policy_of_a_changed_model_is_refused(tmp_path):
     write_policy(policy, tmp_path / "x.policy")
     with pytest.raises(PolicyError, match="for another model: the fingerprint"):
         read_policy(tmp_path / "x.policy", parse_pomdp(TIGER.replace("0.85 0.15", "0.8 0.2")))

@@ -117,7 +117,7 @@ def test_large_graphs_show_the_most_visited_nodes():
 
 
 @pytest.mark.parametrize("name", ["cheese.95.pomdp", "light_maze.POMDP", "shuttle.95.pomdp", "hallway.pomdp"])
-def test_nothing_is_cut_off(name):
+def test_all_text_of_a_graph_lies_inside_the_figure(name):
     pomdp = read_pomdp(shared_model(name))
     graph = policy_graph(pomdp, solve(pomdp, time_limit=0.5).policy)
     words = shown(draw_graph(graph, title=name))

@@ -51,20 +51,16 @@ def blocks_by_definition(pomdp: Pomdp) -> list[int]:
 @pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
 @settings(max_examples=40)
-def test_blocks(kernels, pomdp):
+def test_blocks_agree_with_their_definition(kernels, pomdp):
     assert build_model(kernels, pomdp).export_blocks().tolist() == blocks_by_definition(pomdp)
 
 
 @pytest.mark.parametrize("kernels", BOTH)
-def test_blocks_by_hand(kernels):
+def test_blocks_of_known_models(kernels):
     assert build_model(kernels, ring(6)).export_blocks().tolist() == [0, 1, 0, 1, 0, 1]
     assert build_model(kernels, parse_pomdp(TIGER)).export_blocks().tolist() == [0, 0]
-    assert set(build_model(kernels, random_model(1, seen=4, hidden=3)).export_blocks().tolist()) == {
-        0,
-        1,
-        2,
-        3,
-    }
+    blocks = build_model(kernels, random_model(1, seen=4, hidden=3)).export_blocks()
+    assert set(blocks.tolist()) == {0, 1, 2, 3}
 
 
 @pytest.mark.parametrize("kernels", BOTH)
@@ -183,7 +179,7 @@ def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
     assert above.max() == pytest.approx(1000, abs=1e-6)
 
 
-def test_row_entries():
+def test_find_row_entries_gives_entries_and_their_rows():
     rows = SparseTables.of(np.array([[[0.5, 0.5], [0, 1.0]], [[1, 0], [0.25, 0.75]]]))
     index, owner = find_row_entries(rows, np.array([3, 1, 0]))
     assert rows.values[index].tolist() == [0.25, 0.75, 1.0, 0.5, 0.5]

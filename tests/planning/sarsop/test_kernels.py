@@ -31,7 +31,7 @@ def test_the_compiled_kernels_are_the_default():
     assert load_kernels() is NATIVE
 
 
-def test_numpy_on_request():
+def test_load_kernels_returns_numpy_kernels_on_request_without_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert load_kernels(numpy=True) is numpy_kernels

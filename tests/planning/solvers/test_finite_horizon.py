@@ -91,7 +91,7 @@ def test_many_steps_approach_the_infinite_horizon():
     assert endless.lower <= solution.upper + 2e-4
 
 
-def test_a_large_model():
+def test_a_large_model_is_bracketed_within_the_time_limit():
     solution = solve_finite_horizon(read_pomdp(shared_model("tag-avoid.pomdp")), 5, time_limit=5)
     # tagging has reward 10 once; every step costs 1
     assert -5 <= solution.lower <= solution.upper <= 10
@@ -148,7 +148,7 @@ def test_bad_arguments(solver, horizon, arguments, words):
         solver(tiger, horizon, **arguments)
 
 
-def test_too_many_steps():
+def test_too_many_steps_raise_errors():
     with pytest.raises(ModelError, match="which is too many"):
         solve_finite_horizon(tiger, 10**8)
     with pytest.raises(ModelError, match="remaining steps must be 1 to 2, not 3"):

@@ -31,7 +31,7 @@ def test_the_tiger():
         ("ejs3.pomdp", 167364.9, 167365.0),  # discount .99999
     ],
 )
-def test_published_models(name, least, most):
+def test_exact_bounds_contain_published_values_and_meet_those_of_sarsop(name, least, most):
     pomdp = read_pomdp(shared_model(name))
     solution = solve_exact(pomdp, time_limit=600)
     assert solution.reason == "precision reached"

@@ -17,7 +17,7 @@ from tests.planning.solvers.brute_force import best, corners, tail
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
 
-def test_the_authors_model():
+def test_perseus_reaches_the_precision_on_the_authors_model():
     solution = solve_perseus(lcorpp, precision=0.02, time_limit=600)
     assert solution.reason == "precision reached"
     assert 51.656 - 0.02 <= solution.lower <= 51.657
@@ -40,7 +40,7 @@ def test_known_values_are_bracketed(name, least, most):
 
 
 @pytest.mark.slow
-def test_a_large_model():
+def test_perseus_on_tag_comes_close_to_the_published_bound():
     """APPL has a lower bound of -6.2 after a minute."""
     solution = solve_perseus(read_pomdp(shared_model("tag-avoid.pomdp")), time_limit=10)
     assert -6.6 <= solution.lower <= solution.upper <= 0.5

@@ -61,7 +61,7 @@ def test_certain_beliefs_have_the_obvious_actions():
     assert planner.action(np.array([0.0, 1.0])) == "open-left"
 
 
-def test_values_of_many_simulations():
+def test_values_of_many_simulations_approach_known_values():
     """With a fully observed state the values are known: reward 1 in every step, or 2 once."""
     text = "discount: 0.9\nvalues: reward\nstates: s end\nactions: a b\nobservations: o\nstart: s\n"
     text += "T: a identity\nT: b\n0 1\n0 1\nO: * uniform\nR: a : s : * : * 1\nR: b : s : * : * 2\n"
@@ -104,7 +104,7 @@ def test_the_time_limit_ends_a_search():
     assert 0 < result.simulations < 10**9
 
 
-def test_leaf_values():
+def test_leaf_values_of_the_mdp_and_of_random_actions():
     assert LEAF_VALUES["mdp"](tiger) == pytest.approx([200, 200], abs=0.2)
     # random actions: (-1 + 10 - 100) / 3 in each of 20 discounted steps
     assert LEAF_VALUES["random"](tiger) == pytest.approx([-91 / 3 * 20] * 2, abs=0.2)
@@ -210,7 +210,7 @@ def test_bad_arguments(arguments, words):
             ParticlePlanner(world, world.state_sampler(tiger.start), **arguments)
 
 
-def test_no_particles():
+def test_zero_particles_raise_an_error():
     world = TableSimulator(tiger)
     with pytest.raises(ModelError, match="particles must be an integer of at least 1, not 0"):
         ParticlePlanner(world, world.state_sampler(tiger.start), particles=0)

@@ -15,7 +15,7 @@ from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
-from lcorpp.reasoning import Program, Reasoner, read_plog
+from lcorpp.reasoning import Program, read_plog
 from lcorpp.values import Array
 
 
@@ -153,6 +153,8 @@ def _make_noisy_channel(
         )
     if learning.attribute not in true_program.attributes:
         return None
+    from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
+
     reasoner = Reasoner(true_program)
     marginal = reasoner.posterior(reasoning.target, {})
     return {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -41,7 +42,7 @@ class BatchPolicy:
 
     def __init__(self, policy: Policy) -> None:
         sets = policy.vector_sets
-        self.policy = policy
+        self._actions = policy.actions
         self._size, self._floor = len(policy.state_names), policy.floor
         self._tables = [np.ascontiguousarray(part.vectors.T) for part in sets]
         self._states = [part.states for part in sets]
@@ -54,7 +55,7 @@ class BatchPolicy:
         self._begins = np.searchsorted(state[order], np.arange(self._size + 1))
 
     def __repr__(self) -> str:
-        return f"<BatchPolicy of {self.policy!r}>"
+        return f"<BatchPolicy: {len(self._actions)} vectors over {self._size} states>"
 
     def values_and_actions(self, beliefs: npt.ArrayLike) -> tuple[Array, Indices]:
         """Return (n,) values and (n,) action indices at beliefs (n, S).
@@ -66,7 +67,7 @@ class BatchPolicy:
         if dense.ndim != 2 or dense.shape[1] != self._size:
             raise ModelError(f"beliefs over {self._size} states cannot have shape {dense.shape}")
         values, vectors = self.best(SparseBeliefs.of(dense))
-        return values, self.policy.actions[vectors]
+        return values, self._actions[vectors]
 
     def best(self, beliefs: SparseBeliefs) -> BestVectors:
         """Return the best vector at each belief, the first of equals.
@@ -131,6 +132,17 @@ class BatchPolicy:
             at = which[rows][better]
             best.values[at] = value[better]
             best.vectors[at] = self._first[number] + vector[better]
+
+
+_BATCH_POLICIES: WeakKeyDictionary[Policy, BatchPolicy] = WeakKeyDictionary()
+
+
+def batch_policy(policy: Policy) -> BatchPolicy:
+    """Return the layout of a policy's vectors, which is computed once as long as the policy exists."""
+    batch = _BATCH_POLICIES.get(policy)
+    if batch is None:
+        batch = _BATCH_POLICIES[policy] = BatchPolicy(policy)
+    return batch
 
 
 def _best_of_table(table: Array, beliefs: SparseBeliefs) -> tuple[Array, Indices]:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ObservationError
 from lcorpp.planning.belief import MIN_PROBABILITY, format_belief
-from lcorpp.planning.evaluation.batch_policy import BatchPolicy
+from lcorpp.planning.evaluation.batch_policy import batch_policy
 from lcorpp.planning.evaluation.mdp import find_self_loop_classes
 from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
 from lcorpp.planning.policy import Policy
@@ -44,9 +44,9 @@ class BeliefGraph:
     on the order of visits.
     """
 
-    def __init__(self, pomdp: Pomdp, policy: Policy, batch: BatchPolicy | None = None) -> None:
+    def __init__(self, pomdp: Pomdp, policy: Policy) -> None:
         self.pomdp, self.policy = pomdp, policy
-        self._batch = batch or BatchPolicy(policy)
+        self._batch = batch_policy(policy)
         self._node_of_key: dict[bytes, int] = {}
         self._count = 0
         # the arrays are longer than needed: the first len(self) nodes are used
@@ -201,7 +201,7 @@ class BeliefGraph:
 
     def empty_copy(self) -> BeliefGraph:
         """Return a graph of the same policy without nodes."""
-        return BeliefGraph(self.pomdp, self.policy, self._batch)
+        return BeliefGraph(self.pomdp, self.policy)
 
     def import_nodes(self, other: BeliefGraph, nodes: Indices) -> Indices:
         """Add nodes (k,) of another graph of the same policy; return their nodes (k,) here."""

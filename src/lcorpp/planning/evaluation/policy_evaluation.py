@@ -161,7 +161,7 @@ def evaluate(
         interval=Interval((lower + upper) / 2, lower, upper, confidence=1.0),
         trials=0,
         seconds=monotonic() - began,
-        shortfall=_largest_shortfall(occupancy),
+        shortfall=_find_largest_shortfall(occupancy),
     )
     if exact or occupancy.complete or not trials:
         return evaluation
@@ -183,7 +183,7 @@ def evaluate(
     )
 
 
-def _largest_shortfall(occupancy: DiscountedOccupancy) -> Shortfall:
+def _find_largest_shortfall(occupancy: DiscountedOccupancy) -> Shortfall:
     graph, losses = occupancy.graph, occupancy.shortfalls()
     node = int(losses.argmax())
     value, visits = float(graph.values[node]), float(occupancy.visits[node])

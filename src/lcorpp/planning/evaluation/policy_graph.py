@@ -57,21 +57,21 @@ class PolicyGraph:
         return f"<PolicyGraph: {len(self)} nodes, {len(self.sources)} edges, depth {self.depths.max()}{cut}>"
 
     def _repr_html_(self) -> str:
-        """The nodes as a table: action, likeliest state, and the next node for each observation."""
+        """Return the nodes as a table: action, likeliest state, and the next node for each observation."""
         rows = []
         for node, action in enumerate(self.actions.tolist()):
             edges = np.flatnonzero(self.sources == node)
             following = ", ".join(
                 f"{self.observation_names[self.observations[edge]]}: {self.targets[edge]}" for edge in edges
             )
-            rows.append((f"{node}", self.action_names[action], self._likeliest_state(node), following))
+            rows.append((f"{node}", self.action_names[action], self._find_likeliest_state(node), following))
         return html_table(("node", "action", "likeliest state", "next node"), rows, limit=20)
 
     def belief(self, node: int) -> Belief:
         """Return (S,) the belief of a node, as first reached."""
         return self.beliefs.dense(node, len(self.state_names))
 
-    def _likeliest_state(self, node: int) -> str:
+    def _find_likeliest_state(self, node: int) -> str:
         belief = self.belief(node)
         state = int(belief.argmax())
         return f"{self.state_names[state]} {belief[state]:.3g}"
@@ -114,7 +114,7 @@ class PolicyGraph:
         """
         lines = ["digraph policy {", "  node [shape=box, style=rounded];"]
         for node, action in enumerate(self.actions.tolist()):
-            label = [self.action_names[action], self._likeliest_state(node)]
+            label = [self.action_names[action], self._find_likeliest_state(node)]
             extra = ", peripheries=2" if node == 0 else ""
             extra += "" if self.complete[node] else ', style="rounded,dashed"'
             lines.append(f"  n{node} [label={_quote(label)}{extra}];")
@@ -175,7 +175,7 @@ def policy_graph(
     graph = BeliefGraph(pomdp, policy)
     layer = graph.add(SparseBeliefs.of(belief[None]))
     nodes, depths, complete = layer.tolist(), [0], [True]
-    node_of_key = {_key(graph, int(layer[0]), merge): 0}
+    node_of_key = {_make_key(graph, int(layer[0]), merge): 0}
     edges: list[tuple[int, int, int, float]] = []
     depth = 0
     while len(layer) and (max_depth is None or depth < max_depth):
@@ -185,7 +185,7 @@ def policy_graph(
         for owner, observation, probability, child in zip(
             *(column.tolist() for column in graph.expand(layer)), strict=True
         ):
-            source, key = source_of[owner], _key(graph, child, merge)
+            source, key = source_of[owner], _make_key(graph, child, merge)
             if probability < min_probability or (key not in node_of_key and len(nodes) >= max_nodes):
                 complete[source] = False
                 continue
@@ -200,7 +200,7 @@ def policy_graph(
     return _build(graph, nodes, depths, complete, edges)
 
 
-def _key(graph: BeliefGraph, node: int, merge: str) -> int:
+def _make_key(graph: BeliefGraph, node: int, merge: str) -> int:
     return int(graph.vector_indices[node]) if merge == "vector" else node
 
 

@@ -94,7 +94,7 @@ class _RowReader:
     def add(self, key: Words, row: Row) -> None:
         """Read one row; errors name it."""
         try:
-            place = self._selectors(key)
+            place = self._find_selectors(key)
             if not self.children:
                 self._put_array(place, row)
             elif isinstance(row, str | int | np.integer):
@@ -107,7 +107,7 @@ class _RowReader:
             which = f", row {' '.join(split_words(key))!r}" if self.parents else ""
             raise ModelError(f"{self.what}{which}: {error}") from None
 
-    def _selectors(self, key: Words) -> tuple[Selector, ...]:
+    def _find_selectors(self, key: Words) -> tuple[Selector, ...]:
         values = split_words(key)
         if len(values) != len(self.parents):
             raise ModelError(
@@ -129,7 +129,7 @@ class _RowReader:
         elif row == SAME:
             self._put_same(place)
         else:
-            self._outcome(row)  # raises the error for an unknown value
+            self._find_outcome(row)  # raises the error for an unknown value
 
     def _put_same(self, place: Sequence[Selector]) -> None:
         before = [child.removesuffix(AFTER) for child in self.children]
@@ -158,14 +158,14 @@ class _RowReader:
 
     def _put_outcomes(self, place: Sequence[Selector], row: Mapping[str, float]) -> None:
         """Put the probabilities of some outcomes."""
-        outcomes = [self._outcome(key) for key in row]
+        outcomes = [self._find_outcome(key) for key in row]
         broadcast = [ALL if selector == EACH else selector for selector in place]
         index = [np.array(axis) for axis in zip(*outcomes, strict=True)] or [np.zeros(0)] * len(self.children)
         self.builder.put_entries(
             [*broadcast, *(EACH for _ in self.children)], index, _check_finite(list(row.values()))
         )
 
-    def _outcome(self, key: Words) -> tuple[int, ...]:
+    def _find_outcome(self, key: Words) -> tuple[int, ...]:
         values = split_words(key) if len(self.children) > 1 else (str(key),)
         if len(values) != len(self.children):
             raise ModelError(f"{key!r} must be a value of each of {', '.join(self.children)}")

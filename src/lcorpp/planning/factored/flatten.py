@@ -91,7 +91,7 @@ def flatten(problem: Factored, *, reachable: bool = False) -> Pomdp:
 
 
 def start_beliefs(problem: Factored, pomdp: Pomdp) -> Array:
-    """(N, S) start beliefs, one for each initial observation of the observed parts, the likeliest first.
+    """Return (N, S) start beliefs, one for each initial value of the observed parts, the likeliest first.
 
     To solve for them bounds the value of a robot that observes before its first action; the start belief of
     the flat model is that before any observation.
@@ -155,7 +155,7 @@ class _Step:
             if all(name in cases.values for name in table.parents):
                 total += cases.mean(table, count)
             else:
-                observed = joint.multiply(_ancestors(self.problem.observation, table.parents))
+                observed = joint.multiply(_find_ancestors(self.problem.observation, table.parents))
                 total += observed.mean(table, count)
         return total
 
@@ -200,7 +200,7 @@ class _TableParts:
         return table.scale_rows(np.where(off, 1 / sums, 1.0)) if off.any() else table
 
 
-def _ancestors(tables: Sequence[Table], names: Iterable[str]) -> Iterator[Table]:
+def _find_ancestors(tables: Sequence[Table], names: Iterable[str]) -> Iterator[Table]:
     """Yield the tables of some children and of all that they depend on, in order."""
     needed = set(names)
     for table in reversed(tables):

@@ -143,8 +143,8 @@ class Factored:
                 raise ModelError(
                     f"unknown state variable {name!r} is 'observed'; {expected_one_of(tuple(states))}"
                 )
-        action_parts = _variables("action", actions)
-        observation_parts = _variables("observation", observations)
+        action_parts = _make_variables("action", actions)
+        observation_parts = _make_variables("observation", observations)
         scope = build_scope(parts, action_parts, observation_parts)
 
         def build_tables(kind: str, specs: Mapping[str, Spec], suffix: str) -> tuple[Table, ...]:
@@ -189,8 +189,8 @@ class Factored:
             (Variable("action", pomdp.actions),),
             (Variable("observation", pomdp.observations),),
             (Table.of((), ("state",), pomdp.start),),
-            (_flat_table(pomdp.transition, ("action", "state"), "state'"),),
-            (_flat_table(pomdp.observation, ("action", "state'"), "observation"),),
+            (_make_flat_table(pomdp.transition, ("action", "state"), "state'"),),
+            (_make_flat_table(pomdp.observation, ("action", "state'"), "observation"),),
             {"reward": Table(("action", "state"), (), (A, S), reward)},
             pomdp.discount,
             pomdp.file,
@@ -216,7 +216,7 @@ class Factored:
         return html_table(("kind", "variable", "values"), rows, caption=repr(self)[1:-1])
 
     def equals(self, other: Factored) -> bool:
-        """Whether both problems are bitwise equal; the source file does not count."""
+        """Return whether both problems are bitwise equal; the source file does not count."""
         mine, others = (
             (
                 (f.states, f.actions, f.observations, f.discount, tuple(f.reward)),
@@ -235,14 +235,14 @@ class Factored:
         return tuple(variable for variable in self.states if variable.observed)
 
 
-def _variables(kind: str, domain: Domain) -> tuple[Variable, ...]:
+def _make_variables(kind: str, domain: Domain) -> tuple[Variable, ...]:
     if isinstance(domain, Mapping):
         return tuple(Variable(name, split_words(values)) for name, values in domain.items())
     values = split_words(domain)
     return (Variable(kind, values),) if values or kind == "action" else ()
 
 
-def _flat_table(rows: SparseTables, parents: tuple[str, str], child: str) -> Table:
+def _make_flat_table(rows: SparseTables, parents: tuple[str, str], child: str) -> Table:
     A, R, N = rows.shape
     return Table(
         parents, (child,), (A, R, N), SparseTables((1, A * R, N), rows.begins, rows.columns, rows.values)

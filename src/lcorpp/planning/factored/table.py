@@ -75,7 +75,7 @@ class Table:
         return np.where(filled, values[np.where(filled, begins[row], -1)], 0.0)
 
     def equals(self, other: Table) -> bool:
-        """Whether both tables contain bitwise equal numbers for the same variables."""
+        """Return whether both tables contain bitwise equal numbers for the same variables."""
         return (
             (self.parents, self.children, self.shape) == (other.parents, other.children, other.shape)
             and np.array_equal(self.rows.begins, other.rows.begins)

@@ -65,7 +65,7 @@ class TableBuilder:
             return
         block = np.asarray(values, dtype=np.float64).reshape(-1)
         shape = [n for n, selector in zip(self.sizes, place, strict=True) if selector == EACH]
-        kept = np.flatnonzero(block) if self._covers_rows(place) else np.arange(len(block))
+        kept = np.flatnonzero(block) if self._has_whole_rows(place) else np.arange(len(block))
         self.put_entries(place, np.unravel_index(kept, shape) if shape else (), block[kept])
 
     def put_entries(self, place: Sequence[Selector], where: Sequence[Indices], values: Array) -> None:
@@ -80,8 +80,8 @@ class TableBuilder:
         each = np.full(len(values), begin, dtype=np.int64)
         for axis, index in zip((i for i, s in enumerate(place) if s == EACH), where, strict=True):
             each += np.asarray(index, dtype=np.int64) * self._strides[axis]
-        if self._covers_rows(place):
-            self._cleared[self._rows(place)] = turn
+        if self._has_whole_rows(place):
+            self._cleared[self._find_rows(place)] = turn
         terms = self._index_terms([i for i, selector in enumerate(place) if selector == ALL])
         self._count_numbers(len(terms) * len(each))
         cells = (terms[:, None] + each[None, :]).reshape(-1)
@@ -114,10 +114,10 @@ class TableBuilder:
         self._turn += 1
         self._count_numbers(1)
 
-    def _covers_rows(self, place: Sequence[Selector]) -> bool:
+    def _has_whole_rows(self, place: Sequence[Selector]) -> bool:
         return all(isinstance(selector, str) for selector in place[len(self.parents) :])
 
-    def _rows(self, place: Sequence[Selector]) -> Indices:
+    def _find_rows(self, place: Sequence[Selector]) -> Indices:
         """Return the rows of a place."""
         parents = place[: len(self.parents)]
         begin = sum(s * t for s, t in zip(parents, self._strides, strict=False) if not isinstance(s, str))

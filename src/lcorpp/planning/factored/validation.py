@@ -68,13 +68,13 @@ def check_reward(what: str, table: Table, scope: Scope) -> None:
 def _check_shape(what: str, table: Table, scope: Scope, parents: Sequence[str]) -> None:
     for name in table.parents:
         if name not in parents:
-            raise ModelError(f"{what} cannot depend on {name!r}{_advice(name, parents)}")
+            raise ModelError(f"{what} cannot depend on {name!r}{_format_advice(name, parents)}")
     shape = tuple(len(scope[name].values) for name in (*table.parents, *table.children))
     if table.shape != shape:
         raise ModelError(f"{what} has the shape {table.shape}; its variables have {shape} values")
 
 
-def _advice(name: str, allowed: Iterable[str]) -> str:
+def _format_advice(name: str, allowed: Iterable[str]) -> str:
     if name + AFTER in allowed:
         return f", the value before the action; {name + AFTER!r} is the value after it"
     if name.removesuffix(AFTER) in allowed:

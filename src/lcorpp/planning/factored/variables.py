@@ -45,7 +45,7 @@ class Variable:
             raise ModelError(f"variable {self.name!r} has the value {twice!r} twice")
 
     def index(self, value: str) -> int:
-        """The index of a value. Raises ModelError with the known values."""
+        """Return the index of a value. Raises ModelError with the known values."""
         if value not in self.values:
             raise ModelError(f"unknown value {value!r} of {self.name!r}; {expected_one_of(self.values)}")
         return self.values.index(value)

@@ -131,9 +131,9 @@ class _Reader:
                 " observations, numbers and discount is not that of"
                 f" {self.pomdp.file or 'the given model'}; solve again"
             )
-        return Policy.of_sets(self.pomdp, [self._vector_set(number) for number in sorted(self.vectors)])
+        return Policy.of_sets(self.pomdp, [self._make_vector_set(number) for number in sorted(self.vectors)])
 
-    def _vector_set(self, number: int) -> AlphaVectors:
+    def _make_vector_set(self, number: int) -> AlphaVectors:
         states = self.state_sets[number]
         order = np.argsort(states)
         vectors = np.array(self.vectors[number])
@@ -151,7 +151,7 @@ class _Reader:
             self.has_own_sets = True
 
     def _parse_ranges(self, words: str) -> Indices:
-        """The state indices of a vector set, given as increasing ranges."""
+        """Return the state indices of a vector set, given as increasing ranges."""
         ends = [word.partition("-") for word in words.split(",")]
         ranges = [(int(first), int(last or first)) for first, _, last in ends]
         numbers = [number for pair in ranges for number in pair]
@@ -249,7 +249,7 @@ class _Reader:
         self.vectors.setdefault(self.current_set, []).append(vector)
 
     def _count(self, attributes: dict[str, str], name: str) -> int:
-        """The value of an attribute that is a whole number."""
+        """Return the value of an attribute that is a whole number."""
         text = attributes.get(name, "")
         if not (is_count(text) and len(text) < 10):
             raise self.parser.error(f"{name} must be a whole number, not {text[:40]!r}")

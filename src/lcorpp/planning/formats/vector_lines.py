@@ -20,7 +20,7 @@ def format_vectors(policy: Policy) -> Iterator[tuple[int, str]]:
     States outside a vector's set get the floor of the policy. The size is limited only in that case.
 
     Raises:
-        PolicyError: a policy with several vector sets would become too large.
+        PolicyError: the policy has several vector sets and would become too large over all states.
     """
     size = estimate_bytes(policy)
     if not policy.covers_all_states and size > MAX_BYTES:

@@ -54,7 +54,7 @@ class XmlParser:
         self._expat = expat.ParserCreate("utf-8" if isinstance(data, str) else None)
         self._expat.buffer_text = self._join_text
         self._expat.StartDoctypeDeclHandler = self._refuse_doctype
-        self._expat.StartElementHandler, self._expat.EndElementHandler = self._element_handlers()
+        self._expat.StartElementHandler, self._expat.EndElementHandler = self._make_element_handlers()
         self._expat.CharacterDataHandler = self._handler.text
         self._expat.CommentHandler = self._handler.comment
         try:
@@ -71,14 +71,14 @@ class XmlParser:
         return self._expat.CurrentLineNumber, self._expat.CurrentColumnNumber + 1
 
     def error(self, message: str) -> LcorppError:
-        """The handler's error at the current position."""
+        """Return the handler's error at the current position."""
         return self._handler.error(*self.position, message)
 
     def _refuse_doctype(self, *declaration: object) -> None:
         raise self.error("a document type declaration is refused; the format needs none")
 
-    def _element_handlers(self) -> tuple[Callable[[str, dict[str, str]], None], Callable[[str], None]]:
-        """The handlers of start and end tags; closures, because files have millions of tags."""
+    def _make_element_handlers(self) -> tuple[Callable[[str, dict[str, str]], None], Callable[[str], None]]:
+        """Return the handlers of start and end tags; closures, because files have millions of tags."""
         names, root, max_depth = self.open, self._root, self._max_depth
         handle_start, handle_end, push, pop = self._handler.start, self._handler.end, names.append, names.pop
 

@@ -51,7 +51,7 @@ class BeliefSlice:
 
     def regions(self) -> list[Region]:
         """Return the region of each vector that is best at some belief; n is 2 or 3."""
-        return _intervals(self) if len(self.states) == 2 else _polygons(self)
+        return _find_intervals(self) if len(self.states) == 2 else _find_polygons(self)
 
     def belief(self, weights: npt.ArrayLike) -> Belief:
         """Return (S,) the belief with weights (n,) of the corners."""
@@ -94,21 +94,21 @@ def slice_policy(
     rest[list(chosen)] = 0
     corners = np.tile(rest, (len(chosen), 1))
     corners[np.arange(len(chosen)), chosen] = share
-    sets = _sets_for(policy, corners.sum(axis=0))
-    values = np.concatenate([_values_at(part, policy.floor, corners) for part in sets])
+    sets = _find_sets(policy, corners.sum(axis=0))
+    values = np.concatenate([_compute_corner_values(part, policy.floor, corners) for part in sets])
     actions = np.concatenate([part.actions for part in sets])
     _, first = np.unique(values, axis=0, return_index=True)
     first.sort()  # the first of equal vectors, as in `Policy.action`
     return BeliefSlice(chosen, share, corners, values[first], actions[first])
 
 
-def _sets_for(policy: Policy, support: Array) -> Sequence[AlphaVectors]:
-    """The vector sets that cover the support; all sets if none does, as in `Policy`."""
+def _find_sets(policy: Policy, support: Array) -> Sequence[AlphaVectors]:
+    """Return the vector sets that cover the support; all sets if none does, as in `Policy`."""
     needed = np.flatnonzero(support)
     return [part for part in policy.vector_sets if np.isin(needed, part.states).all()] or policy.vector_sets
 
 
-def _values_at(part: AlphaVectors, floor: float, corners: Array) -> Array:
+def _compute_corner_values(part: AlphaVectors, floor: float, corners: Array) -> Array:
     """Return (K, n) the values of a set's vectors at the corners."""
     inside = corners[:, part.states]
     values: Array = part.vectors @ inside.T + floor * np.maximum(
@@ -117,7 +117,7 @@ def _values_at(part: AlphaVectors, floor: float, corners: Array) -> Array:
     return values
 
 
-def _intervals(line: BeliefSlice) -> list[Region]:
+def _find_intervals(line: BeliefSlice) -> list[Region]:
     """Return the upper envelope of lines, from the first corner to the second."""
     heights, slopes = line.values[:, 0], line.values[:, 1] - line.values[:, 0]
     position, best = 0.0, int(np.lexsort((np.arange(len(slopes)), -slopes, -heights))[0])
@@ -140,7 +140,7 @@ def _intervals(line: BeliefSlice) -> list[Region]:
     ]
 
 
-def _polygons(triangle: BeliefSlice) -> list[Region]:
+def _find_polygons(triangle: BeliefSlice) -> list[Region]:
     """Return each vector's polygon: the triangle clipped by all other vectors."""
     best = np.unique((grid(GRID) @ triangle.values.T).argmax(axis=1))
     values = triangle.values[best]

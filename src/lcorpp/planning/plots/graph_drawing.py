@@ -102,9 +102,9 @@ def draw(nodes: Sequence[Node], arrows: Sequence[Arrow], *, title: str = "", cap
         return np.stack([x, y], axis=1)
 
     centres = to_inches(positions)
-    ports = _ports(arrows, centres, [to_inches(route) for route in routes])
-    paths = [_path(to_inches(route), box, *ends) for route, ends in zip(routes, ports, strict=True)]
-    lines = [_points(path) for path in paths]
+    ports = _place_ports(arrows, centres, [to_inches(route) for route in routes])
+    paths = [_make_path(to_inches(route), box, *ends) for route, ends in zip(routes, ports, strict=True)]
+    lines = [_sample_points(path) for path in paths]
     right = [
         line[:, 0].max() + LABEL_HALF_LETTER * max(map(len, arrow.label))
         for line, arrow in zip(lines, arrows, strict=True)
@@ -157,7 +157,9 @@ def _draw_box(axes: Axes, node: Node, centre: Array, width: float) -> Rectangle:
     return Rectangle(x - width / 2, y - BOX_HEIGHT / 2, x + width / 2, y + BOX_HEIGHT / 2)
 
 
-def _ports(arrows: Sequence[Arrow], centres: Array, routes: Sequence[Array]) -> list[tuple[float, float]]:
+def _place_ports(
+    arrows: Sequence[Arrow], centres: Array, routes: Sequence[Array]
+) -> list[tuple[float, float]]:
     """Return the offsets at which each arrow leaves and enters its boxes, so that no two coincide."""
     sides: dict[tuple[int, int], list[tuple[float, int, int]]] = {}
     for number, (arrow, route) in enumerate(zip(arrows, routes, strict=True)):
@@ -175,7 +177,7 @@ def _ports(arrows: Sequence[Arrow], centres: Array, routes: Sequence[Array]) -> 
     return [(leaves, arrives) for leaves, arrives in ports]
 
 
-def _path(route: Array, box: float, leaves: float, arrives: float) -> Path:
+def _make_path(route: Array, box: float, leaves: float, arrives: float) -> Path:
     """Return curves from one box to another, horizontal where they cross a layer."""
     (x, y), (u, v) = route[0], route[-1]
     half, top = box / 2, BOX_HEIGHT / 2
@@ -206,7 +208,7 @@ def _path(route: Array, box: float, leaves: float, arrives: float) -> Path:
 _CURVE = [Path.MOVETO, Path.CURVE4, Path.CURVE4, Path.CURVE4]
 
 
-def _points(path: Path) -> Array:
+def _sample_points(path: Path) -> Array:
     """Return (m, 2) points on a path, `SEGMENT` apart."""
     corners = np.asarray(path.to_polygons(closed_only=False)[0], dtype=np.float64)
     run = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])

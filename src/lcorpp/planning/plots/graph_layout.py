@@ -52,7 +52,7 @@ def layout_graph(depths: Sequence[int], arrows: Sequence[tuple[int, int]]) -> La
             links += pairwise(chain)
         chains.append(chain if low == source else chain[::-1])
     sizes = np.array([1.0 if node < len(depths) else DUMMY_SIZE for node in range(count)])
-    heights = _heights(_order_layers(layers, links, count), links, sizes)
+    heights = _compute_heights(_order_layers(layers, links, count), links, sizes)
     layer_of = np.zeros(count)
     for number, layer in enumerate(layers):
         layer_of[layer] = number
@@ -60,7 +60,7 @@ def layout_graph(depths: Sequence[int], arrows: Sequence[tuple[int, int]]) -> La
     return Layout(positions[: len(depths)], [positions[chain] for chain in chains])
 
 
-def _neighbours(links: list[tuple[int, int]], count: int) -> tuple[list[list[int]], list[list[int]]]:
+def _find_neighbours(links: list[tuple[int, int]], count: int) -> tuple[list[list[int]], list[list[int]]]:
     """Return the left and the right neighbours of each node."""
     left: list[list[int]] = [[] for _ in range(count)]
     right: list[list[int]] = [[] for _ in range(count)]
@@ -72,7 +72,7 @@ def _neighbours(links: list[tuple[int, int]], count: int) -> tuple[list[list[int
 
 def _order_layers(layers: list[list[int]], links: list[tuple[int, int]], count: int) -> list[list[int]]:
     """Order each layer so that few links cross."""
-    sides = _neighbours(links, count)
+    sides = _find_neighbours(links, count)
     best, fewest = layers, _count_crossings(layers, links)
     current = [list(layer) for layer in layers]
     for sweep in range(SWEEPS):
@@ -109,9 +109,9 @@ def _count_crossings(layers: list[list[int]], links: list[tuple[int, int]]) -> i
     return crossings
 
 
-def _heights(layers: list[list[int]], links: list[tuple[int, int]], sizes: Array) -> Array:
+def _compute_heights(layers: list[list[int]], links: list[tuple[int, int]], sizes: Array) -> Array:
     """Return (count,) heights close to those of the neighbours, without overlap within a layer."""
-    left, right = _neighbours(links, len(sizes))
+    left, right = _find_neighbours(links, len(sizes))
     heights = np.zeros(len(sizes))
     for layer in layers:
         ends = np.cumsum(sizes[layer])

@@ -61,7 +61,7 @@ def draw_graph(
         for node in selected
     ]
     lines = [
-        _arrow(
+        _make_arrow(
             graph, number[source], number[target], all_arrows[source, target], bool(graph.complete[source])
         )
         for source, target in drawn_arrows
@@ -107,7 +107,7 @@ def _select_most_visited(
     return sorted(nodes), sorted(selected)
 
 
-def _arrow(graph: PolicyGraph, source: int, target: int, edges: Sequence[int], complete: bool) -> Arrow:
+def _make_arrow(graph: PolicyGraph, source: int, target: int, edges: Sequence[int], complete: bool) -> Arrow:
     """Return all edges from one node to another as one arrow."""
     total = float(graph.probabilities[edges].sum())
     width = 0.8 + 1.6 * total

@@ -54,12 +54,12 @@ def draw_triangle(
     figure = Figure(figsize=(6, 5.6) if above is None else (11, 5.6), layout="constrained")
     left, *right = figure.subplots(1, 1 if above is None else 2, squeeze=False)[0]
     for axes in (left, *right):
-        _frame(axes, states)
-    _regions(left, regions)
+        _draw_frame(axes, states)
+    _draw_regions(left, regions)
     lines = max(wrap_text(name, MAX_LINE_LETTERS).count("\n") + 1 for name in states[:2])
-    _legend(left, regions, pomdp.actions, lines)
+    _draw_legend(left, regions, pomdp.actions, lines)
     if above is not None:
-        _gap(right[0], triangle, above)
+        _draw_gap(right[0], triangle, above)
     if triangle.share < 1:
         rest = f"the other states keep {1 - triangle.share:.3g} in all"
         figure.supxlabel(rest, fontsize=9, color=MUTED)
@@ -68,7 +68,7 @@ def draw_triangle(
     return figure
 
 
-def _frame(axes: Axes, states: Sequence[str]) -> None:
+def _draw_frame(axes: Axes, states: Sequence[str]) -> None:
     """Draw the outline, with a state's name at each corner."""
     axes.set_aspect("equal")
     axes.axis("off")
@@ -86,7 +86,7 @@ def _frame(axes: Axes, states: Sequence[str]) -> None:
     axes.set_ylim(-0.01, CORNERS[2, 1] + 0.01)
 
 
-def _regions(axes: Axes, regions: Sequence[Region]) -> None:
+def _draw_regions(axes: Axes, regions: Sequence[Region]) -> None:
     for region in regions:
         fill = Fill.of(region.action)
         corners = region.points @ CORNERS
@@ -94,7 +94,7 @@ def _regions(axes: Axes, regions: Sequence[Region]) -> None:
         axes.add_patch(Polygon(corners, facecolor="none", edgecolor="white", linewidth=0.5))
 
 
-def _legend(axes: Axes, regions: Sequence[Region], names: Sequence[str], lines: int) -> None:
+def _draw_legend(axes: Axes, regions: Sequence[Region], names: Sequence[str], lines: int) -> None:
     """List the actions with their shares of the triangle, below corner names of `lines` lines."""
     shares: dict[int, float] = {}
     for region in regions:
@@ -111,7 +111,7 @@ def _legend(axes: Axes, regions: Sequence[Region], names: Sequence[str], lines: 
     )
 
 
-def _gap(axes: Axes, triangle: BeliefSlice, bound: UpperBound) -> None:
+def _draw_gap(axes: Axes, triangle: BeliefSlice, bound: UpperBound) -> None:
     """Draw the gap between upper bound and policy."""
     weights = grid(STEPS)
     high = np.array([bound.value(triangle.belief(weight)) for weight in weights])

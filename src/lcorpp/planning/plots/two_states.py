@@ -53,10 +53,10 @@ def draw_line(
     regions = line.regions()
     figure = Figure(figsize=(7, 4.4), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[6, 1])
-    top = _gap(above, line, policy.upper_bound) if bound and policy.upper_bound is not None else -np.inf
-    _value(above, line, regions, top)
+    top = _draw_gap(above, line, policy.upper_bound) if bound and policy.upper_bound is not None else -np.inf
+    _draw_value(above, line, regions, top)
     fills = {region.action: Fill.of(region.action) for region in regions}
-    unnamed = _bands(below, regions, fills, pomdp.actions)
+    unnamed = _draw_bands(below, regions, fills, pomdp.actions)
     above.set_ylabel("value")
     below.set_yticks([])
     below.set_xlim(0, 1)
@@ -78,7 +78,7 @@ def draw_line(
     return figure
 
 
-def _gap(axes: Axes, line: BeliefSlice, bound: UpperBound) -> float:
+def _draw_gap(axes: Axes, line: BeliefSlice, bound: UpperBound) -> float:
     """Draw the upper bound and the gap to the policy; return the bound's maximum."""
     right = np.linspace(0, 1, POINTS)
     weights = np.stack([1 - right, right], axis=1)
@@ -90,7 +90,7 @@ def _gap(axes: Axes, line: BeliefSlice, bound: UpperBound) -> float:
     return float(high.max())
 
 
-def _value(axes: Axes, line: BeliefSlice, regions: Sequence[Region], top: float) -> None:
+def _draw_value(axes: Axes, line: BeliefSlice, regions: Sequence[Region], top: float) -> None:
     """Draw the value function, and behind it each of its vectors from end to end."""
     ends = np.concatenate([line.values[region.vector] @ region.points.T for region in regions])
     low, high = float(ends.min()), float(ends.max())
@@ -104,7 +104,7 @@ def _value(axes: Axes, line: BeliefSlice, regions: Sequence[Region], top: float)
     axes.set_ylim(low - margin, min(max(high, top), high + MAX_GAP_HEIGHT * (high - low)) + margin)
 
 
-def _bands(
+def _draw_bands(
     axes: Axes, regions: Sequence[Region], fills: Mapping[int, Fill], names: Sequence[str]
 ) -> list[int]:
     """Draw a band for each run of one action; return the actions whose name does not fit."""

@@ -74,7 +74,7 @@ class BoundedTree:
         self.tree = self._make_tree(self.policy())
 
     def policy(self, roots: Iterable[int] = ()) -> Policy:
-        """The policy of the alpha vectors, with its upper bound.
+        """Return the policy of the alpha vectors, with its upper bound.
 
         Args:
             roots: nodes whose own upper bounds, often below that of the points, become points first.
@@ -96,7 +96,7 @@ class BoundedTree:
         return Policy.of_sets(self.pomdp, sets, SawtoothBound(self.informed, *tree.points()))
 
     def _make_tree(self, previous: Policy | None) -> Tree:
-        """A tree without nodes, with the vectors and points of an earlier policy."""
+        """Return a tree without nodes, with the vectors and points of an earlier policy."""
         tree = self._kernels.Tree(self._model, self.informed, self._blind)
         if previous is None:
             return tree
@@ -140,7 +140,7 @@ class BoundedSearch:
         self.roots = [bounds.tree.find_or_add_node(belief) for belief in starts]
         self.trials = 0
         self.history: list[tuple[float, float, float, int]] = []
-        self.widest, self.lower, self.upper = self._measure()
+        self.widest, self.lower, self.upper = self._record_bounds()
 
     @property
     def gap(self) -> float:
@@ -176,9 +176,9 @@ class BoundedSearch:
                 reason = step()
                 if reason is not None:
                     return reason
-                self.widest, self.lower, self.upper = self._measure()
+                self.widest, self.lower, self.upper = self._record_bounds()
                 if callback is not None:
-                    callback(self._progress())
+                    callback(self._make_progress())
         except KeyboardInterrupt:
             return "interrupted"
 
@@ -205,9 +205,9 @@ class BoundedSearch:
         """Drop vectors that are useless at the beliefs that the roots reach."""
         self.bounds.tree.prune(roots, PRUNING_RADIUS, PRUNING_RATIO, PRUNING_GROWTH)
 
-    def solution(self, reason: str) -> Solution:
-        """The result after the search stopped for a reason."""
-        self.widest, self.lower, self.upper = self._measure()
+    def make_solution(self, reason: str) -> Solution:
+        """Return the result after the search stopped for a reason."""
+        self.widest, self.lower, self.upper = self._record_bounds()
         return Solution(
             pomdp=self.bounds.pomdp,
             policy=self.bounds.policy(self.roots),
@@ -221,8 +221,8 @@ class BoundedSearch:
             start=self.bounds.tree.belief(self.widest),
         )
 
-    def _measure(self) -> tuple[int, float, float]:
-        """The root with the widest gap and its bounds, which are added to the history if they changed."""
+    def _record_bounds(self) -> tuple[int, float, float]:
+        """Return the root with the widest gap and its bounds; append them to the history if they changed."""
         tree, widest = self.bounds.tree, (-1, 0.0, -np.inf)
         for root in self.roots:
             low, high = tree.lower_bound(root), tree.upper_bound(root)
@@ -235,6 +235,6 @@ class BoundedSearch:
             self.history.append((self.seconds, low, high, tree.vector_count))
         return widest
 
-    def _progress(self) -> Progress:
+    def _make_progress(self) -> Progress:
         tree = self.bounds.tree
         return Progress(self.seconds, self.lower, self.upper, tree.vector_count, tree.node_count, self.trials)

@@ -25,7 +25,7 @@ class Model(Protocol):
     """The problem in the form of the kernels; `kernels.build_model` makes it."""
 
     def export_blocks(self) -> Indices:
-        """(S,) block of each state: after an action and an observation, a belief lies within one block."""
+        """Return (S,) the block of each state; after an action and an observation a belief lies in one."""
 
 
 class ValuePredictor(Protocol):
@@ -99,43 +99,43 @@ class Tree(Protocol):
         """Keep the vectors that are best, or nearly best, at a belief that the roots may reach."""
 
     def lower_bound(self, node: int) -> float:
-        """The value of the best alpha vector at a node, of all current vectors."""
+        """Return the value of the best alpha vector at a node, of all current vectors."""
 
     def upper_bound(self, node: int) -> float:
-        """The upper bound at a node by all current points, or the node's own if that is smaller."""
+        """Return the upper bound at a node by all current points, or the node's own if that is smaller."""
 
     def cached_lower(self, node: int) -> float:
-        """The lower bound of a node at its last update."""
+        """Return the lower bound of a node at its last update."""
 
     def cached_upper(self, node: int) -> float:
-        """The upper bound of a node at its last update."""
+        """Return the upper bound of a node at its last update."""
 
     def q_lower(self, node: int) -> Array:
-        """(A,) lower bounds on the values of the actions, at their last update."""
+        """Return (A,) lower bounds on the values of the actions, at their last update."""
 
     def q_upper(self, node: int) -> Array:
-        """(A,) upper bounds on the values of the actions, at their last update."""
+        """Return (A,) upper bounds on the values of the actions, at their last update."""
 
     def expected_rewards(self, node: int) -> Array:
-        """(A,) expected rewards of the actions."""
+        """Return (A,) expected rewards of the actions."""
 
     def belief(self, node: int) -> Belief:
-        """(S,) the belief of a node."""
+        """Return (S,) the belief of a node."""
 
     def children(self, node: int, action: int) -> tuple[Indices, Array, Array, Array, Indices]:
-        """(n,) observation, probability, lower and upper bound times probability, and node of each child.
+        """Return five arrays (n,): each child's observation, probability, bounds times probability, and node.
 
         The node is -1 before the first visit. There are no children before the first update of the action.
         """
 
     def vectors(self, group: int) -> tuple[Indices, Array, Indices]:
-        """The states (n,) of a group, its alpha vectors (K, n) and the first actions (K,) of their plans."""
+        """Return the states (n,) of a group, its alpha vectors (K, n) and their plans' first actions (K,)."""
 
     def dependencies(self, group: int) -> tuple[Array, Indices]:
-        """The pruned vectors (K, n) of a group that others depend on, and their actions (K,)."""
+        """Return the pruned vectors (K, n) of a group that others depend on, and their actions (K,)."""
 
     def points(self) -> tuple[Array, *PointArrays]:
-        """The upper bound: corners (S,), and begins, states, weights and values of the points."""
+        """Return the upper bound: corners (S,), and begins, states, weights and values of the points."""
 
     def add_vectors(self, group: int, vectors: Array, actions: Indices) -> None:
         """Import alpha vectors (K, n) over the states of a group, and the first actions (K,) of their

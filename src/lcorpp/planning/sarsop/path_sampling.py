@@ -72,8 +72,8 @@ def sample(
         if (excess[fresh] > 0).any():
             excess = np.where(fresh, excess, -np.inf)
         k = int(excess.argmax())
-        L = _child_level(L, reward, gamma, lower, k) / float(probability[k])
-        U = _child_level(U, reward, gamma, upper, k) / float(probability[k])
+        L = _compute_child_level(L, reward, gamma, lower, k) / float(probability[k])
+        U = _compute_child_level(U, reward, gamma, upper, k) / float(probability[k])
         node = tree.find_or_add_child(node, action, k)
         action = tree.select_action(node, use_lower_bound)
         predictor.learn(tree, node)
@@ -85,7 +85,7 @@ def sample(
     return len(path)
 
 
-def _child_level(level: float, reward: float, gamma: float, bounds: Array, k: int) -> float:
+def _compute_child_level(level: float, reward: float, gamma: float, bounds: Array, k: int) -> float:
     """Return the value that child k needs, times its probability, for its parent to reach `level`.
 
     Args:

@@ -79,4 +79,4 @@ def solve(
     search = BoundedSearch(bounds, starts, precision=precision, began=began, time_limit=time_limit)
     share = pomdp.discount**LOOK_AHEAD
     reason = search.run(lambda: search.sample(share, MAX_DEPTH, sample), callback)
-    return search.solution(reason)
+    return search.make_solution(reason)

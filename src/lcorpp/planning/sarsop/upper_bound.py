@@ -52,7 +52,7 @@ class SawtoothBound:
         return begins, states, weights, np.concatenate([self.corners[lowered], self.values])
 
     def value(self, belief: Belief) -> float:
-        """The bound at a belief (S,)."""
+        """Return the bound at a belief (S,)."""
         belief = np.asarray(belief, dtype=np.float64)
         plane = float(self.corners @ belief)
         if len(self.values):

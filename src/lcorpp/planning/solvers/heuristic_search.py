@@ -31,7 +31,7 @@ class SearchResult:
 
     action: index of the action with the largest lower bound.
     lower, upper: bounds on the optimal value. A planner that searches at every step earns at least `lower`.
-    trials: sampled paths of this search. seconds: wall-clock time.
+    trials: number of sampled paths (trials) of this search. seconds: wall-clock time.
     """
 
     action: int
@@ -51,8 +51,8 @@ class OnlinePlanner:
         pomdp: the problem.
         seconds: largest wall-clock time of one call of `action`.
         precision: a search stops when the bounds are this close, in reward units.
-        trials: largest number of sampled paths per search, at least 1. With `seconds` long enough, equal
-            calls then have equal results.
+        trials: largest number of sampled paths (trials) per search, at least 1. With `seconds` long enough,
+            equal calls then have equal results.
         preparation: largest wall-clock time for the initial bounds, in seconds.
 
     Raises:

@@ -76,7 +76,7 @@ def solve_perseus(
     bounds = BoundedTree(pomdp, precision=precision, seconds=INITIAL_SHARE * time_limit)
     search = BoundedSearch(bounds, starts, precision=precision, began=began, time_limit=time_limit)
     stages = _Stages(search, beliefs, np.random.default_rng(seed))
-    return search.solution(search.run(stages.step, callback))
+    return search.make_solution(search.run(stages.step, callback))
 
 
 class _Stages:
@@ -91,7 +91,7 @@ class _Stages:
         self.improved, self.last_gap = False, np.inf
 
     def step(self) -> str | None:
-        """Add beliefs if necessary and run a stage; the reason to stop if neither helps."""
+        """Add beliefs if necessary and run a stage; return the reason to stop if neither helps."""
         if self.stages == 0:
             self.added = self._collect(use_policy=False)
         # if the last collection found no belief, the policy must first become as good as it can at the others
@@ -106,10 +106,10 @@ class _Stages:
         return None
 
     def _run_stage(self) -> bool:
-        """Back up beliefs in a random order unless an earlier backup improved them; whether a bound improved.
+        """Back up beliefs in a random order, except those that an earlier backup improved.
 
-        Every second stage skips a belief only if both of its bounds were improved, because a backup elsewhere
-        moves the upper bound little.
+        Return whether a bound improved. Every second stage skips a belief only if both of its
+        bounds were improved, because a backup elsewhere moves the upper bound little.
         """
         tree, nodes = self.tree, list(self.nodes)
         before = [(tree.lower_bound(node), tree.upper_bound(node)) for node in nodes]
@@ -130,10 +130,11 @@ class _Stages:
         return improved
 
     def _collect(self, *, use_policy: bool) -> int:
-        """Walk until `beliefs` new beliefs are collected or no more are found; how many were.
+        """Collect up to `beliefs` new beliefs on random walks; return their number.
 
         Args:
-            use_policy: whether walks take the best action, each more or less often, instead of a random one.
+            use_policy: whether a walk takes the best action with a probability that is drawn for each walk.
+                Otherwise all actions are random.
         """
         before, steps, last_new, rng = len(self.nodes), 0, 0, self.rng
         wanted = before + self.beliefs
@@ -153,7 +154,7 @@ class _Stages:
         return len(self.nodes) - before
 
     def _sample_successor(self, node: int, action: int) -> int:
-        """The node after an action and a random observation."""
+        """Return the node after an action and a random observation."""
         sums, links = self.successors.get((node, action), (None, {}))
         if sums is None:
             probabilities = observation_probabilities(self.pomdp, self.tree.belief(node), action)

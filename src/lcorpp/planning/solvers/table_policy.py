@@ -115,7 +115,7 @@ class QTableBound:
         return f"<QTableBound: {self.table.shape[0]} actions, {self.table.shape[1]} states>"
 
     def value(self, belief: Belief) -> float:
-        """The bound at a belief (S,)."""
+        """Return the bound at a belief (S,)."""
         return float((self.table @ belief).max())
 
 
@@ -133,7 +133,7 @@ def _solve_table(
         reason = search.run(callback)
     except KeyboardInterrupt:
         reason = "interrupted"
-    return search.solution(reason)
+    return search.make_solution(reason)
 
 
 class _Evaluation:
@@ -155,7 +155,7 @@ class _Evaluation:
         self.lower = np.full(len(starts), floor)
         self.nodes = 0
         self.history: list[tuple[float, float, float, int]] = []
-        self._measure()
+        self._record_bounds()
 
     def run(self, callback: Callable[[Progress], None] | None) -> str:
         """Evaluate the policy at more and more beliefs; the reason to stop."""
@@ -165,7 +165,7 @@ class _Evaluation:
         self.lower = np.maximum(self.lower, [self.policy.value(start) for start in self.starts])
         max_nodes, rounds = INITIAL_NODES, 0
         while True:
-            _, low, high = self._measure()
+            _, low, high = self._record_bounds()
             if callback is not None:
                 callback(Progress(self.history[-1][0], low, high, len(self.policy), self.nodes, rounds))
             began = monotonic()
@@ -178,7 +178,7 @@ class _Evaluation:
             self.lower = np.maximum(self.lower, [each.lower for each in evaluations])
             self.nodes = sum(each.beliefs for each in evaluations)
             rounds, max_nodes = rounds + 1, NODE_GROWTH * max_nodes
-            _, low, high = self._measure()
+            _, low, high = self._record_bounds()
             if high - low <= self.precision:
                 return "precision reached"
             if all(each.exact or each.complete for each in evaluations):
@@ -187,9 +187,9 @@ class _Evaluation:
             if monotonic() + NODE_GROWTH * (monotonic() - began) > self.deadline:
                 return "time limit"
 
-    def solution(self, reason: str) -> Solution:
-        """The result so far."""
-        widest, low, high = self._measure()
+    def make_solution(self, reason: str) -> Solution:
+        """Return the result so far."""
+        widest, low, high = self._record_bounds()
         return Solution(
             pomdp=self.pomdp,
             policy=self.policy,
@@ -208,8 +208,8 @@ class _Evaluation:
         alphas = AlphaVectors(np.arange(states), vectors, np.arange(actions))
         return Policy.of_sets(self.pomdp, [alphas], QTableBound(self.table))
 
-    def _measure(self) -> tuple[int, float, float]:
-        """The start with the widest gap and its bounds, which are added to the history."""
+    def _record_bounds(self) -> tuple[int, float, float]:
+        """Return the start with the widest gap and its bounds; append the bounds to the history."""
         high = (self.starts @ self.table.T).max(axis=1)
         widest = int((high - self.lower).argmax())
         low, top = float(self.lower[widest]), max(float(high[widest]), float(self.lower[widest]))
@@ -232,7 +232,7 @@ def policy_lower_bound(pomdp: Pomdp, table: Array, tolerance: float, seconds: fl
 
 
 def _look_ahead(pomdp: Pomdp, table: Array, action: int) -> Array:
-    """(S,) the reward of an action and the table's value after it, by the minimax-regret next actions.
+    """Return (S,) the reward of an action and the table's value after it, by the minimax-regret next actions.
 
     A next action may depend on the observation, but not on the state.
     """

@@ -74,7 +74,9 @@ class Circuit:
         self.values = {name: program.attributes[name.partition("(")[0]].values for name in names}
         self.layers, self.ending = tuple(layers), ending
         self._variables = {name: i for i, name in enumerate(names)}
-        self._max_cached = min(CACHE_SIZE, 100 * CACHE_SIZE // (len(self.inputs) + 1))  # keys hold all inputs
+        self._max_cached = min(
+            CACHE_SIZE, 100 * CACHE_SIZE // (len(self.inputs) + 1)
+        )  # a key contains all inputs
         # two caches: by the values of all inputs if all are observed; by (input or None, ...) otherwise
         self._full_answers: dict[object, Answer] = {}
         self._partial_answers: dict[tuple[str | None, ...], tuple[int, Answer]] = {}

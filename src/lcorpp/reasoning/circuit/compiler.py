@@ -1,4 +1,4 @@
-"""Compile a program: transition system -> decision diagram -> matrices between the observed terms."""
+"""Compilation, steps 1 to 4: transition system -> decision diagram -> matrices between the observed terms."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class EvidenceEncoder:
         self.columns = {name: i for i, name in enumerate(self.names)}
 
     def get_codes(self, name: str) -> Mapping[str, int]:
-        """The code of each value of an input."""
+        """Return the code of each value of an input."""
         return self._codes[name]
 
     def canonicalize(self, evidence: Mapping[str, _Column]) -> dict[str, _Column]:

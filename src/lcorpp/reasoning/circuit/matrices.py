@@ -1,4 +1,4 @@
-"""Steps 4 and 5: the layered arithmetic circuit, a product of sparse matrices, and its evaluation.
+"""Compilation, steps 4 and 5: the layered arithmetic circuit (a product of sparse matrices), its evaluation.
 
 Let t1, ..., tn be the terms that evidence may name or a query may read, in elimination order; all other terms
 are summed out. The probability of t1=v1, ..., tn=vn is
@@ -69,8 +69,8 @@ class Matrix:
         n_entries = np.count_nonzero(self.dense) if self.dense is not None else len(self.source)
         return f"Matrix({self.shape[0]} x {self.shape[1]}, {n_entries} entries)"
 
-    def entries(self) -> dict[tuple[int, int], float]:
-        """The entries that are not zero, (output, input) -> weight."""
+    def list_entries(self) -> dict[tuple[int, int], float]:
+        """List the entries that are not zero: (output, input) -> weight."""
         if self.dense is not None:
             outputs, inputs = np.nonzero(self.dense)
             weights = self.dense[outputs, inputs]
@@ -81,7 +81,7 @@ class Matrix:
         return dict(zip(pairs, weights.tolist(), strict=True))
 
     def forward(self, columns: Array) -> Array:
-        """(outputs, B) the product with (inputs, B)."""
+        """Multiply columns (inputs, B) by the matrix; return (outputs, B)."""
         if self.dense is not None:
             return self.dense @ columns
         result = np.zeros((self.shape[0], columns.shape[1]))
@@ -90,7 +90,7 @@ class Matrix:
         return result
 
     def backward(self, columns: Array) -> Array:
-        """(inputs, B) the product of the transpose with (outputs, B)."""
+        """Multiply columns (outputs, B) by the transpose; return (inputs, B)."""
         if self.dense is not None:
             return self.dense.T @ columns
         result = np.zeros((self.shape[1], columns.shape[1]))
@@ -114,7 +114,7 @@ class Layer:
 
     @classmethod
     def constant(cls, variable: int, outcome: int) -> Layer:
-        """The first layer of a circuit, for a term that has the same outcome in all worlds."""
+        """Create the layer of a term that has the same outcome in all worlds."""
         one = Matrix.from_entries((1, 1), {(0, 0): 1.0})
         return cls(variable, {outcome: one}, one)
 
@@ -143,7 +143,7 @@ def forward_backward(
 def _run_passes(
     layers: Sequence[Layer], ending: Array, codes: Codes, queries: Mapping[int, int]
 ) -> dict[int, Array]:
-    """One forward and one backward pass over one chunk of a batch."""
+    """Run a forward and a backward pass over one chunk of a batch."""
     forward = [np.ones((1, len(codes)))]
     for layer in layers:
         forward.append(_normalize_columns(_apply(layer, codes, forward[-1], Matrix.forward)))

@@ -139,8 +139,8 @@ def _check_layers(circuit: Circuit) -> None:
 
 
 def _make_table(matrix: Matrix) -> npt.NDArray[np.float64]:
-    """(entries, 3) output, input, weight."""
-    return np.array([(*key, weight) for key, weight in matrix.entries().items()]).reshape(-1, 3)
+    """Convert a matrix to an array (entries, 3): output, input, weight."""
+    return np.array([(*key, weight) for key, weight in matrix.list_entries().items()]).reshape(-1, 3)
 
 
 def _read_table(table: npt.NDArray[np.float64], shape: tuple[int, int]) -> Matrix:
@@ -159,6 +159,6 @@ def _read_layer(head: dict[str, Any], number: int, arrays: dict[str, Any]) -> La
         return Layer(int(head["label"]), {}, _read_table(arrays[f"{number}/every"], shape))
     total: dict[tuple[int, int], float] = {}
     for matrix in matrices.values():
-        for key, weight in matrix.entries().items():
+        for key, weight in matrix.list_entries().items():
             total[key] = total.get(key, 0.0) + weight
     return Layer(int(head["label"]), matrices, Matrix.from_entries(shape, total))

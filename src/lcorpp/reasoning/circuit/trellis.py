@@ -199,7 +199,7 @@ def _prune(trellis: Trellis) -> None:
 
 
 def _make_error(trellis: Trellis, step: int, arc: int, violation: ConditionViolation) -> ProgramError:
-    """The error for a violated condition, with a world that contains the arc."""
+    """Make the error for a violated condition, with a world that contains the arc."""
     sources, targets, outcomes = trellis.arcs[step]
     path = {step: outcomes[arc]}
     state = sources[arc]

@@ -26,7 +26,7 @@ SAMPLER_CACHE_SIZE = 100
 """The tables to sample from are cached for at most this many sets of evidence."""
 
 MIN_WEIGHT = 1e-100
-"""Weights are scaled up if all of them are below this."""
+"""Weights are scaled up if all of them are below this: only ratios matter, and long products underflow."""
 
 _Allowed = Mapping[int, list[tuple[int, int]]]
 """step -> (index of the term in the step, outcome) for each observed term that the step decides"""
@@ -49,7 +49,7 @@ class WorldQueries:
         return f"WorldQueries({self.trellis!r})"
 
     @cached_property
-    def _places(self) -> dict[int, tuple[int, int]]:
+    def _position_of(self) -> dict[int, tuple[int, int]]:
         """Term -> (step that decides it, index in the step)."""
         return {
             term: (step, i)
@@ -65,7 +65,7 @@ class WorldQueries:
             term = system.term_numbers.get(name)
             if term is None:
                 return None
-            step, i = self._places[term]
+            step, i = self._position_of[term]
             allowed.setdefault(step, []).append((i, system.program.values[term].index(value)))
         return allowed
 
@@ -80,20 +80,28 @@ class WorldQueries:
 
     def compute_exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
         """Sum the measures of the worlds with the evidence, by the value of a term; "" is for no value."""
-        return self._sum(query, evidence, [number for _, number in self.trellis.outcomes], Fraction(1))
+        return self._sum_measures(
+            query, evidence, [number for _, number in self.trellis.outcomes], Fraction(1)
+        )
 
     def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, float]:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""
-        return self._sum(query, evidence, self.trellis.compute_weights(), 1.0)
+        return self._sum_measures(query, evidence, self.trellis.compute_weights(), 1.0)
 
-    def _sum(
+    def _sum_measures(
         self, query: str, evidence: Mapping[str, str], numbers: Sequence[_Number], one: _Number
     ) -> dict[str, _Number]:
+        """Sum the measures by the value of a term.
+
+        Args:
+            numbers: the weight of each outcome, in the type of the sums.
+            one: 1 in that type.
+        """
         allowed = self._encode(evidence)
         if allowed is None or not self.trellis.level_sizes[0]:
             return {}
         queried = self.trellis.system.term_numbers.get(query)
-        query_step, index = self._places[queried] if queried is not None else (-1, 0)
+        query_step, index = self._position_of[queried] if queried is not None else (-1, 0)
         outcomes = self.trellis.outcomes
         by_value: dict[int, dict[int, _Number]] = {-1: {0: one}}  # outcome of the query -> state -> weight
         for step in range(len(self.trellis.arcs)):
@@ -230,7 +238,7 @@ class WorldQueries:
         return sampler if 0 in below else None
 
     def _find_reachable(self, allowed: _Allowed) -> list[set[int]]:
-        """The states before each step that have a path of positive weight."""
+        """Find the states before each step that a path of positive weight reaches."""
         reachable = [{0}]
         for step in range(len(self.trellis.arcs) - 1):
             before = reachable[-1]

@@ -125,7 +125,7 @@ def _decode_atom(name: str, arguments: list[Any]) -> tuple[Any, ...]:
 
 
 def _locate_message(messages: list[str], places: Mapping[int, Place], program: Program) -> str:
-    """The first message of clingo, with the place of its statement."""
+    """Format the first message of clingo with the place of its statement."""
     head, _, rest = messages[0].partition(": ")
     number = head.split(":")[1] if head.count(":") else ""
     place = places.get(int(number)) if number.isdigit() else None
@@ -182,20 +182,20 @@ def _translate_observation(name: str, literal: Literal, signature: Signature) ->
 
 
 def _translate_intervention(term: str, value: str, is_2018: bool) -> str:
-    """2009: the value is a fact. 2018: each selection of the term must select the value."""
+    """Translate an intervention. 2009: the value is a fact. 2018: a selection of the term must select it."""
     if is_2018:
         return f"do({term}). :- rnd(_,_,_,{term}), not h({term},{value})."
     return f"do({term}). h({term},{value})."
 
 
 def _translate_rule(index: int, rule: Rule, signature: Signature, is_2018: bool, used: str = "") -> str:
-    head = f"h({_write(rule.head.term)},{_write(rule.head.value)})" if rule.head else ""
+    head = f"h({_write_expression(rule.head.term)},{_write_expression(rule.head.value)})" if rule.head else ""
     conditions = used + _translate_body(
         rule.body, list(signature.iter_slots(rule)), list_expressions(rule), signature
     )
     text = f"{head} :- {conditions}."
     if is_2018 and rule.head and rule.head.term.name in signature.selections:
-        term = _write(rule.head.term)
+        term = _write_expression(rule.head.term)
         text += f" drv({index},{term}) :- {conditions}; selected({term})."
     return text
 
@@ -215,7 +215,10 @@ def _translate_cr_rule(index: int, rule: CrRule, signature: Signature, is_2018: 
 def _translate_selection(
     index: int, selection: Selection, signature: Signature, is_2018: bool, used: str = ""
 ) -> str:
-    term, label = _write(selection.term), _write_tuple(selection.label.arguments if selection.label else ())
+    term, label = (
+        _write_expression(selection.term),
+        _write_tuple(selection.label.arguments if selection.label else ()),
+    )
     outer = list_expressions(selection)
     slots = list(signature.iter_slots(selection))
     chosen = selection.range
@@ -243,12 +246,13 @@ def _translate_selection(
 
 
 def _translate_probability(index: int, atom: Probability, signature: Signature) -> str:
-    term, label = _write(atom.term), _write_tuple(atom.label.arguments if atom.label else ())
+    term, label = _write_expression(atom.term), _write_tuple(atom.label.arguments if atom.label else ())
     instance = _write_tuple([Variable(name) for name in list_pr_variables(atom)])
     conditions = _translate_body(
         atom.condition, list(signature.iter_slots(atom)), list_expressions(atom), signature
     )
-    return f"pr({index},{label},{instance},{term},{_write(atom.value)}) :- {conditions}; selected({term})."
+    value = _write_expression(atom.value)
+    return f"pr({index},{label},{instance},{term},{value}) :- {conditions}; selected({term})."
 
 
 def _translate_body(
@@ -257,7 +261,7 @@ def _translate_body(
     scope: list[Expression],
     signature: Signature,
 ) -> str:
-    """A body with sort conditions for each variable and each computed argument or value."""
+    """Translate a body, with sort conditions for each variable and each computed argument or value."""
     used = [variable for expression in scope for variable in iter_variables(expression)]
     guards = [
         f"s({sort},{name})"
@@ -265,25 +269,27 @@ def _translate_body(
         for sort in sorts
     ]
     guards.extend(
-        f"s({sort},{_write(expression)})"
+        f"s({sort},{_write_expression(expression)})"
         for expression, sort in slots
         if not isinstance(expression, Variable) and any(iter_variables(expression))
     )
     parts = list(dict.fromkeys(guards))
     for number, literal in enumerate(body):
         if isinstance(literal, Comparison):
-            parts.append(f"{_write(literal.left)} {literal.relation} {_write(literal.right)}")
+            parts.append(
+                f"{_write_expression(literal.left)} {literal.relation} {_write_expression(literal.right)}"
+            )
         else:
             parts.extend(_translate_literal(literal, number, signature))
     return "; ".join(parts) or "#true"
 
 
 def _translate_literal(literal: Literal, number: int, signature: Signature) -> list[str]:
-    """A literal; `a != v` needs a value of a, so `not a != v` is true if a has no value other than v."""
+    """Translate a literal. `a != v` needs a value of a: `not a != v` is true if a has none other than v."""
     negation = "not " if literal.negated else ""
     if signature.is_sort(literal):
-        return [f"{negation}s({literal.term.name},{_write(literal.term.arguments[0])})"]
-    term, value = _write(literal.term), _write(literal.value)
+        return [f"{negation}s({literal.term.name},{_write_expression(literal.term.arguments[0])})"]
+    term, value = _write_expression(literal.term), _write_expression(literal.value)
     if literal.relation == "=":
         return [f"{negation}h({term},{value})"]
     fresh = f"_V{number}"
@@ -294,16 +300,16 @@ def _translate_literal(literal: Literal, number: int, signature: Signature) -> l
 
 
 def _write_tuple(expressions: Iterable[Expression]) -> str:
-    arguments = ",".join(map(_write, expressions))
+    arguments = ",".join(map(_write_expression, expressions))
     return f"i({arguments})" if arguments else "i"
 
 
-def _write(expression: Expression) -> str:
+def _write_expression(expression: Expression) -> str:
     if isinstance(expression, Arithmetic):
         operator = "\\" if expression.operator == "mod" else expression.operator
-        return f"({_write(expression.left)}{operator}{_write(expression.right)})"
+        return f"({_write_expression(expression.left)}{operator}{_write_expression(expression.right)})"
     if isinstance(expression, Number) and expression.value < 0:
         return f"({expression})"
     if isinstance(expression, Term) and expression.arguments:
-        return f"{expression.name}({','.join(map(_write, expression.arguments))})"
+        return f"{expression.name}({','.join(map(_write_expression, expression.arguments))})"
     return str(expression)

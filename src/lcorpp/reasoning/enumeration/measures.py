@@ -64,7 +64,7 @@ def satisfies(literal: Literal, values: Mapping[str, str]) -> bool:
 
 
 def _list_dynamic_range(program: Program, selected: SelectionAtom, answer_set: AnswerSet) -> tuple[str, ...]:
-    """The dynamic range of a selection in a world, in the order of the declaration."""
+    """List the dynamic range of a selection in a world, in the order of the declaration."""
     index, _, instance, term = selected
     selection = _get_selection(program, selected)
     values = program.attributes[selection.term.name].values
@@ -76,8 +76,9 @@ def _list_dynamic_range(program: Program, selected: SelectionAtom, answer_set: A
 def _is_first_selection(
     program: Program, applied: dict[str, SelectionAtom], selected: SelectionAtom, values: Mapping[str, str]
 ) -> bool:
-    """Whether this is the first selection of its term in the world; a different second one breaks Condition
-    1.
+    """Whether this is the first selection of its term in the world.
+
+    A second, different selection breaks Condition 1.
 
     2018: random(label, term, range) is an atom, so rules with the same atom are one selection.
     """
@@ -120,7 +121,7 @@ def _compute_distribution(
     atoms: Iterable[AssignmentAtom],
     values: Mapping[str, str],
 ) -> Mapping[str, Fraction]:
-    """The probability of each possible value of one selected term in a world."""
+    """Compute the probability of each possible value of one selected term in a world."""
     numbers: dict[str, Fraction] = {}
     atom_of: dict[str, Probability] = {}
     for index, label, instance, term, value in atoms:

@@ -115,7 +115,7 @@ class Enumeration:
         subject = resolve_term(self.program, attribute)
         facts = resolve_evidence(self.program, evidence)
         return self._compute_marginal(
-            subject, self._condition(facts, resolve_interventions(self.program, do))
+            subject, self._filter_by_evidence(facts, resolve_interventions(self.program, do))
         )
 
     def probability(self, query: Query) -> Fraction:
@@ -133,7 +133,7 @@ class Enumeration:
         return self._compute_probability(query)
 
     def _compute_probability(self, query: Query) -> Fraction:
-        table = self._condition_on_query(query)
+        table = self._filter_by_query(query)
         true = table.filter(lambda values: all(satisfies(literal, values) for literal in query.literals))
         return Fraction(true.total, table.total)
 
@@ -146,7 +146,7 @@ class Enumeration:
         query = resolve_query(self.program, query)
         if query.subject is None:
             return self._compute_probability(query)
-        return self._compute_marginal(query.subject, self._condition_on_query(query))
+        return self._compute_marginal(query.subject, self._filter_by_query(query))
 
     @property
     def worlds(self) -> tuple[World, ...]:
@@ -156,7 +156,7 @@ class Enumeration:
             ProgramError: a world breaks a condition of the language, or there are too many worlds.
             UndefinedError: there is no world of positive measure.
         """
-        table = self._condition({}, {})
+        table = self._filter_by_evidence({}, {})
         pairs = zip(table.values, table.weights, strict=True)
         return tuple(World(values, Fraction(weight, table.total)) for values, weight in pairs)
 
@@ -172,7 +172,7 @@ class Enumeration:
         key = frozenset(given.items())
         sampler = self._samplers.get(key)
         if sampler is None:
-            table = self._condition(resolve_evidence(self.program, given), {})
+            table = self._filter_by_evidence(resolve_evidence(self.program, given), {})
             sampler = ([weight / table.total for weight in accumulate(table.weights)], table.values)
             _store(self._samplers, key, sampler, TABLE_CACHE_SIZE)
         cumulative, worlds = sampler  # the last cumulative probability is exactly 1, above each draw
@@ -194,8 +194,8 @@ class Enumeration:
 
     # tables of worlds
 
-    def _condition_on_query(self, query: Query) -> _WorldTable:
-        """The worlds that satisfy the conditions of a resolved query."""
+    def _filter_by_query(self, query: Query) -> _WorldTable:
+        """Return the worlds that satisfy the conditions of a resolved query."""
         interventions = {
             canonical_text(item.term): canonical_text(item.value) for item in query.interventions
         }
@@ -207,8 +207,8 @@ class Enumeration:
             interventions,
         )
 
-    def _condition(self, evidence: Mapping[str, str], do: Mapping[str, str]) -> _WorldTable:
-        """The worlds that have the evidence."""
+    def _filter_by_evidence(self, evidence: Mapping[str, str], do: Mapping[str, str]) -> _WorldTable:
+        """Return the worlds that have the evidence."""
         facts = tuple(evidence.items())
         table = self._enumerate(do, [_make_literal(term, value) for term, value in facts])
         if facts:
@@ -247,7 +247,7 @@ class Enumeration:
 
 
 def _make_literal(term: str, value: str) -> Literal:
-    """The literal term = value, of a term and a value as text."""
+    """Parse a term and a value; return the literal term = value."""
     parsed = parse_term(term, "<term>")
     assert isinstance(parsed, Term)
     return Literal(parsed, "=", parse_term(value, "<value>"))

@@ -14,8 +14,8 @@ from lcorpp.reasoning.language.conformance import (
     check_ground_literal,
     check_intervention,
     check_query,
-    check_random,
     check_slots,
+    require_selections,
 )
 from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
 from lcorpp.reasoning.language.safety import check_variables
@@ -123,7 +123,7 @@ def _check_selection(selection: Selection, signature: Signature) -> None:
 def _check_probability(statement: Probability, signature: Signature) -> None:
     check_attribute(statement.term, signature)
     _check_body(statement.condition, signature)
-    selections = check_random(statement.term, statement.at, signature)
+    selections = require_selections(statement.term, statement.at, signature)
     if statement.label:
         label = statement.label
         named = [s.label for s in selections if s.label]

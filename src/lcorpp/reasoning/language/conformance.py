@@ -42,10 +42,10 @@ def check_intervention(intervention: Intervention, signature: Signature) -> None
         SourceIssue: the first error.
     """
     check_ground_literal(Literal(intervention.term, "=", intervention.value, at=intervention.at), signature)
-    check_random(intervention.term, intervention.at, signature)
+    require_selections(intervention.term, intervention.at, signature)
 
 
-def check_random(term: Term, at: Place, signature: Signature) -> Sequence[Selection]:
+def require_selections(term: Term, at: Place, signature: Signature) -> Sequence[Selection]:
     """Return the random selections of an attribute.
 
     Raises:

@@ -40,6 +40,11 @@ class _Slot:
     constants: dict[str, Expression] = field(default_factory=dict)
 
     def add(self, expression: Expression, known: dict[str, str], sorts: SortTable) -> None:
+        """Add a use.
+
+        Args:
+            known: variable -> its sort.
+        """
         if isinstance(expression, Variable):
             if known.get(expression.name) in sorts.known:
                 self.sorts[known[expression.name]] = None
@@ -77,11 +82,11 @@ def infer_declarations(statements: Sequence[Statement]) -> Sequence[Statement]:
     replacements: dict[str, list[Statement]] = {}
     added: list[Statement] = []
     for name, uses in analysis.uses.items():
-        made = list(_infer_for_name(name, uses, analysis, names))
-        if name in analysis.declared and made:
-            replacements[name] = [s for s in made if isinstance(s, AttributeDeclaration)]
-            made = [s for s in made if not isinstance(s, AttributeDeclaration)]
-        added.extend(made)
+        inferred = list(_infer_for_name(name, uses, analysis, names))
+        if name in analysis.declared and inferred:
+            replacements[name] = [s for s in inferred if isinstance(s, AttributeDeclaration)]
+            inferred = [s for s in inferred if not isinstance(s, AttributeDeclaration)]
+        added.extend(inferred)
     whole: list[Statement] = []
     for statement in statements:
         if isinstance(statement, AttributeDeclaration) and statement.name in replacements:
@@ -169,9 +174,9 @@ def _infer_for_name(
             if sort is None:
                 return
             if not isinstance(sort, str):
-                made = f"{own}_sort_{place + 1}"
-                yield SortDefinition(made, sort, at=use.at)
-                sort = made
+                new_name = f"{own}_sort_{place + 1}"
+                yield SortDefinition(new_name, sort, at=use.at)
+                sort = new_name
             sorts.append(sort)
         target = declared.range if declared else sorts.pop()
         yield AttributeDeclaration(own, tuple(sorts), target, at=declared.at if declared else use.at)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.language.checker import check_statements
@@ -81,6 +80,8 @@ class Program:
         )
 
     def _repr_html_(self) -> str:
+        from html import escape  # its table of entities costs more than a small program
+
         lines = self._format_lines()
         if len(lines) > SHOWN_STATEMENTS:
             lines = [*lines[:SHOWN_STATEMENTS], f"% ... {len(lines) - SHOWN_STATEMENTS} more statements"]

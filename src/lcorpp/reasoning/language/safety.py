@@ -51,7 +51,7 @@ def check_variables(
     used = [variable for expression in scope for variable in iter_variables(expression)]
     sorts = find_variable_sorts(slots, used, signature)
     span = outcomes
-    computed = _find_computed(body)
+    computed = _find_computed_variables(body)
     for name, found in sorts.items():
         common = signature.count_common_members(found)
         if not common:
@@ -93,7 +93,7 @@ def find_variable_sorts(
     return sorts
 
 
-def _find_computed(body: Iterable[Literal | Comparison]) -> set[str]:
+def _find_computed_variables(body: Iterable[Literal | Comparison]) -> set[str]:
     """Find the variables computed by equations such as T1=T+1, which do not multiply instances."""
     computed: set[str] = set()
     others: set[str] = set()

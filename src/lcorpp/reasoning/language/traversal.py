@@ -81,11 +81,11 @@ def iter_literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
     elif isinstance(inner, Rule) and inner.head:
         head = inner.head.term
 
-    def note(literal: Literal) -> Literal:
+    def collect(literal: Literal) -> Literal:
         literals.append((literal, literal.term is head))
         return literal
 
-    map_literals(statement, note)
+    map_literals(statement, collect)
     return iter(literals)
 
 

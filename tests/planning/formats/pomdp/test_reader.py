@@ -40,7 +40,7 @@ def test_ways_to_write_the_tiger():
         ("start : 01", [0, 1]),
     ],
 )
-def test_starts(start, belief):
+def test_each_form_of_start_gives_its_belief(start, belief):
     assert parse_pomdp(HEAD + start + "\n" + BODY).start.tolist() == belief
 
 
@@ -137,7 +137,7 @@ def test_a_missing_file():
         read_pomdp("missing.pomdp")
 
 
-def test_one_state():
+def test_a_model_with_one_state_accepts_every_form_of_start():
     head = HEAD.replace("a b", "alone")
     for start in ("start: 1", "start: 1.0", "start: alone", "start: uniform"):
         pomdp = parse_pomdp(head + start + "\nT: x identity\nT: y : 0 identity\nO: * : * uniform")

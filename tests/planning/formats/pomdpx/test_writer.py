@@ -115,7 +115,7 @@ def test_names_that_look_like_before_and_after(names, tmp_path):
     assert parse(written(both)).equals(both)
 
 
-def test_what_cannot_be_written(tmp_path):
+def test_problems_that_the_format_cannot_express_raise_errors(tmp_path):
     problem = Factored.of(
         states={"null": "a"},
         actions="go",

@@ -50,7 +50,7 @@ class Preamble:
         """(S,) the initial belief; uniform if the file has none."""
         if self.declared_start is not None:
             return self.declared_start
-        return _uniform_over(self.counts[1], range(self.counts[1]))
+        return _make_uniform_start(self.counts[1], range(self.counts[1]))
 
     def read_reference(self, tokens: Tokens, kind: str) -> int:
         """Read a name, a number or ``*`` among the states, actions or observations; return its index."""
@@ -160,10 +160,10 @@ def _read_start(tokens: Tokens, preamble: Preamble) -> None:
         states = set(range(S)) - states if mode == "exclude" else states
         if not states:
             raise tokens.error("no state is left to start in", first)
-        preamble.declared_start = _uniform_over(S, states)
+        preamble.declared_start = _make_uniform_start(S, states)
     elif tokens.peek() == "uniform" and "uniform" not in preamble.indices["states"]:
         tokens.take()
-        preamble.declared_start = _uniform_over(S, range(S))
+        preamble.declared_start = _make_uniform_start(S, range(S))
     elif is_number(tokens.peek()) and not _is_state_number(tokens, S):
         start = tokens.probabilities(S, "the start belief")[0][0]
         total = start.sum()
@@ -171,7 +171,7 @@ def _read_start(tokens: Tokens, preamble: Preamble) -> None:
             raise tokens.error(f"the start belief sums to {total:.10g}, not 1", first)
         preamble.declared_start = start / total if abs(total - 1) > SUM_TOLERANCE else start
     else:
-        preamble.declared_start = _uniform_over(S, _read_states(tokens, preamble))
+        preamble.declared_start = _make_uniform_start(S, _read_states(tokens, preamble))
 
 
 def _is_state_number(tokens: Tokens, states: int) -> bool:
@@ -190,7 +190,7 @@ def _read_states(tokens: Tokens, preamble: Preamble) -> set[int]:
     return states
 
 
-def _uniform_over(count: int, states: Collection[int]) -> Belief:
+def _make_uniform_start(count: int, states: Collection[int]) -> Belief:
     belief = np.zeros(count)
     belief[list(states)] = 1.0 / len(states)
     return belief

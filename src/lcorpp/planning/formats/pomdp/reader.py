@@ -35,7 +35,7 @@ def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
         statements = Statements(tokens, preamble)
         statements.read()
         transition, observation = (
-            _normalized_rows(tokens, preamble, table)
+            _normalize_rows(tokens, preamble, table)
             for table in (statements.transition, statements.observation)
         )
         reward = expected_rewards(transition, observation, statements.rewards)
@@ -55,8 +55,8 @@ def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
         raise ModelError(f"{file}: {error}") from None
 
 
-def _normalized_rows(tokens: Tokens, preamble: Preamble, table: Table) -> SparseTables:
-    """The rows of a table, all present and of sum 1, without the file's rounding errors.
+def _normalize_rows(tokens: Tokens, preamble: Preamble, table: Table) -> SparseTables:
+    """Return the rows of a table, all present and of sum 1, without the file's rounding errors.
 
     Raises:
         ParseError: a row is missing or has another sum.

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.formats.pomdp.preamble import ALL
-from lcorpp.planning.formats.pomdp.tables import Entries, Indices, concatenate_ranges, last_occurrences
+from lcorpp.planning.formats.pomdp.tables import Entries, Indices, concatenate_ranges, find_last_occurrences
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
@@ -29,7 +29,7 @@ _Cases = Iterator[tuple[Indices, Indices | None, Indices | None, Array]]
 
 
 def expected_rewards(transition: SparseTables, observation: SparseTables, statements: Entries) -> Array:
-    """(A, S) sum over s', o of P(s' | s, a) P(o | a, s') R(a, s, s', o).
+    """Return (A, S) the sum over s', o of P(s' | s, a) P(o | a, s') R(a, s, s', o).
 
     Later statements override earlier ones. Only cases with nonzero T and Z are expanded, and only for those
     actions and states, and along those axes, that statements mention; no table of R is allocated.
@@ -45,10 +45,12 @@ def expected_rewards(transition: SparseTables, observation: SparseTables, statem
     indices, values, _ = statements.arrays()
     total = np.zeros(A * S)
     rewards = _Rewards(indices, values, (A, S, S, observation.shape[2]))
-    by_next, by_observation = rewards.rows_depending_on(2), rewards.rows_depending_on(3)
+    by_next, by_observation = rewards.find_rows_depending_on(2), rewards.find_rows_depending_on(3)
     # an overflowing sum of huge rewards becomes inf here; the Pomdp constructor reports it
     with np.errstate(over="ignore", invalid="ignore"):
-        for row, next_state, observed, weight in _cases(transition, observation, by_next, by_observation):
+        for row, next_state, observed, weight in _expand_cases(
+            transition, observation, by_next, by_observation
+        ):
             value = rewards.look_up((row // S, row % S, next_state, observed))
             total += np.bincount(row, weight * value, minlength=len(total))
     plain = np.flatnonzero(~by_next & ~by_observation)
@@ -56,7 +58,7 @@ def expected_rewards(transition: SparseTables, observation: SparseTables, statem
     return total.reshape(A, S)
 
 
-def _cases(
+def _expand_cases(
     transition: SparseTables, observation: SparseTables, by_next: _Flags, by_observation: _Flags
 ) -> _Cases:
     """Chunks of the sum: for (n,) cases the row a S + s, next state, observation and probability.
@@ -89,7 +91,7 @@ def _cases(
         target = concatenate_ranges(Z.begins[next_rows[part]], widths[part])
         weight = T.values[source] * Z.values[target]
         yield T.rows[source], T.columns[source].astype(np.int64), Z.columns[target].astype(np.int64), weight
-    yield from _observation_probabilities(T, Z, np.flatnonzero(only_observed))
+    yield from _sum_over_next_states(T, Z, np.flatnonzero(only_observed))
 
 
 def _split(items: npt.NDArray[np.intp], sizes: Indices) -> list[npt.NDArray[np.intp]]:
@@ -99,23 +101,23 @@ def _split(items: npt.NDArray[np.intp], sizes: Indices) -> list[npt.NDArray[np.i
     return [part for part in np.split(items, np.searchsorted(ends, steps)) if len(part)]
 
 
-def _observation_probabilities(
+def _sum_over_next_states(
     transition: SparseTables, observation: SparseTables, rows: npt.NDArray[np.intp]
 ) -> _Cases:
-    """P(o | s, a) of the given rows: T times Z."""
+    """Return P(o | s, a) of the given rows: T times Z."""
     if not len(rows):
         return
     from scipy.sparse import csr_array
 
     S, count = observation.shape[1:]
 
-    def matrix(table: SparseTables, action: int) -> csr_array:
+    def make_matrix(table: SparseTables, action: int) -> csr_array:
         part = table.action_slice(action)
         begins = table.begins[action * S : (action + 1) * S + 1] - part.start
         return csr_array((table.values[part], table.columns[part], begins), shape=table.shape[1:])
 
     for action in np.unique(rows // S).tolist():
-        T, Z = matrix(transition, action), matrix(observation, action)
+        T, Z = make_matrix(transition, action), make_matrix(observation, action)
         action_rows = rows[rows // S == action]
         for part in _split(action_rows, np.full(len(action_rows), count)):
             product = (T[part % S] @ Z).tocoo()
@@ -135,12 +137,12 @@ class _Rewards:
         for code in np.flatnonzero(np.bincount(code_of)).tolist():
             axes = [axis for axis in range(4) if code >> axis & 1]
             group = np.flatnonzero(code_of == code)
-            keys = self._keys(axes, [indices[group, axis] for axis in axes], len(group))
-            last = last_occurrences(keys)
+            keys = self._encode_keys(axes, [indices[group, axis] for axis in axes], len(group))
+            last = find_last_occurrences(keys)
             last = last[np.argsort(keys[last])]
             self.groups.append((axes, keys[last], group[last], values[group[last]]))
 
-    def _keys(self, axes: list[int], columns: Sequence[Indices], count: int) -> Indices:
+    def _encode_keys(self, axes: list[int], columns: Sequence[Indices], count: int) -> Indices:
         if prod(self.sizes[axis] for axis in axes) >= 2**63:
             raise ModelError(f"rewards over {self.sizes} cases are too many to be numbered")
         keys = np.zeros(count, dtype=np.int64)
@@ -148,8 +150,8 @@ class _Rewards:
             keys = keys * self.sizes[axis] + column
         return keys
 
-    def rows_depending_on(self, axis: int) -> _Flags:
-        """(A S,) whether a statement about the action and state names an index on an axis."""
+    def find_rows_depending_on(self, axis: int) -> _Flags:
+        """Return (A S,) whether a statement about the action and state names an index on an axis."""
         A, S, _, _ = self.sizes
         named = self.indices[self.indices[:, axis] != ALL]
         flags = np.zeros((A + 1, S + 1), dtype=bool)
@@ -158,7 +160,10 @@ class _Rewards:
         return flags[:A, :S].reshape(-1)
 
     def look_up(self, case: _Case) -> Array:
-        """(n,) the reward of each case; an axis may be None if no statement about these cases names it."""
+        """Return (n,) the reward of each case.
+
+        An axis of the case may be None if no statement about the cases names an index on it.
+        """
         count = len(case[0])
         latest = np.full(count, -1, dtype=np.intp)
         rewards = np.zeros(count)
@@ -166,7 +171,7 @@ class _Rewards:
             columns = [column for axis in axes if (column := case[axis]) is not None]
             if len(columns) < len(axes):
                 continue
-            case_keys = self._keys(axes, columns, count)
+            case_keys = self._encode_keys(axes, columns, count)
             at = np.minimum(np.searchsorted(keys, case_keys), len(keys) - 1)
             later = (keys[at] == case_keys) & (order[at] > latest)
             latest[later] = order[at[later]]

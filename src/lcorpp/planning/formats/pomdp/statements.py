@@ -109,7 +109,7 @@ class Statements:
         offset = tokens.offset
         value = float(tokens.probabilities(1, f"{table.title} entry")[0][0, 0])
         if column == ALL:
-            table.set_rows(action, state, self._constant_row(table, value), offset)
+            table.set_rows(action, state, self._store_constant_row(table, value), offset)
         else:
             table.entries.add([action, state, column], value, offset)
 
@@ -128,14 +128,14 @@ class Statements:
             raise tokens.error(f"{word!r} is not allowed for this {what}")
         tokens.take()
         if word == "uniform" or N == 1:
-            return self._constant_row(table, 1.0 / N), offset
+            return self._store_constant_row(table, 1.0 / N), offset
         if (table.title, word) not in self._shared_rows:
             rows = table.store_identity() if word == "identity" else table.store(self.preamble.start)
             self._shared_rows[table.title, word] = rows
         return self._shared_rows[table.title, word], offset
 
-    def _constant_row(self, table: Table, value: float) -> StoredRows:
-        """A row of equal numbers, stored once."""
+    def _store_constant_row(self, table: Table, value: float) -> StoredRows:
+        """Return a row of equal numbers, stored once."""
         key = (table.title, repr(value))
         if key not in self._shared_rows:
             self._shared_rows[key] = table.store(np.full(table.shape[2], value))

@@ -49,7 +49,7 @@ class Entries:
         self._chunks.clear()
 
     def arrays(self) -> tuple[Indices, Array, Offsets]:
-        """(n, axes) indices, (n,) values and (n,) offsets of all statements."""
+        """Return the indices (n, axes), values (n,) and offsets (n,) of all statements."""
         if not self._chunks:
             return np.zeros((0, self._axes), dtype=np.int64), np.zeros(0), np.zeros(0, dtype=np.int64)
         if len(self._chunks) > 1:
@@ -130,7 +130,7 @@ class Table:
         self._statements[action, state] = _RowStatement(offsets, rows)
 
     def rows(self) -> tuple[SparseTables, Offsets]:
-        """The table, and for each row (A, S) the offset of the last statement about it, or -1.
+        """Return the table, and for each row (A, S) the offset of the last statement about it, or -1.
 
         Raises:
             ModelError: the table is too large.
@@ -146,7 +146,7 @@ class Table:
             lengths[scope] = statement.rows.length
         total = int(lengths.sum())
         self._check_size(total)
-        row, column, value, at = self._overriding_entries(offsets, MAX_NUMBERS - total)
+        row, column, value, at = self._find_overriding_entries(offsets, MAX_NUMBERS - total)
         index = concatenate_ranges(begins.reshape(-1), lengths.reshape(-1))
         columns = np.concatenate(self._columns or [np.zeros(0, dtype=np.int32)])[index]
         values = np.concatenate(self._values or [np.zeros(0)])[index]
@@ -162,8 +162,10 @@ class Table:
             np.concatenate([values, value]),
         ), offsets
 
-    def _overriding_entries(self, offsets: Offsets, limit: int) -> tuple[Indices, Indices, Array, Offsets]:
-        """Row, column, value and offset of each single number after its row's last whole-row statement.
+    def _find_overriding_entries(
+        self, offsets: Offsets, limit: int
+    ) -> tuple[Indices, Indices, Array, Offsets]:
+        """Return row, column, value and offset of each number after the last whole-row statement of its row.
 
         Args:
             offsets: (A, S) of these statements. limit: maximum number of numbers.
@@ -188,15 +190,15 @@ class Table:
         return row[later], column[later], values[selected], at[selected]
 
     def _select_entries(self, offsets: Offsets) -> npt.NDArray[np.intp]:
-        """Indices of the entries to expand: without those with ``*`` that are overridden everywhere."""
+        """Return the indices (n,) of the entries to expand, without overridden entries of ``*``."""
         _, S, N = self.shape
         indices, _, at = self.entries.arrays()
         action, state, column = indices.T
         if not ((action == ALL) | (state == ALL)).any():
             return np.arange(len(at))
-        late = np.flatnonzero(at > _first_offset(offsets, action, state))
+        late = np.flatnonzero(at > _find_first_offset(offsets, action, state))
         key = ((action[late] + 1) * (S + 1) + state[late] + 1) * N + column[late]
-        return late[last_occurrences(key)]
+        return late[find_last_occurrences(key)]
 
     def _check_size(self, numbers: int) -> None:
         if numbers > MAX_NUMBERS:
@@ -206,8 +208,8 @@ class Table:
             )
 
 
-def last_occurrences(keys: Indices) -> npt.NDArray[np.intp]:
-    """The index of the last occurrence of each key, increasing."""
+def find_last_occurrences(keys: Indices) -> npt.NDArray[np.intp]:
+    """Return the index of the last occurrence of each key, increasing."""
     order = np.argsort(keys, kind="stable")
     last = np.ones(len(keys), dtype=bool)
     last[:-1] = keys[order][1:] != keys[order][:-1]
@@ -222,8 +224,8 @@ def concatenate_ranges(begins: Indices, lengths: Indices) -> Indices:
     return numbers
 
 
-def _first_offset(offsets: Offsets, action: Indices, state: Indices) -> Offsets:
-    """(n,) the smallest of the offsets (A, S) among the rows of each scope."""
+def _find_first_offset(offsets: Offsets, action: Indices, state: Indices) -> Offsets:
+    """Return (n,) the smallest of the offsets (A, S) among the rows of each scope."""
     first = offsets[np.maximum(action, 0), np.maximum(state, 0)]
     first = np.where(action == ALL, offsets.min(axis=0)[np.maximum(state, 0)], first)
     first = np.where(state == ALL, offsets.min(axis=1)[np.maximum(action, 0)], first)

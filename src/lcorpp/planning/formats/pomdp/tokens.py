@@ -39,17 +39,21 @@ _COMMENT = re.compile(r"#[^\r\n]*+")
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
 
-def _entry_pattern(keyword: str, names: int) -> re.Pattern[str]:
+def _make_entry_pattern(keyword: str, names: int) -> re.Pattern[str]:
     """Pattern of an entry, ``T: a : s : s' 0.5``, optionally with a stray colon before its number."""
     references = rf":{_SKIP}({_WORD}){_SKIP}" * names
     return re.compile(rf"{keyword}{_SKIP}{references}(?::{_SKIP})?+({NUMBER})(?![^\s:#]){_SKIP}")
 
 
-_ENTRIES = {"T": _entry_pattern("T", 3), "O": _entry_pattern("O", 3), "R": _entry_pattern("R", 4)}
+_ENTRIES = {
+    "T": _make_entry_pattern("T", 3),
+    "O": _make_entry_pattern("O", 3),
+    "R": _make_entry_pattern("R", 4),
+}
 
 
 @lru_cache(maxsize=64)
-def _numbers_pattern(count: int) -> re.Pattern[str]:
+def _make_numbers_pattern(count: int) -> re.Pattern[str]:
     return re.compile(rf"(?:{NUMBER}(?![^\s:#]){_SKIP}){{{count}}}+")
 
 
@@ -71,7 +75,7 @@ class Tokens:
         self._ahead.clear()
 
     def peek(self, ahead: int = 0) -> str:
-        """A token ahead, "" after the last one."""
+        """Return a token ahead, "" after the last one."""
         known = self._ahead
         while len(known) <= ahead:
             match = _TOKEN.match(self.text, known[-1][1] if known else self.offset)
@@ -88,17 +92,17 @@ class Tokens:
         return word
 
     def at_end(self) -> bool:
-        """Whether all tokens have been read."""
+        """Return whether all tokens have been read."""
         return self.offset >= len(self.text)
 
     def at_statement(self) -> bool:
-        """Whether the next token starts a statement: a keyword with its colon."""
+        """Return whether the next token starts a statement: a keyword with its colon."""
         return _STATEMENT.match(self.text, self.offset) is not None
 
     # --- errors ---
 
     def error(self, message: str, offset: int | None = None) -> ParseError:
-        """A ParseError at an offset; by default that of the next token, or the end of the text."""
+        """Return a ParseError at an offset; by default that of the next token, or the end of the text."""
         place = min(self.offset if offset is None else offset, len(self.text.rstrip()))
         line, start = 1, 0
         for match in _LINE_END.finditer(self.text, 0, place):
@@ -109,23 +113,23 @@ class Tokens:
         )
 
     def describe_next(self) -> str:
-        """The next token, for a message."""
+        """Return the next token, for a message."""
         return repr(self.peek()) if not self.at_end() else "the end of the file"
 
     def unexpected_token(self) -> ParseError:
-        """The error for a token that should start a statement but does not."""
+        """Return the error for a token that should start a statement but does not."""
         if is_number(self.peek()) and self.offset != self._first:
             return self.error(f"too many numbers: {self.peek()} is left over; expected a new statement")
         names = ", ".join(f"{name}:" for name in (*PREAMBLE_KEYWORDS, "start", *TABLE_KEYWORDS))
         return self.error(f"expected one of {names}, found {self.describe_next()}")
 
     def _skip(self, start: int, count: int) -> int:
-        """The offset of the token that is `count` tokens after the one at an offset."""
+        """Return the offset of the token that is `count` tokens after the one at an offset."""
         for match in islice(_TOKEN.finditer(self.text, start), count):
             start = match.end()
         return start
 
-    def _word_at(self, offset: int) -> str:
+    def _find_word(self, offset: int) -> str:
         match = _TOKEN.match(self.text, offset)
         return match[1] if match else ""
 
@@ -139,15 +143,15 @@ class Tokens:
         """
         first = self.offset
         if 2 * rows * count - 1 > len(self.text) - first:  # too short a text; do not allocate the array
-            raise self._missing_numbers(rows * count, what)
-        pattern = _numbers_pattern(count)
+            raise self._make_missing_numbers_error(rows * count, what)
+        pattern = _make_numbers_pattern(count)
         values = np.empty((rows, count))
         offsets = np.empty(rows, dtype=np.int64)
         at, finite = first, True
         for row in range(rows):
             match = pattern.match(self.text, at)
             if match is None:
-                raise self._missing_numbers(rows * count, what)
+                raise self._make_missing_numbers_error(rows * count, what)
             words = match[0] if "#" not in match[0] else _COMMENT.sub(" ", match[0])
             numbers = list(map(float, words.split()))
             finite = finite and inf not in numbers and -inf not in numbers
@@ -155,12 +159,12 @@ class Tokens:
             offsets[row], at = at, match.end()
         if not finite:
             at = self._skip(first, int(np.argmin(np.isfinite(values))))
-            raise self.error(f"{self._word_at(at)} is too large for a number", at)
+            raise self.error(f"{self._find_word(at)} is too large for a number", at)
         self._move_to(at)
         return values, offsets
 
-    def _missing_numbers(self, count: int, what: str) -> ParseError:
-        """The error if fewer than `count` numbers follow."""
+    def _make_missing_numbers_error(self, count: int, what: str) -> ParseError:
+        """Return the error if fewer than `count` numbers follow."""
         needed = "a number" if count == 1 else f"{count} numbers"
         for index in range(count):
             word = self.peek()
@@ -177,10 +181,10 @@ class Tokens:
         values, offsets = self.numbers(count, what, rows)
         if values.min() < 0:
             at = self._skip(first, int(values.argmin()))
-            raise self.error(f"negative probability {self._word_at(at)} in {what}", at)
+            raise self.error(f"negative probability {self._find_word(at)} in {what}", at)
         if values.max() > 1 + ROW_TOLERANCE:
             at = self._skip(first, int(values.argmax()))
-            raise self.error(f"{self._word_at(at)} is no probability in {what}", at)
+            raise self.error(f"{self._find_word(at)} is no probability in {what}", at)
         return values, offsets
 
     def plain_entries(

@@ -43,34 +43,34 @@ def format_pomdp(pomdp: Pomdp) -> str:
     Raises:
         ModelError: the format does not allow a name.
     """
-    return "\n".join(_lines(pomdp)) + "\n"
+    return "\n".join(_format_lines(pomdp)) + "\n"
 
 
-def _lines(pomdp: Pomdp) -> Iterator[str]:
+def _format_lines(pomdp: Pomdp) -> Iterator[str]:
     yield f"discount: {pomdp.discount!r}"
     yield "values: reward"
-    yield f"states: {_names(pomdp.states)}"
-    yield f"actions: {_names(pomdp.actions)}"
-    yield f"observations: {_names(pomdp.observations)}"
+    yield f"states: {_format_names(pomdp.states)}"
+    yield f"actions: {_format_names(pomdp.actions)}"
+    yield f"observations: {_format_names(pomdp.observations)}"
     yield "start: " + " ".join(map(repr, pomdp.start.tolist()))
     yield ""
-    yield from _entries("T", pomdp, pomdp.transition, pomdp.states)
+    yield from _format_entries("T", pomdp, pomdp.transition, pomdp.states)
     yield ""
-    yield from _entries("O", pomdp, pomdp.observation, pomdp.observations)
+    yield from _format_entries("O", pomdp, pomdp.observation, pomdp.observations)
     yield ""
     action, state = np.nonzero(pomdp.reward)
     for a, s, r in zip(*(x.tolist() for x in (action, state, pomdp.reward[action, state])), strict=True):
         yield f"R: {pomdp.actions[a]} : {pomdp.states[s]} : * : * {r!r}"
 
 
-def _entries(keyword: str, pomdp: Pomdp, table: SparseTables, columns: Sequence[str]) -> Iterator[str]:
+def _format_entries(keyword: str, pomdp: Pomdp, table: SparseTables, columns: Sequence[str]) -> Iterator[str]:
     actions, states = pomdp.actions, pomdp.states
     for row, c, p in zip(table.rows.tolist(), table.columns.tolist(), table.values.tolist(), strict=True):
         a, s = divmod(row, len(states))
         yield f"{keyword}: {actions[a]} : {states[s]} : {columns[c]} {p!r}"
 
 
-def _names(names: Sequence[str]) -> str:
+def _format_names(names: Sequence[str]) -> str:
     if all(name == str(i) for i, name in enumerate(names)):
         return str(len(names))
     for name in names:

@@ -56,15 +56,15 @@ class _Writer:
     def rewards(self) -> Iterator[Entry]:
         """One number for each entry; 0 needs no entry."""
         zero = next((k for k, (columns, _) in enumerate(self.content) if not len(columns)), _UNSET)
-        for place, row_class, _ in _cover(self.classes, np.full_like(self.classes, zero)):
-            yield self._words(place), repr(float(self.content[row_class][1].sum()))
+        for place, row_class, _ in _find_entries(self.classes, np.full_like(self.classes, zero)):
+            yield self._format_place(place), repr(float(self.content[row_class][1].sum()))
 
     def rows(self) -> Iterator[Entry]:
         """Whole rows, with their zeros."""
-        dense = [self._dense_row(k) for k in range(len(self.content))]
+        dense = [self._make_dense_row(k) for k in range(len(self.content))]
         each = [EACH] * len(self.table.children)
         unset = np.full_like(self.classes, _UNSET)
-        places = [(place, row_class) for place, row_class, _ in _cover(self.classes, unset)]
+        places = [(place, row_class) for place, row_class, _ in _find_entries(self.classes, unset)]
         for place, block in _join_blocks(places, self.classes.shape, self.width):
             numbers = np.concatenate([dense[k] for k in block])
             if not self.table.parents and (numbers == 1 / self.width).all():
@@ -75,28 +75,28 @@ class _Writer:
                 text = "identity"
             else:
                 text = " ".join(map(repr, numbers.tolist()))
-            yield [*self._words(place), *each], text
+            yield [*self._format_place(place), *each], text
 
     def numbers(self) -> Iterator[Entry]:
         """One nonzero number for each entry, and the zeros that override earlier entries."""
         sizes = self.table.shape[len(self.table.parents) :]
-        for place, row_class, before in _cover(self.classes, np.full_like(self.classes, _UNSET)):
+        for place, row_class, before in _find_entries(self.classes, np.full_like(self.classes, _UNSET)):
             numbers = dict.fromkeys((c for old in before for c in self.content[old][0].tolist()), 0.0)
             numbers |= dict(zip(*(array.tolist() for array in self.content[row_class]), strict=True))
             for column, value in numbers.items():
-                yield self._words([*place, *map(int, np.unravel_index(column, sizes))]), repr(value)
+                yield self._format_place([*place, *map(int, np.unravel_index(column, sizes))]), repr(value)
 
-    def _words(self, place: Sequence[int | str]) -> list[str]:
+    def _format_place(self, place: Sequence[int | str]) -> list[str]:
         return [s if isinstance(s, str) else names[s] for s, names in zip(place, self.values, strict=False)]
 
-    def _dense_row(self, row_class: int) -> Array:
+    def _make_dense_row(self, row_class: int) -> Array:
         row = np.zeros(self.width)
         row[self.content[row_class][0]] = self.content[row_class][1]
         return row
 
 
 def _classify_rows(table: Table) -> tuple[RowClasses, list[int]]:
-    """The class of each row, with an axis for each parent; and the first row of each class."""
+    """Return the class of each row, with an axis for each parent; and the first row of each class."""
     begins, columns, values = (a.tolist() for a in (table.rows.begins, table.rows.columns, table.rows.values))
     known: dict[tuple[tuple[int, ...], tuple[float, ...]], int] = {}
     classes = np.empty(len(begins) - 1, dtype=np.int32)
@@ -110,7 +110,7 @@ def _classify_rows(table: Table) -> tuple[RowClasses, list[int]]:
     return classes.reshape(table.shape[: len(table.parents)]), first
 
 
-def _cover(classes: RowClasses, current: RowClasses) -> Iterator[tuple[Place, int, list[int]]]:
+def _find_entries(classes: RowClasses, current: RowClasses) -> Iterator[tuple[Place, int, list[int]]]:
     """Find entries that change the current row classes into the given ones.
 
     Args:
@@ -130,11 +130,11 @@ def _cover(classes: RowClasses, current: RowClasses) -> Iterator[tuple[Place, in
         most_common, count = Counter(slices).most_common(1)[0]
         if 2 * count > len(slices):
             common = classes[slices.index(most_common)]
-            for place, row_class, before in _cover(common, current[0]):
+            for place, row_class, before in _find_entries(common, current[0]):
                 yield [ALL, *place], row_class, before
             current = np.broadcast_to(common, classes.shape)
     for i, (part, current_part) in enumerate(zip(classes, current, strict=True)):
-        for place, row_class, before in _cover(part, current_part):
+        for place, row_class, before in _find_entries(part, current_part):
             yield [i, *place], row_class, before
 
 

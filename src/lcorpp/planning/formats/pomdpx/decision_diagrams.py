@@ -35,6 +35,8 @@ def read_diagram(function: Function, builder: TableBuilder) -> None:
 
 
 class _DiagramReader:
+    """Puts the numbers of a decision diagram into the table of its function."""
+
     def __init__(self, function: Function, builder: TableBuilder) -> None:
         self.function, self.builder = function, builder
         self.document = function.context.document
@@ -61,15 +63,15 @@ class _DiagramReader:
             document.children(parent, ("Node", "SubDAG", "Terminal"), _BRANCH_ATTRIBUTES[parent.name])
             branch = document.only_child(parent, "Node", "SubDAG", "Terminal")
             if branch.name == "Node":
-                stack += [(edge, next_place, 0) for edge, next_place in self._edges(branch, place)]
+                stack += [(edge, next_place, 0) for edge, next_place in self._read_edges(branch, place)]
             elif branch.name == "Terminal":
                 self._put_terminal(branch, place)
-            elif self._shorthand_type(branch) == "template":
-                stack.append((self._template(branch, templates), place, templates + 1))
+            elif self._read_shorthand_type(branch) == "template":
+                stack.append((self._find_template(branch, templates), place, templates + 1))
             else:
                 self._put_shorthand(branch, place)
 
-    def _template(self, element: Element, nesting: int) -> Element:
+    def _find_template(self, element: Element, nesting: int) -> Element:
         name = self.document.attribute(element, "idref")
         if name not in self.templates:
             raise self.document.error(
@@ -79,12 +81,14 @@ class _DiagramReader:
             raise self.document.error(element, f"template {name!r} is within itself")
         return self.templates[name]
 
-    def _edges(self, node: Element, place: Sequence[Selector]) -> list[tuple[Element, tuple[Selector, ...]]]:
+    def _read_edges(
+        self, node: Element, place: Sequence[Selector]
+    ) -> list[tuple[Element, tuple[Selector, ...]]]:
         edges = self.document.children(node, ("Edge",), ("var",))
-        axis = self._axis(node, place)
+        axis = self._find_axis(node, place)
         edge_of: dict[int, Element] = {}
         for edge in edges:
-            value = self._value(edge, axis)
+            value = self._read_value(edge, axis)
             if value in edge_of:
                 raise self.document.error(edge, f"a second edge for {edge.attributes['val']!r}")
             edge_of[value] = edge
@@ -99,7 +103,7 @@ class _DiagramReader:
             check_probabilities(self.document, element, value)
         self.builder.put(place, value[0])
 
-    def _shorthand_type(self, element: Element) -> str:
+    def _read_shorthand_type(self, element: Element) -> str:
         kind = self.document.attribute(element, "type")
         if kind not in _SHORTHAND_ATTRIBUTES:
             raise self.document.error(
@@ -112,7 +116,7 @@ class _DiagramReader:
 
     def _put_shorthand(self, element: Element, place: Sequence[Selector]) -> None:
         """Put the distribution of one variable that a keyword describes."""
-        axis = self._axis(element, place)
+        axis = self._find_axis(element, place)
         if axis < len(self.function.parents):
             name = element.attributes["var"]
             raise self.document.error(element, f"{name!r} is a parent here; expected the variable itself")
@@ -120,7 +124,7 @@ class _DiagramReader:
         if kind == "uniform":
             self.builder.put(place, 1.0 / size)
         elif kind == "deterministic":
-            self.builder.put((*place[:axis], self._value(element, axis), *place[axis + 1 :]), 1.0)
+            self.builder.put((*place[:axis], self._read_value(element, axis), *place[axis + 1 :]), 1.0)
         else:
             self._put_persistent(element, place, axis)
 
@@ -138,8 +142,8 @@ class _DiagramReader:
             equal[axis] = place[parent_axis]
             self.builder.put(equal, 1.0)
 
-    def _axis(self, element: Element, place: Sequence[Selector]) -> int:
-        """The axis of an element's variable, which must not occur earlier on the path."""
+    def _find_axis(self, element: Element, place: Sequence[Selector]) -> int:
+        """Return the axis of an element's variable, which must not occur earlier on the path."""
         name = self.document.attribute(element, "var")
         names, function = self.function.context.names, self.function
         if names.get(name) not in function.names:
@@ -150,7 +154,7 @@ class _DiagramReader:
             raise self.document.error(element, f"{name!r} already has a value on this path")
         return axis
 
-    def _value(self, element: Element, axis: int) -> int:
+    def _read_value(self, element: Element, axis: int) -> int:
         value, known = self.document.attribute(element, "val"), self.function.value_indices[axis]
         if value not in known:
             name = self.function.names[axis]

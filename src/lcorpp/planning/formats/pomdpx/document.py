@@ -31,11 +31,11 @@ class Element:
         self.pieces: list[tuple[int, int, int]] = []  # offset, line and column of each piece of text
 
     def words(self) -> list[str]:
-        """The words of the text."""
+        """Return the words of the text."""
         return _WORD.findall(self.text)
 
     def position(self, word: int | None) -> tuple[int, int]:
-        """Line and column of a word of the text, or of the element."""
+        """Return the line and the column of a word of the text, or of the element."""
         if word is None:
             return self.line, self.column
         offsets = [match.start() for match in _WORD.finditer(self.text)]
@@ -66,7 +66,7 @@ class Document:
         self.root = builder.root
 
     def error_at(self, line: int, column: int, message: str) -> ParseError:
-        """A ParseError at a position."""
+        """Return a ParseError at a position."""
         text = self._data if isinstance(self._data, str) else _decode(self._data)
         begin = 0
         for _, match in zip(range(line - 1), _LINE_END.finditer(text), strict=False):
@@ -75,13 +75,13 @@ class Document:
         return ParseError(self.file, line, column, message, text[begin : end.start() if end else None])
 
     def error(self, element: Element, message: str, word: int | None = None) -> ParseError:
-        """A ParseError at an element, or at a word of its text."""
+        """Return a ParseError at an element, or at a word of its text."""
         return self.error_at(*element.position(word), message)
 
     def children(
         self, element: Element, names: Sequence[str], attributes: Sequence[str] = ()
     ) -> list[Element]:
-        """The children of an element without text.
+        """Return the children of an element without text.
 
         Raises:
             ParseError: the element has text, or a child or an attribute with another name.
@@ -98,7 +98,7 @@ class Document:
         return element.children
 
     def only_child(self, element: Element, name: str, *others: str) -> Element:
-        """The only child of an element with one of the names."""
+        """Return the only child of an element with one of the names."""
         matches = [child for child in element.children if child.name in (name, *others)]
         what = " or ".join(f"<{n}>" for n in (name, *others))
         if not matches:
@@ -108,7 +108,7 @@ class Document:
         return matches[0]
 
     def words(self, element: Element) -> list[str]:
-        """The words of an element without children and attributes."""
+        """Return the words of an element without children and attributes."""
         if element.children:
             inner = element.children[0]
             raise self.error(inner, f"<{element.name}> contains words only, found <{inner.name}>")
@@ -116,14 +116,14 @@ class Document:
         return element.words()
 
     def word(self, element: Element) -> str:
-        """The only word of an element."""
+        """Return the only word of an element."""
         words = self.words(element)
         if len(words) != 1:
             raise self.error(element, f"<{element.name}> contains one word, found {len(words)}")
         return words[0]
 
     def numbers(self, element: Element) -> Array:
-        """(n,) the numbers in an element."""
+        """Return (n,) the numbers in an element."""
         words = self.words(element)
         numbers = parse_numbers(element.text)
         # white space of other scripts is none in XML: it would turn one word into several numbers
@@ -133,7 +133,7 @@ class Document:
         return numbers
 
     def attribute(self, element: Element, name: str, default: str | None = None) -> str:
-        """The value of an attribute; required if there is no default."""
+        """Return the value of an attribute; required if there is no default."""
         if name in element.attributes:
             return element.attributes[name]
         if default is None:

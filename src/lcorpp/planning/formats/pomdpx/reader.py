@@ -83,7 +83,7 @@ class _Reader:
 
     def read(self) -> Factored:
         document, declarations = self.document, self.declarations
-        discount = self._discount(document.only_child(document.root, "Discount"))
+        discount = self._read_discount(document.only_child(document.root, "Discount"))
         for part in self.parts:
             if part.name == "Horizon" and document.word(part).lower() not in _INFINITE_HORIZON:
                 raise document.error(part, "finite horizons are not supported; expected an infinite one", 0)
@@ -96,63 +96,67 @@ class _Reader:
                 states,
                 actions,
                 observations,
-                self._start(before),
-                self._tables("StateTransitionFunction", after, [*action_names, *before, *after]),
-                self._tables("ObsFunction", observation_names, [*action_names, *after, *observation_names]),
-                self._rewards([*action_names, *before, *after, *observation_names]),
+                self._read_start(before),
+                self._read_tables("StateTransitionFunction", after, [*action_names, *before, *after]),
+                self._read_tables(
+                    "ObsFunction", observation_names, [*action_names, *after, *observation_names]
+                ),
+                self._read_rewards([*action_names, *before, *after, *observation_names]),
                 discount,
                 document.file,
             )
         except ModelError as error:
             raise document.error(document.root, str(error)) from None
 
-    def _discount(self, element: Element) -> float:
+    def _read_discount(self, element: Element) -> float:
         self.document.word(element)
         discount = float(self.document.numbers(element)[0])
         if not 0 < discount < 1:
             raise self.document.error(element, discount_message(discount), 0)
         return discount
 
-    def _function_elements(self, section: str, kind: str) -> Iterator[Element]:
+    def _find_function_elements(self, section: str, kind: str) -> Iterator[Element]:
         for part in self.parts:
             if part.name == section:
                 yield from self.document.children(part, (kind,))
 
-    def _start(self, names: Sequence[str]) -> tuple[Table, ...]:
+    def _read_start(self, names: Sequence[str]) -> tuple[Table, ...]:
         if any(part.name == "InitialStateBelief" for part in self.parts):
-            return self._tables("InitialStateBelief", names, names)
+            return self._read_tables("InitialStateBelief", names, names)
         if not all(variable.observed for variable in self.declarations.states):
             raise self.document.error(self.document.root, "<pomdpx> needs <InitialStateBelief>")
         return tuple(build_table(self.context.scope, "uniform", (name,), "start") for name in names)
 
-    def _tables(self, section: str, children: Sequence[str], parents: Sequence[str]) -> tuple[Table, ...]:
-        """The tables of a section, one for each child variable."""
+    def _read_tables(
+        self, section: str, children: Sequence[str], parents: Sequence[str]
+    ) -> tuple[Table, ...]:
+        """Return the tables of a section, one for each child variable."""
         document = self.document
         tables = []
         done: set[str] = set()
-        for element in self._function_elements(section, "CondProb"):
+        for element in self._find_function_elements(section, "CondProb"):
             document.children(element, ("Var", "Parent", "Parameter"))
             variable = document.only_child(element, "Var")
-            names = self._names(variable, children)
+            names = self._read_names(variable, children)
             for i, name in enumerate(names):
                 if name in done:
                     raise document.error(variable, f"a second <CondProb> for {variable.words()[i]!r}", i)
             done.update(names)
             if not names:
                 raise document.error(variable, "<Var> names no variable")
-            parent_names = self._names(document.only_child(element, "Parent"), parents, names)
+            parent_names = self._read_names(document.only_child(element, "Parent"), parents, names)
             parameter = document.only_child(element, "Parameter")
-            tables.append(self._table(Function(self.context, parameter, parent_names, names)))
+            tables.append(self._read_table(Function(self.context, parameter, parent_names, names)))
         for file_name, name in self.declarations.names.items():
             if name in children and name not in done:
                 place = next((part for part in self.parts if part.name == section), document.root)
                 raise document.error(place, f"there is no <CondProb> for {file_name!r} in <{section}>")
         return tuple(tables)
 
-    def _rewards(self, parents: Sequence[str]) -> dict[str, Table]:
+    def _read_rewards(self, parents: Sequence[str]) -> dict[str, Table]:
         document = self.document
         tables: dict[str, Table] = {}
-        for element in self._function_elements("RewardFunction", "Func"):
+        for element in self._find_function_elements("RewardFunction", "Func"):
             document.children(element, ("Var", "Parent", "Parameter"))
             variable = document.only_child(element, "Var")
             name = document.word(variable)
@@ -164,16 +168,16 @@ class _Reader:
                 )
             if name in tables:
                 raise document.error(variable, f"a second <Func> for {name!r}", 0)
-            names = self._names(document.only_child(element, "Parent"), parents)
+            names = self._read_names(document.only_child(element, "Parent"), parents)
             function = Function(self.context, document.only_child(element, "Parameter"), names, ())
-            tables[name] = self._table(function)
+            tables[name] = self._read_table(function)
         for name, element in self.declarations.rewards.items():
             if name not in tables:
                 raise document.error(element, f"there is no <Func> for {name!r} in <RewardFunction>")
         return {name: tables[name] for name in self.declarations.rewards}
 
-    def _table(self, function: Function) -> Table:
-        """The table of a function, given by entries or by a decision diagram."""
+    def _read_table(self, function: Function) -> Table:
+        """Return the table of a function, given by entries or by a decision diagram."""
         document, parameter = self.document, function.parameter
         kind = document.attribute(parameter, "type", "TBL").strip()
         if kind not in ("TBL", "DD"):
@@ -186,8 +190,10 @@ class _Reader:
             raise document.error(parameter, str(error)) from None
         return normalize_rows(function, table) if function.children else table
 
-    def _names(self, element: Element, allowed: Sequence[str], taken: Sequence[str] = ()) -> tuple[str, ...]:
-        """Our names of the variables that an element lists; `null` is the empty list."""
+    def _read_names(
+        self, element: Element, allowed: Sequence[str], taken: Sequence[str] = ()
+    ) -> tuple[str, ...]:
+        """Return our names of the variables that an element lists; `null` is the empty list."""
         words = self.document.words(element)
         if words == ["null"] and element.name == "Parent":
             return ()

@@ -110,7 +110,7 @@ def _put_identity(
 
 
 def _read_place(function: Function, instance: Element) -> list[Selector]:
-    """The selector of each variable in an ``<Instance>``: the index of a value, `ALL` or `EACH`."""
+    """Return the selector of each variable in an ``<Instance>``: the index of a value, `ALL` or `EACH`."""
     document = function.context.document
     words = document.words(instance)
     if len(words) != len(function.names):
@@ -142,7 +142,7 @@ def normalize_rows(function: Function, table: Table) -> Table:
     errors = np.abs(sums - 1)
     wrong = np.flatnonzero(errors[0] > ROW_TOLERANCE)
     if len(wrong):
-        raise _row_error(function, table, int(wrong[0]), float(sums[0, wrong[0]]))
+        raise _make_row_error(function, table, int(wrong[0]), float(sums[0, wrong[0]]))
     inexact = errors > SUM_TOLERANCE
     if not inexact.any():
         return table
@@ -150,8 +150,8 @@ def normalize_rows(function: Function, table: Table) -> Table:
     return Table(table.parents, table.children, table.shape, rows)
 
 
-def _row_error(function: Function, table: Table, row: int, total: float) -> ParseError:
-    """The error for a row with a wrong sum, at the last entry that sets it."""
+def _make_row_error(function: Function, table: Table, row: int, total: float) -> ParseError:
+    """Return the error for a row with a wrong sum, at the last entry that sets it."""
     document = function.context.document
     what = f"the row of {' '.join(function.children)}{format_row(table, function.context.scope, row)}"
     heights = table.shape[: len(table.parents)]

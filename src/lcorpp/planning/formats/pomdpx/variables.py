@@ -51,11 +51,13 @@ class Declarations:
                 before, after = child.attributes["vnamePrev"], child.attributes["vnameCurr"]
                 name = state_names[before]
                 self.names |= {before: name, after: name + AFTER}
-                variables[child.name].append(self._variable(child, name, observed=self._is_observed(child)))
+                variables[child.name].append(
+                    self._read_variable(child, name, observed=self._is_observed(child))
+                )
             else:
                 name = child.attributes["vname"]
                 self.names[name] = name
-                variables[child.name].append(self._variable(child, name))
+                variables[child.name].append(self._read_variable(child, name))
         for kind, what in (("StateVar", "state"), ("ActionVar", "action")):
             if not variables[kind]:
                 raise document.error(element, f"a problem needs a variable for the {what}: <{kind}>")
@@ -80,20 +82,20 @@ class Declarations:
                 names.add(name)
         return names
 
-    def _variable(self, element: Element, name: str, *, observed: bool = False) -> Variable:
+    def _read_variable(self, element: Element, name: str, *, observed: bool = False) -> Variable:
         document = self.document
         document.children(element, ("ValueEnum", "NumValues"), _ATTRIBUTES[element.name])
         child = document.only_child(element, "ValueEnum", "NumValues")
         if child.name == "ValueEnum":
             values = document.words(child)
         else:
-            values = self._numbered_values(child, element.name)
+            values = self._make_numbered_values(child, element.name)
         try:
             return Variable(name, tuple(values), observed)
         except ModelError as error:
             raise document.error(child, str(error)) from None
 
-    def _numbered_values(self, element: Element, kind: str) -> list[str]:
+    def _make_numbered_values(self, element: Element, kind: str) -> list[str]:
         word = self.document.word(element)
         if not is_count(word) or len(word) > 9 or not 0 < int(word) <= MAX_COUNT:
             message = f"expected a number of values from 1 to {MAX_COUNT}, found {word[:40]!r}"

@@ -37,11 +37,11 @@ def format_pomdpx(problem: Factored | Pomdp) -> str:
         ModelError: the format does not allow a name.
     """
     factored = Factored.of_pomdp(problem) if isinstance(problem, Pomdp) else problem
-    return "\n".join(_lines(factored)) + "\n"
+    return "\n".join(_format_lines(factored)) + "\n"
 
 
-def _lines(problem: Factored) -> Iterator[str]:
-    names = _names(problem)
+def _format_lines(problem: Factored) -> Iterator[str]:
+    names = _make_names(problem)
     yield '<?xml version="1.0" encoding="ISO-8859-1"?>'
     yield (
         '<pomdpx version="1.0" id="lcorpp" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"'
@@ -53,11 +53,11 @@ def _lines(problem: Factored) -> Iterator[str]:
         before, after = (quoteattr(names[variable.name + suffix]) for suffix in ("", AFTER))
         observed = "true" if variable.observed else "false"
         yield f'<StateVar vnamePrev={before} vnameCurr={after} fullyObs="{observed}">'
-        yield from _values("StateVar", variable)
+        yield from _format_values("StateVar", variable)
     for kind, variables in (("ObsVar", problem.observations), ("ActionVar", problem.actions)):
         for variable in variables:
             yield f"<{kind} vname={quoteattr(variable.name)}>"
-            yield from _values(kind, variable)
+            yield from _format_values(kind, variable)
     for name in problem.reward:
         yield f"<RewardVar vname={quoteattr(name)}/>"
     yield "</Variable>"
@@ -69,41 +69,41 @@ def _lines(problem: Factored) -> Iterator[str]:
         if tables:
             yield f"<{section}>"
             for table in tables:
-                yield from _function(
+                yield from _format_function(
                     "CondProb", [names[name] for name in table.children], table, problem, names
                 )
             yield f"</{section}>"
     yield "<RewardFunction>"
     for name, table in problem.reward.items():
-        yield from _function("Func", [name], table, problem, names)
+        yield from _format_function("Func", [name], table, problem, names)
     yield "</RewardFunction>"
     yield "</pomdpx>"
 
 
-def _values(kind: str, variable: Variable) -> Iterator[str]:
+def _format_values(kind: str, variable: Variable) -> Iterator[str]:
     if variable.values == tuple(f"{VALUE_PREFIXES[kind]}{i}" for i in range(len(variable.values))):
         yield f"<NumValues>{len(variable.values)}</NumValues>"
     else:
-        yield f"<ValueEnum>{_text(variable.values)}</ValueEnum>"
+        yield f"<ValueEnum>{_format_text(variable.values)}</ValueEnum>"
     yield f"</{kind}>"
 
 
-def _function(
+def _format_function(
     kind: str, children: Sequence[str], table: Table, problem: Factored, names: dict[str, str]
 ) -> Iterator[str]:
     title = "ProbTable" if kind == "CondProb" else "ValueTable"
     yield f"<{kind}>"
-    yield f"<Var>{_text(children)}</Var>"
-    yield f"<Parent>{_text([names[name] for name in table.parents] or ['null'])}</Parent>"
+    yield f"<Var>{_format_text(children)}</Var>"
+    yield f"<Parent>{_format_text([names[name] for name in table.parents] or ['null'])}</Parent>"
     yield '<Parameter type="TBL">'
     for instance, numbers in compact_entries(table, problem.scope):
-        yield f"<Entry><Instance>{_text(instance)}</Instance><{title}>{numbers}</{title}></Entry>"
+        yield f"<Entry><Instance>{_format_text(instance)}</Instance><{title}>{numbers}</{title}></Entry>"
     yield "</Parameter>"
     yield f"</{kind}>"
 
 
-def _names(problem: Factored) -> dict[str, str]:
-    """Our name -> name in the file: ``x_0`` and ``x_1`` for x before and after an action.
+def _make_names(problem: Factored) -> dict[str, str]:
+    """Return our name -> name in the file: ``x_0`` and ``x_1`` for x before and after an action.
 
     Raises:
         ModelError: a name has another meaning in the format.
@@ -125,5 +125,5 @@ def _names(problem: Factored) -> dict[str, str]:
     }
 
 
-def _text(words: Sequence[str]) -> str:
+def _format_text(words: Sequence[str]) -> str:
     return escape(" ".join(words))

@@ -38,30 +38,30 @@ class VectorSet:
         return self._stamps[: self.count]
 
     def first_since(self, stamp: int) -> int:
-        """The column of the first vector whose stamp is at least `stamp`."""
+        """Return the column of the first vector whose stamp is at least `stamp`."""
         return int(np.searchsorted(self.stamps, stamp))
 
     def find(self, stamp: int) -> int:
-        """The column of the vector with a stamp, -1 if it was pruned."""
+        """Return the column of the vector with a stamp, -1 if it was pruned."""
         column = self.first_since(stamp)
         return column if column < self.count and self._stamps[column] == stamp else -1
 
     def values(self, beliefs: BeliefBatch, first: int = 0) -> Array:
-        """(m, K - first) values of the vectors from column `first` on at m beliefs."""
+        """Return (m, K - first) values of the vectors from column `first` on at m beliefs."""
         return np.asarray(beliefs.weights @ self._table[beliefs.positions, first : self.count])
 
     def best(self, beliefs: BeliefBatch, first: int = 0) -> tuple[Indices, Array]:
-        """(m,) columns and values of the best vectors at m beliefs, among at least one from `first` on."""
+        """Return columns (m,) and values (m,) of the best vectors at m beliefs, from column `first` on."""
         values = self.values(beliefs, first)
         best = values.argmax(axis=1)
         return first + best, values[np.arange(len(best)), best]
 
     def central(self) -> int:
-        """The vector with the largest mean over all states: the choice if the belief is unknown."""
+        """Return the column of the vector with the largest mean: the choice if the belief is unknown."""
         return int(self.table.sum(axis=0).argmax())
 
     def distances(self, column: int) -> Array:
-        """(K,) Euclidean distances of all vectors from one."""
+        """Return (K,) Euclidean distances of all vectors from one."""
         return np.asarray(np.sqrt(((self.table - self.table[:, [column]]) ** 2).sum(axis=0)))
 
     def add(self, vector: Array, action: int, stamp: int) -> None:

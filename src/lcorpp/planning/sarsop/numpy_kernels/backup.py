@@ -30,7 +30,7 @@ def backup(state: SearchState, node: Node) -> None:
         refresh(state, node)
         action = int(node.q_lower.argmax())
     _raise_lower_bound(state, node, action)
-    _reduce_upper_bound(state, node)
+    _lower_sawtooth_bound(state, node)
 
 
 def _raise_lower_bound(state: SearchState, node: Node, action: int) -> None:
@@ -47,7 +47,7 @@ def _raise_lower_bound(state: SearchState, node: Node, action: int) -> None:
     node.lower = node.lower_value
 
 
-def _reduce_upper_bound(state: SearchState, node: Node) -> None:
+def _lower_sawtooth_bound(state: SearchState, node: Node) -> None:
     update_upper_bound(state, node)
     if node.upper < node.sawtooth_value - MIN_GAIN * state.max_abs_value:
         replaced = node.point_stamp
@@ -57,7 +57,7 @@ def _reduce_upper_bound(state: SearchState, node: Node) -> None:
 
 
 def _make_vector(state: SearchState, node: Node, action: int) -> tuple[Array, list[int]]:
-    """The vector of an action followed by the best vectors of its children.
+    """Return the vector of an action followed by the best vectors of its children.
 
     Returns:
         (n,) R(a) + gamma sum over o of T Z (the best vector at the child of a and o), over the states of the
@@ -71,16 +71,16 @@ def _make_vector(state: SearchState, node: Node, action: int) -> tuple[Array, li
     states = model.group_states(node.belief.group)
     index, owner = find_row_entries(model.transition, action * model.states + states)
     reached, which = np.unique(model.transition.columns[index].astype(np.intp), return_inverse=True)
-    next_values, default_stamps = _next_values(state, node, action, chosen, reached)
+    next_values, default_stamps = _compute_next_values(state, node, action, chosen, reached)
     sums = np.bincount(owner, model.transition.values[index] * next_values[which], minlength=len(states))
     vector = np.asarray(model.reward[action, states] + model.discount * sums)
     return vector, [*branch.best_vectors.tolist(), *default_stamps]
 
 
-def _next_values(
+def _compute_next_values(
     state: SearchState, node: Node, action: int, chosen: Indices, reached: Indices
 ) -> tuple[Array, list[int]]:
-    """(n,) expected values after an action that ends in the states `reached` (n,).
+    """Return (n,) expected values after an action that ends in the states `reached` (n,).
 
     For an observation that is impossible at the node any vector is valid; the default vector is used, because
     it serves the neighbouring beliefs.
@@ -99,7 +99,7 @@ def _next_values(
         own = np.flatnonzero(block == b)
         vector = chosen[observation[own]]
         if (vector < 0).any():
-            default = _default_vector(state, node, action, int(b))
+            default = _find_default_vector(state, node, action, int(b))
             vector[vector < 0] = default
             default_stamps.append(int(state.sets[b].stamps[default]))
         values[own] = state.sets[b].table[model.local[next_state[own]], vector]
@@ -107,8 +107,8 @@ def _next_values(
     return np.asarray(sums, dtype=np.float64), default_stamps
 
 
-def _default_vector(state: SearchState, node: Node, action: int, block: int) -> int:
-    """The best vector of a block after an action, before any observation."""
+def _find_default_vector(state: SearchState, node: Node, action: int, block: int) -> int:
+    """Return the best vector of a block after an action, before any observation."""
     model, vectors = state.model, state.sets[block]
     states, mass = predict(model, node.belief, action)
     inside = model.block[states] == block

@@ -24,7 +24,7 @@ from lcorpp.values import Array
 
 
 def blind_policies(model: Model, tolerance: float, seconds: float) -> Array:
-    """(A, S) lower bounds on the value of repeating one action forever.
+    """Return (A, S) lower bounds on the value of repeating one action forever.
 
     Args:
         tolerance: largest error of the result, in reward units, if time suffices.
@@ -37,7 +37,7 @@ def blind_policies(model: Model, tolerance: float, seconds: float) -> Array:
     deadline = monotonic() + seconds
     gamma = model.discount
     values = np.empty((model.actions, model.states))
-    for a, T in enumerate(_matrices(model.transition)):
+    for a, T in enumerate(_make_matrices(model.transition)):
         reward = model.reward[a]
         value = np.full(model.states, reward.min() / (1 - gamma))
         while True:
@@ -52,11 +52,11 @@ def blind_policies(model: Model, tolerance: float, seconds: float) -> Array:
 
 
 def mdp_bound(model: Model, tolerance: float, seconds: float) -> Array:
-    """(A, S) upper bounds on the Q values of the fully observable problem; arguments as in
+    """Return (A, S) upper bounds on the Q values of the fully observable problem; arguments as in
     `blind_policies`."""
     _check_limits(tolerance, seconds)
     deadline = monotonic() + seconds
-    gamma, matrices = model.discount, _matrices(model.transition)
+    gamma, matrices = model.discount, _make_matrices(model.transition)
     # no policy earns more than the largest reward in every step
     value = np.full(model.states, model.reward.max() / (1 - gamma))
     while True:
@@ -70,7 +70,7 @@ def mdp_bound(model: Model, tolerance: float, seconds: float) -> Array:
 
 
 def fast_informed_bound(model: Model, Q: Array, tolerance: float, seconds: float) -> Array:
-    """(A, S) the fast informed bound, iterated downwards from Q values (A, S) that are upper bounds.
+    """Return (A, S) the fast informed bound, iterated downwards from Q values (A, S) that are upper bounds.
 
     Q(a, s) <- R(a, s) + gamma sum over o of max over a' of sum over s' of P(s', o | s, a) Q(a', s').
     Arguments as in `blind_policies`.
@@ -79,7 +79,7 @@ def fast_informed_bound(model: Model, Q: Array, tolerance: float, seconds: float
     deadline = monotonic() + seconds
     gamma = model.discount
     Q = copy_table(model, Q)
-    joint = [_joint(model, a) for a in range(model.actions)]
+    joint = [_make_joint_matrix(model, a) for a in range(model.actions)]
     while monotonic() < deadline:
         lowered = np.empty_like(Q)
         for a, (matrix, state) in enumerate(joint):
@@ -111,8 +111,8 @@ def _check_limits(tolerance: float, seconds: float) -> None:
         raise ValueError("tolerance and seconds must not be NaN, tolerance not negative")
 
 
-def _matrices(table: SparseTables) -> list[Any]:
-    """The table of each action as a scipy matrix."""
+def _make_matrices(table: SparseTables) -> list[Any]:
+    """Return the table of each action as a scipy matrix."""
     matrices = []
     for a in range(table.shape[0]):
         part = table.action_slice(a)
@@ -121,8 +121,11 @@ def _matrices(table: SparseTables) -> list[Any]:
     return matrices
 
 
-def _joint(model: Model, action: int) -> tuple[Any, Indices]:
-    """P(s', o | s, a) of one action: rows are the possible (s, o), columns the s'; the s of each row."""
+def _make_joint_matrix(model: Model, action: int) -> tuple[Any, Indices]:
+    """Return P(s', o | s, a) of one action, and the state s of each row.
+
+    The matrix (k, S) has a row for each of the k possible pairs (s, o) and a column for each s'.
+    """
     T, Z = model.transition, model.observation
     part = T.action_slice(action)
     reached = T.columns[part].astype(np.intp)

@@ -76,7 +76,7 @@ class VectorDependencies:
         self._replaced_by = {}
 
     def find_needed_vectors(self, sets: Sequence[VectorSet]) -> list[PrunedVector]:
-        """The pruned vectors that the vectors in the sets depend on, by rising stamps."""
+        """Return the pruned vectors that the vectors in the sets depend on, by rising stamps."""
         return [
             self._pruned[stamp] for stamp in sorted(self._find_needed_stamps(sets)) if stamp in self._pruned
         ]
@@ -87,7 +87,7 @@ class VectorDependencies:
         return stamp
 
     def _find_needed_stamps(self, sets: Sequence[VectorSet]) -> list[int]:
-        """The stamps of the vectors in the sets and of all vectors they depend on, directly or not."""
+        """Return the stamps of the vectors in the sets and of all vectors they depend on, directly or not."""
         queue = [stamp for vectors in sets for stamp in vectors.stamps.tolist() if stamp >= self._blind]
         visited = set(queue)
         for stamp in queue:  # the loop body appends to the queue

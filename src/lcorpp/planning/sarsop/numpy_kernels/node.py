@@ -45,7 +45,7 @@ class Branch:
 
     @classmethod
     def of(cls, outcomes: Outcomes) -> Branch:
-        """A branch whose children have no bounds yet."""
+        """Return a branch whose children have no bounds yet."""
         n = len(outcomes.observation)
         return cls(
             observation=outcomes.observation,

@@ -30,7 +30,7 @@ class Outcomes:
         return sum(beliefs.weights.size for _, beliefs in self.batches)
 
     def belief(self, child: int) -> tuple[Indices, Array]:
-        """The states of a child's belief and their probabilities."""
+        """Return the states of a child's belief and their probabilities."""
         for children, beliefs in self.batches:
             rows = np.flatnonzero(children == child)
             if len(rows):
@@ -41,7 +41,8 @@ class Outcomes:
 
 
 def predict(model: Model, belief: BeliefBatch, action: int) -> tuple[Indices, Array]:
-    """The states that an action reaches from one belief and their probabilities, before any observation."""
+    """Return the states (n,) that an action reaches from one belief, and their probabilities (n,), before any
+    observation."""
     index, owner = find_row_entries(model.transition, action * model.states + belief.states)
     shares = belief.weights[0, owner] * model.transition.values[index]
     mass = np.bincount(model.transition.columns[index], shares, minlength=model.states)
@@ -50,7 +51,7 @@ def predict(model: Model, belief: BeliefBatch, action: int) -> tuple[Indices, Ar
 
 
 def compute_outcomes(model: Model, belief: BeliefBatch, action: int) -> Outcomes:
-    """The children of one belief under an action."""
+    """Return the children of one belief under an action."""
     reached, mass = predict(model, belief, action)
     index, owner = find_row_entries(model.observation, action * model.states + reached)
     seen = model.observation.columns[index]

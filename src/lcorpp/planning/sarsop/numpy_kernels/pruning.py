@@ -22,7 +22,7 @@ MIN_GROWTH = 100
 
 
 def prune(state: SearchState, roots: Sequence[int], radius: float, max_ratio: float, growth: float) -> None:
-    """Keep the vectors that are best, or nearly best, at a belief that matters.
+    """Keep the vectors that are best, or nearly best, at a belief that an optimal policy may reach.
 
     Args:
         roots: nodes from which the others are reached.
@@ -50,7 +50,7 @@ def prune(state: SearchState, roots: Sequence[int], radius: float, max_ratio: fl
 
 
 def find_reachable(state: SearchState, roots: Sequence[int]) -> list[int]:
-    """The nodes that the roots reach by actions that may be optimal.
+    """Return the nodes that the roots reach by actions that may be optimal.
 
     An action whose upper bound is below another's lower bound at the same belief is never taken again.
     """
@@ -68,10 +68,10 @@ def find_reachable(state: SearchState, roots: Sequence[int]) -> list[int]:
 
 
 def _prune_set(state: SearchState, group: int, nodes: list[Node], radius: float, max_ratio: float) -> None:
-    """Keep a vector at b if the best vector there does not dominate it within a radius around b.
+    """Keep a vector if the best vector at a belief b does not dominate it within a radius around b.
 
-    That is if (best - vector).b < radius |best - vector|. Too small a radius loses vectors that are best
-    between the beliefs and stops the search; too large a radius slows it down.
+    That is, if (best - vector).b < radius |best - vector| for the belief b of a node. Too small a radius
+    loses vectors that are best between the beliefs and stops the search; too large a radius slows it down.
     """
     vectors = state.sets[group]
     for node in nodes:

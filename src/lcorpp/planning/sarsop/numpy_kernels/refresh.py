@@ -28,7 +28,7 @@ def refresh(state: SearchState, node: Node) -> None:
 
 
 def select_action(state: SearchState, node: Node, use_lower_bound: bool) -> int:
-    """The best action by the upper or lower bound, after an update of that action's bounds."""
+    """Return the best action by the upper or lower bound, after an update of that action's bounds."""
     action, updated = refresh_best_upper(state, node)
     update_best_vector(state, node)
     if use_lower_bound:
@@ -87,8 +87,8 @@ def refresh_upper(state: SearchState, node: Node, action: int) -> None:
         bound = sawtooth.compute_bound(beliefs, branch.points_version)
         branch.upper[children] = np.minimum(branch.upper[children], bound)
     for c in np.flatnonzero(branch.child_nodes >= 0).tolist():
-        of_node = state.nodes[branch.child_nodes[c]].upper + branch.lipschitz_slack[c]
-        branch.upper[c] = min(branch.upper[c], branch.probability[c] * of_node)
+        node_bound = state.nodes[branch.child_nodes[c]].upper + branch.lipschitz_slack[c]
+        branch.upper[c] = min(branch.upper[c], branch.probability[c] * node_bound)
     look_ahead = node.expected_rewards[action] + state.model.discount * branch.upper.sum()
     node.q_upper[action] = min(node.q_upper[action], look_ahead)
     branch.points_version = sawtooth.next_stamp
@@ -126,7 +126,7 @@ def forget_lower(node: Node) -> None:
 
 
 def expand(state: SearchState, node: Node, action: int) -> tuple[Branch, Outcomes]:
-    """The branch of an action, created if necessary, and its next beliefs."""
+    """Return the branch of an action, created if necessary, and its next beliefs."""
     branch = node.branches.get(action)
     if branch is not None and branch.outcomes is not None:
         return branch, branch.outcomes

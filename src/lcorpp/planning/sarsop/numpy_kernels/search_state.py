@@ -65,7 +65,7 @@ class SearchState:
         return self._node_index[key]
 
     def dense_belief(self, node: int) -> Belief:
-        """(S,) the belief of a node."""
+        """Return (S,) the belief of a node."""
         sparse = self.nodes[node].belief
         dense = np.zeros(self.model.states)
         dense[sparse.states] = sparse.weights[0]

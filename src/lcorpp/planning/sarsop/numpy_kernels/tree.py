@@ -112,7 +112,7 @@ class Tree:
         return sample(self, predictor, root, target, max_depth, seconds, use_lower_bound)
 
     def prune(self, roots: Sequence[int], radius: float, max_ratio: float, growth: float) -> None:
-        """Keep the vectors that are best, or nearly best, at a belief that matters; see pruning.py."""
+        """Keep the vectors that are best, or nearly best, at a reachable belief; see pruning.py."""
         for root in roots:
             self.node(root)
         if not (radius >= 0 and max_ratio >= 0 and growth >= 0):
@@ -120,42 +120,42 @@ class Tree:
         prune(self._state, roots, radius, max_ratio, growth)
 
     def lower_bound(self, node: int) -> float:
-        """The value of the best alpha vector at a node."""
+        """Return the value of the best alpha vector at a node."""
         return update_best_vector(self._state, self.node(node))
 
     def upper_bound(self, node: int) -> float:
-        """The upper bound at a node."""
+        """Return the upper bound at a node."""
         return update_upper_bound(self._state, self.node(node))
 
     def cached_lower(self, node: int) -> float:
-        """The lower bound of a node at its last update."""
+        """Return the lower bound of a node at its last update."""
         return self.node(node).lower
 
     def cached_upper(self, node: int) -> float:
-        """The upper bound of a node at its last update."""
+        """Return the upper bound of a node at its last update."""
         return self.node(node).upper
 
     def q_lower(self, node: int) -> Array:
-        """(A,) lower bounds on the values of the actions."""
+        """Return (A,) lower bounds on the values of the actions."""
         return self.node(node).q_lower.copy()
 
     def q_upper(self, node: int) -> Array:
-        """(A,) upper bounds on the values of the actions."""
+        """Return (A,) upper bounds on the values of the actions."""
         return self.node(node).q_upper.copy()
 
     def expected_rewards(self, node: int) -> Array:
-        """(A,) expected rewards of the actions."""
+        """Return (A,) expected rewards of the actions."""
         return self.node(node).expected_rewards.copy()
 
     def belief(self, node: int) -> Belief:
-        """(S,) the belief of a node."""
+        """Return (S,) the belief of a node."""
         self.node(node)
         return self._state.dense_belief(node)
 
     def children(
         self, node: int, action: int
     ) -> tuple[npt.NDArray[np.int32], Array, Array, Array, npt.NDArray[np.int32]]:
-        """(n,) observation, probability, lower and upper bound times probability, and node of each child."""
+        """Return (n,) each child's observation, probability, bounds times probability, and node."""
         branch = self.node(node).branches.get(self._check_action(action))
         if branch is None:
             indices, numbers = np.empty(0, dtype=np.int32), np.empty(0)
@@ -164,13 +164,13 @@ class Tree:
         return branch.observation.astype(np.int32), *bounds, branch.child_nodes.astype(np.int32)
 
     def vectors(self, group: int) -> tuple[npt.NDArray[np.int32], Array, npt.NDArray[np.int32]]:
-        """The states (n,) of a group, its alpha vectors (K, n) and their actions (K,)."""
+        """Return the states (n,) of a group, its alpha vectors (K, n) and their actions (K,)."""
         vectors = self._state.sets[self._check_group(group)]
         states = self._state.model.group_states(group).astype(np.int32)
         return states, np.ascontiguousarray(vectors.table.T), vectors.actions.copy()
 
     def dependencies(self, group: int) -> tuple[Array, npt.NDArray[np.int32]]:
-        """The pruned vectors (K, n) of a group that others depend on, and their actions (K,)."""
+        """Return the pruned vectors (K, n) of a group that others depend on, and their actions (K,)."""
         n = self._state.sets[self._check_group(group)].table.shape[0]
         needed = [
             v for v in self._state.dependencies.find_needed_vectors(self._state.sets) if v.group == group
@@ -179,7 +179,7 @@ class Tree:
         return table, np.array([vector.action for vector in needed], dtype=np.int32)
 
     def points(self) -> tuple[Array, *PointArrays]:
-        """The upper bound: corners (S,), and begins, states, weights and values of the points."""
+        """Return the upper bound: corners (S,), and begins, states, weights and values of the points."""
         return self._state.sawtooth.export_points()
 
     def add_vectors(self, group: int, vectors: Array, actions: npt.NDArray[np.int32]) -> None:
@@ -213,7 +213,7 @@ class Tree:
             self._state.sawtooth.add(belief, value)
 
     def node(self, number: int) -> Node:
-        """The node of a number, for the other kernels."""
+        """Return the node of a number, for the other kernels."""
         if not 0 <= number < len(self._state.nodes):
             raise IndexError("unknown node")
         return self._state.nodes[number]

@@ -34,16 +34,16 @@ class ValuePredictor:
 
     def learn(self, tree: Tree, node: int) -> None:
         """Add the lower bound of a visited node."""
-        own = self._bin(tree, node)
+        own = self._find_bin(tree, node)
         self._sum[own] += tree.cached_lower(node)
         self._count[own] += 1
 
     def predict(self, tree: Tree, node: int) -> float:
-        """The mean of the node's bin, or the node's upper bound if the bin is empty."""
-        own = self._bin(tree, node)
+        """Return the mean of the node's bin, or the node's upper bound if the bin is empty."""
+        own = self._find_bin(tree, node)
         return float(self._sum[own] / self._count[own]) if self._count[own] else tree.cached_upper(node)
 
-    def _bin(self, tree: Tree, number: int) -> tuple[int, int]:
+    def _find_bin(self, tree: Tree, number: int) -> tuple[int, int]:
         node = tree.node(number)
         level = (node.informed_value - self._lowest) / self._range * PREDICTOR_BINS
         return int(min(max(level, 0.0), PREDICTOR_BINS - 1.0)), node.entropy_bin

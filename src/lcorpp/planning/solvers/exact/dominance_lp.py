@@ -6,9 +6,8 @@ as much as many pivots. Each program contains only the w that matter: the most v
 none is violated.
 
 No result depends on the tolerances of the library. A belief that it returns is scaled to sum to 1, and the
-margin there is a lower bound. Its dual solution gives a mixture of the w, and no belief exceeds the mixture
-by
-more than the best corner does: an upper bound.
+margin there is a lower bound. Its dual solution gives a mixture of the w; at no belief does v exceed the
+mixture by more than at the best corner of the belief simplex: an upper bound.
 
 Source: Cassandra, Littman and Zhang, UAI 1997, section 2.2 (the program).
 """
@@ -115,7 +114,7 @@ def _solve_active(
 
 
 def _solve(vectors: Array, others: Array, rivals: list[Indices]) -> tuple[Array, Array]:
-    """(n, S) the beliefs that solve the programs, and (n,) the upper bounds of their duals."""
+    """Return (n, S) the beliefs that solve the programs, and (n,) the upper bounds of their duals."""
     n, S = vectors.shape
     sizes = np.array([len(rows) for rows in rivals])
     begins, block = np.cumsum(sizes) - sizes, np.repeat(np.arange(n), sizes)

@@ -45,7 +45,7 @@ class ShiftedBound:
         return f"<ShiftedBound: {len(self.vectors)} vectors + {self.shift:.3g}>"
 
     def value(self, belief: Belief) -> float:
-        """The bound at a belief (S,)."""
+        """Return the bound at a belief (S,)."""
         return float((self.vectors @ belief).max()) + self.shift
 
 

@@ -129,7 +129,7 @@ def _choose(
 
 
 def _find_best(vectors: Array, belief: Belief) -> int:
-    """The best vector at a belief; among equal ones, the best at a belief slightly inward."""
+    """Return the best vector at a belief; among equal ones, the best at a belief slightly inward."""
     values = vectors @ belief
     largest = values.max()
     equal = np.flatnonzero(values >= largest - TIE_TOLERANCE * max(1.0, abs(largest)))
@@ -179,11 +179,11 @@ def _drop_dominated(
 
 
 def _add_corners(beliefs: Array, states: int) -> Array:
-    """The beliefs, the corners and the uniform belief."""
+    """Return the beliefs, the corners and the uniform belief."""
     return np.concatenate([np.eye(states), np.full((1, states), 1 / states), beliefs])
 
 
 def _shift_inward(beliefs: Array) -> Array:
-    """(n, S) beliefs moved slightly towards an inner belief with distinct probabilities."""
+    """Return (n, S) beliefs moved slightly towards an inner belief with distinct probabilities."""
     centre = 1 + np.arange(1, beliefs.shape[1] + 1) * GOLDEN_RATIO % 1
     return np.asarray((1 - INWARD_SHIFT) * beliefs + INWARD_SHIFT * centre / centre.sum())

@@ -70,7 +70,7 @@ def solve_finite_horizon_exact(
         reason = "interrupted"
     except DeadlineExceeded:
         reason = "time limit"
-    return search.solution(reason)
+    return search.make_solution(reason)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +125,8 @@ class _Stages:
         if callback is not None:
             callback(Progress(*self.history[-1], len(stage.witnesses), len(self.stages)))
 
-    def solution(self, reason: str) -> FiniteHorizonSolution:
-        """The result of the stages so far."""
+    def make_solution(self, reason: str) -> FiniteHorizonSolution:
+        """Return the result of the stages so far."""
         last = self.stages[-1]
         low = last.policy.value(self.starts[0])
         return FiniteHorizonSolution(

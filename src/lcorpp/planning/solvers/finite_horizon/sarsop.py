@@ -84,7 +84,7 @@ def solve_finite_horizon(
 def _split_policy(
     pomdp: Pomdp, expanded: TimeExpandedPomdp, policy: Policy, discount: float
 ) -> tuple[Policy, ...]:
-    """The policy of each time, the last time first."""
+    """Return the policy of each time, the last time first."""
     S, all_states = expanded.states, np.arange(expanded.states)
     blind, policies = np.zeros((len(pomdp.actions), S)), []
     sets = _split_by_time(expanded, policy)
@@ -108,7 +108,10 @@ def _split_policy(
 
 
 def _split_by_time(expanded: TimeExpandedPomdp, policy: Policy) -> list[list[AlphaVectors]]:
-    """The alpha vectors of each time; vectors over all times belong to time 0, which no state leads to."""
+    """Return the alpha vectors of each time.
+
+    Vectors over all times count for time 0, to which no transition leads.
+    """
     S, by_time = expanded.states, [list[AlphaVectors]() for _ in range(expanded.horizon)]
     for each in policy.vector_sets:
         time = int(each.states[0]) // S
@@ -119,6 +122,6 @@ def _split_by_time(expanded: TimeExpandedPomdp, policy: Policy) -> list[list[Alp
 
 
 def _drop_dominated(vectors: Array, actions: npt.NDArray[np.intp]) -> tuple[Array, npt.NDArray[np.intp]]:
-    """The vectors that no later one equals or exceeds in every state."""
+    """Return the vectors that no later one equals or exceeds in every state."""
     kept = [k for k, vector in enumerate(vectors) if not (vectors[k + 1 :] >= vector).all(axis=1).any()]
     return vectors[kept], actions[kept]

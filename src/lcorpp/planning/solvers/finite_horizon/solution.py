@@ -41,7 +41,7 @@ class FiniteHorizonSolution:
         return len(self.policies)
 
     def policy(self, remaining: int) -> Policy:
-        """The policy for a number of remaining steps.
+        """Return the policy for a number of remaining steps.
 
         Raises:
             ModelError: the number is outside 1 to `horizon`.
@@ -51,11 +51,11 @@ class FiniteHorizonSolution:
         return self.policies[remaining - 1]
 
     def action(self, belief: Belief, remaining: int) -> int:
-        """Index of the action to take at a belief (S,) with a number of remaining steps."""
+        """Return the index of the action to take at a belief (S,) with a number of remaining steps."""
         return self.policy(remaining).action(belief)
 
     def summary(self) -> str:
-        """The result in one line of text."""
+        """Return the result in one line of text."""
         vectors = sum(len(policy) for policy in self.policies)
         return (
             f"{self.reason} after {self.seconds:.2f} s: value of {self.horizon} steps from the start in"

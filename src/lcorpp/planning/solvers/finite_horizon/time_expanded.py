@@ -43,7 +43,7 @@ class TimeExpandedPomdp:
         return (len(self.pomdp.states) - 1) // self.horizon
 
     def belief(self, belief: Belief, time: int) -> Belief:
-        """(H S + 1,) a belief (S,) at a time."""
+        """Return (H S + 1,) a belief (S,) at a time."""
         expanded = np.zeros(len(self.pomdp.states))
         expanded[time * self.states : (time + 1) * self.states] = belief
         return expanded
@@ -61,7 +61,7 @@ class TimeStepBound:
         return f"<TimeStepBound: time {self.time} of {self.expanded.horizon}>"
 
     def value(self, belief: Belief) -> float:
-        """The bound at a belief (S,)."""
+        """Return the bound at a belief (S,)."""
         return self.bound.value(self.expanded.belief(belief, self.time)) / float(
             self.expanded.weights[self.time]
         )

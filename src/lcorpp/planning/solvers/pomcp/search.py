@@ -146,7 +146,7 @@ class TreeSearch:
                 self._highest = mean
 
     def _select_action(self, node: History) -> int:
-        """The first action without a visit, otherwise the best action by UCB1."""
+        """Return the first action without a visit, otherwise the best action by UCB1."""
         visits, values = node.visits, node.values
         if node.total < len(visits):
             return node.total

@@ -37,10 +37,10 @@ class Simulator(Protocol[State]):
         """Simulate an action: the next state, the observation and the reward."""
 
     def value(self, state: State) -> float:
-        """An estimate of the value of a state, e.g. of a simple policy; 0 if the state is terminal."""
+        """Return an estimate of the value of a state, e.g. of a simple policy; 0 if the state is terminal."""
 
     def terminal(self, state: State) -> bool:
-        """Whether all later rewards are 0."""
+        """Return whether all later rewards are 0."""
 
 
 class TableSimulator:
@@ -76,15 +76,15 @@ class TableSimulator:
         return after, observation, self._reward[row]
 
     def value(self, state: int) -> float:
-        """An estimate of the value of a state."""
+        """Return an estimate of the value of a state."""
         return self._values[state]
 
     def terminal(self, state: int) -> bool:
-        """Whether all later rewards are 0."""
+        """Return whether all later rewards are 0."""
         return self._terminal[state]
 
     def state_sampler(self, belief: Belief) -> Callable[[], int]:
-        """A function that draws a state from a belief (S,)."""
+        """Return a function that draws a state from a belief (S,)."""
         states = np.flatnonzero(belief).tolist()
         sums = _cumulate(belief[states].tolist())
         return lambda: int(states[bisect_right(sums, next(self._numbers))])
@@ -120,14 +120,16 @@ def _draw_numbers(rng: np.random.Generator) -> Iterator[float]:
         yield from rng.random(BATCH_SIZE).tolist()
 
 
-def _mdp_values(pomdp: Pomdp) -> Array:
-    """(S,) values if the state is observed: an upper bound."""
+def _compute_mdp_values(pomdp: Pomdp) -> Array:
+    """Return (S,) values if the state is observed: an upper bound."""
     kernels = load_kernels()
-    return np.asarray(kernels.mdp_bound(build_model(kernels, pomdp), _tolerance(pomdp), 10.0).max(axis=0))
+    return np.asarray(
+        kernels.mdp_bound(build_model(kernels, pomdp), _compute_tolerance(pomdp), 10.0).max(axis=0)
+    )
 
 
-def _random_values(pomdp: Pomdp) -> Array:
-    """(S,) values of random actions: the expectation of a random rollout."""
+def _compute_random_values(pomdp: Pomdp) -> Array:
+    """Return (S,) values of random actions: the expectation of a random rollout."""
     from scipy.sparse import csr_array
 
     A, S, _ = pomdp.transition.shape
@@ -146,13 +148,18 @@ def _random_values(pomdp: Pomdp) -> Array:
         start=pomdp.start,
     )
     kernels = load_kernels()
-    return np.asarray(kernels.blind_policies(build_model(kernels, random_walk), _tolerance(pomdp), 10.0)[0])
+    return np.asarray(
+        kernels.blind_policies(build_model(kernels, random_walk), _compute_tolerance(pomdp), 10.0)[0]
+    )
 
 
-def _tolerance(pomdp: Pomdp) -> float:
+def _compute_tolerance(pomdp: Pomdp) -> float:
     """Estimates need only three digits."""
     return 1e-3 * float(np.ptp(pomdp.reward)) + 1e-12
 
 
-LEAF_VALUES: Mapping[str, Callable[[Pomdp], Array]] = {"mdp": _mdp_values, "random": _random_values}
+LEAF_VALUES: Mapping[str, Callable[[Pomdp], Array]] = {
+    "mdp": _compute_mdp_values,
+    "random": _compute_random_values,
+}
 """Estimates of the value of the last state of a simulation: with observed state, or of random actions."""
