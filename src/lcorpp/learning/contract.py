@@ -87,13 +87,13 @@ def fit_clone(estimator: Any, tracks: Array, labels: npt.ArrayLike) -> Any:
     try:
         trained = clone(estimator)
     except (TypeError, RuntimeError) as error:  # a constructor that scikit-learn cannot repeat
-        raise _failure(estimator, "clone", error) from error
+        raise _make_failure(estimator, "clone", error) from error
     try:
         trained.fit(tracks, labels)
     except LcorppError:
         raise
     except (Exception, SystemExit) as error:
-        raise _failure(estimator, "fit", error) from error
+        raise _make_failure(estimator, "fit", error) from error
     classes = np.asarray(getattr(trained, "classes_", None))
     if classes.ndim != 1:
         raise DataError(f"{name_of(estimator)} has no classes_ after fit; expected a scikit-learn classifier")
@@ -113,7 +113,7 @@ def predict_proba(trained: Any, tracks: Array) -> Array:
     except LcorppError:
         raise
     except (Exception, SystemExit) as error:
-        raise _failure(trained, "predict_proba", error) from error
+        raise _make_failure(trained, "predict_proba", error) from error
     shape = (len(tracks), len(trained.classes_))
     if probabilities.shape != shape:
         raise DataError(
@@ -138,5 +138,5 @@ def name_of(estimator: Any) -> str:
     return name_of(estimator.classifier) if isinstance(estimator, SigmoidScores) else type(estimator).__name__
 
 
-def _failure(estimator: Any, method: str, error: BaseException) -> DataError:
+def _make_failure(estimator: Any, method: str, error: BaseException) -> DataError:
     return DataError(f"{name_of(estimator)} failed in {method}: {type(error).__name__}: {error}")

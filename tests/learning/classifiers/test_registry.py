@@ -101,7 +101,7 @@ def test_learners_that_there_are_not(name, options, words):
 
 
 @pytest.mark.skipif(find_spec("aeon") is not None, reason="aeon is installed")
-def test_without_aeon_it_is_said_how_to_get_it():
+def test_without_aeon_the_error_names_the_installation():
     with pytest.raises(DataError, match=r"minirocket needs aeon, .* pip install 'lcorpp\[aeon\]'"):
         learner("minirocket")
 
@@ -159,14 +159,14 @@ def test_a_classifier_from_a_file_of_ones_own(own):
     assert cross_validate(estimator, DATA, jobs=2).accuracy > 0.9  # and the workers know its class
 
 
-def test_what_has_scores_only_is_given_probabilities(own):
+def test_a_classifier_with_scores_only_is_wrapped(own):
     estimator = learner(f"{own}:sgd", seed=5)
     assert isinstance(estimator, SigmoidScores)
     assert estimator.get_params()["classifier__sgdclassifier__random_state"] == 5  # it was left open
     assert cross_validate(estimator, DATA, folds=3).auc > 0.9
 
 
-def test_what_is_set_has_to_be_asked_for(own):
+def test_an_option_that_a_learner_lacks_is_an_error(own):
     with pytest.raises(DataError, match=r"epochs is set, but .*mine\.py:by_speed has no parameter of that"):
         learner(f"{own}:by_speed", epochs=3)
 
@@ -230,7 +230,7 @@ class Odd(BaseEstimator):
         ("narrow", r"gave shape \(\d+, 1\); expected \(\d+, 2\)"),
     ],
 )
-def test_estimators_that_break_the_contract_are_told(way, words):
+def test_estimators_that_break_the_contract_are_errors(way, words):
     with pytest.raises(DataError, match=words):
         cross_validate(Odd(way), DATA, folds=2)
 

@@ -44,7 +44,7 @@ def trained() -> TrainedClassifier:
     return train_and_validate(pipeline, walkers(), folds=2)[0]
 
 
-def test_what_is_loaded_classifies_as_what_was_saved(trained, tmp_path):
+def test_a_loaded_classifier_predicts_as_the_saved_one(trained, tmp_path):
     save_classifier(trained, tmp_path / "lstm.npz")
     loaded = load_classifier(tmp_path / "lstm.npz")
     tracks = walkers(30, seed=9).trajectories
@@ -106,7 +106,7 @@ def test_the_baseline_is_stored_like_the_lstm(tmp_path):
 
 
 @pytest.mark.skipif(find_spec("skops") is not None, reason="skops is installed")
-def test_without_skops_it_is_said_how_to_get_it(tmp_path):
+def test_without_skops_the_error_names_the_installation(tmp_path):
     other = TrainedClassifier(make_pipeline(LogisticRegression()))
     with pytest.raises(DataError, match=r"LogisticRegression can be stored only with skops: pip install"):
         save_classifier(other, tmp_path / "c")
@@ -169,7 +169,7 @@ def test_progress_is_not_kept(trained, tmp_path):
     assert load_classifier(tmp_path / "c").estimator.get_params()["lstm__progress"] is None
 
 
-def test_what_cannot_be_stored_is_told(tmp_path):
+def test_a_classifier_that_cannot_be_stored_is_an_error(tmp_path):
     with pytest.raises(DataError, match="only a pipeline can be stored, not LogisticRegression"):
         save_classifier(TrainedClassifier(LogisticRegression()), tmp_path / "c")
     with pytest.raises(DataError, match="step 'motion' is not trained"):
@@ -203,7 +203,7 @@ def test_a_foreign_file_is_refused(tmp_path, content):
         load_classifier(tmp_path / "c")
 
 
-def test_a_missing_file_is_told(tmp_path):
+def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(FileError, match="cannot be read"):
         load_classifier(tmp_path / "nothing")
 

@@ -42,7 +42,7 @@ def test_a_cut_calls_otherwise():
     ) == {"slow"}
 
 
-def test_soft_evidence_is_what_the_calibration_makes_of_the_probabilities():
+def test_soft_evidence_is_the_calibrated_likelihood():
     calibration = Calibration(
         ("fast", "slow"), 0.5, np.array([0.3, 0.0]), np.array([0.1, 0.05]), np.array([0.1, 0.9])
     )

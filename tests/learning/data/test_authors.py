@@ -102,7 +102,7 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 @real
-def test_the_real_data_is_what_is_known_of_it():
+def test_the_authors_data_have_their_known_properties():
     data = read_authors(REAL, labels=LABELS)
     assert data.trajectories.shape == (123, 2, 304)
     assert data.labels == ("interested",) * 63 + ("not_interested",) * 60
@@ -114,7 +114,7 @@ def test_the_real_data_is_what_is_known_of_it():
 
 
 @real
-def test_a_note_reports_the_leak_of_the_real_data():
+def test_a_warning_reports_the_leak_of_the_authors_data():
     data = read_data(REAL, labels=LABELS)
     end, duration, sampling = measure_leakage(data, n_splits=2)
     assert end.auc.estimate >= 0.98
@@ -127,7 +127,7 @@ def test_a_note_reports_the_leak_of_the_real_data():
 
 @real
 @pytest.mark.slow
-def test_the_paper_s_lstm_on_relative_motion_reaches_the_honest_ceiling():
+def test_the_papers_lstm_on_relative_motion_has_its_known_auc():
     """Every tenth sample of motion relative to the first point, five grouped folds, 300 epochs."""
     pytest.importorskip("torch", reason="torch is not installed (lcorpp[torch])")
     data = read_data(REAL, labels=LABELS)

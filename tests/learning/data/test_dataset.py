@@ -17,7 +17,7 @@ def small(labels: str, groups: str = "") -> Dataset:
     return Dataset(tracks, tuple(labels), tuple(groups))
 
 
-def test_extended_adds_a_row_and_leaves_the_old_data():
+def test_append_adds_a_row_and_leaves_the_old_data_set_unchanged():
     old = small("ab")
     new = old.append([(9 * np.ones((2, 5)), "b")], ["person 3"])
     assert len(old) == 2
@@ -28,16 +28,16 @@ def test_extended_adds_a_row_and_leaves_the_old_data():
     assert np.array_equal(new.trajectories[:2], old.trajectories)
 
 
-def test_extended_refuses_another_shape():
+def test_append_of_another_shape_is_an_error():
     with pytest.raises(DataError, match=r"shape \(2, 4\) does not fit .* \(2, 5\)"):
         small("ab").append([(np.ones((2, 4)), "a")], ["g"])
 
 
-def test_extended_by_nothing_is_the_same():
+def test_append_of_no_rows_changes_nothing():
     assert small("ab").append([], []).labels == ("a", "b")
 
 
-def test_one_class_is_named():
+def test_data_of_a_single_class_are_an_error():
     with pytest.raises(DataError, match="all 3 cases are of class 'a'"):
         check_trainable(small("aaa"))
 
@@ -87,7 +87,7 @@ def test_split_is_in_proportion_and_repeatable():
     assert split(data, seed=4)[1].groups == test.groups != split(data, seed=5)[1].groups
 
 
-def test_split_refuses_to_leave_a_side_without_a_class():
+def test_a_split_that_leaves_a_side_without_a_class_is_an_error():
     with pytest.raises(DataError, match=r"a test share of 0.3 leaves the test data without b"):
         split(small("aaaaaaaaab"), seed=0)
     with pytest.raises(DataError, match="between 0 and 1, not 1"):

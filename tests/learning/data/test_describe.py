@@ -14,7 +14,7 @@ from lcorpp.learning.data.describe import describe, join_pairs
 from .texts import crowd, walk
 
 
-def test_what_two_walks_are():
+def test_the_description_of_two_known_walks():
     found = describe(Recording((walk("a", seconds=10), walk("b", seconds=20), walk("c", None, seconds=5))))
     known, unknown = found.classes
     assert (known.name, known.tracks, known.groups, known.samples) == ("in", 2, 2, 301 + 601)
@@ -34,7 +34,7 @@ def test_jitter_is_that_of_the_intervals():
     assert found.jitter == pytest.approx(0.1, abs=0.01)  # three standard errors
 
 
-def test_noise_is_no_way():
+def test_noise_does_not_increase_the_mean_speed():
     rng = np.random.default_rng(0)
     times = np.arange(600) / 30
     columns = {"x": rng.normal(0, 0.02, 600), "y": rng.normal(0, 0.02, 600)}
@@ -43,7 +43,7 @@ def test_noise_is_no_way():
     assert found.fastest[0] > 1
 
 
-def test_tracks_that_are_there_twice():
+def test_duplicate_tracks_are_found():
     tracks = list(crowd(30).tracks)
     same = replace(tracks[3], id="again", group="someone")
     later = replace(tracks[5], id="later", times=tracks[5].times + 1000)
@@ -64,6 +64,6 @@ def test_tracks_that_are_there_twice():
     assert join_pairs((("a", "b"),) * 7).endswith("a and b, ... (7 pairs)")
 
 
-def test_nothing_to_describe():
+def test_an_empty_recording_cannot_be_described():
     with pytest.raises(DataError, match="there are no tracks to describe"):
         describe(Recording(()))

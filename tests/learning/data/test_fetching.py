@@ -26,7 +26,7 @@ def web(monkeypatch):
         yield made
 
 
-def test_a_file_comes_whole_and_only_once(web, tmp_path):
+def test_a_file_is_downloaded_completely_and_only_once(web, tmp_path):
     reports = []
     file = fetch(web.url, tmp_path / "new", sha256=DIGEST, progress=lambda *at: reports.append(at))
     assert file == tmp_path / "new" / "people here.csv"
@@ -38,7 +38,7 @@ def test_a_file_comes_whole_and_only_once(web, tmp_path):
 
 
 @pytest.mark.parametrize("digest", [DIGEST, None])
-def test_a_connection_that_is_cut_again_and_again(web, tmp_path, digest):
+def test_a_download_survives_repeated_cuts(web, tmp_path, digest):
     web.cut = 70_000
     assert fetch(web.url, tmp_path, sha256=digest, wait=0).read_bytes() == CONTENT
     starts = [int(asked.strip("bytes=-")) if asked else 0 for asked, _ in web.asked]
@@ -48,7 +48,7 @@ def test_a_connection_that_is_cut_again_and_again(web, tmp_path, digest):
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_another_call_goes_on_where_the_first_had_to_stop(web, tmp_path):
+def test_a_second_call_resumes_the_partial_file(web, tmp_path):
     web.cut = 100_000
     part = tmp_path / "people here.csv.part"
 
@@ -72,19 +72,19 @@ def left(folder, content, tag=TAG):
     (folder / "people here.csv.part.version").write_text(tag)
 
 
-def test_a_file_that_changed_meanwhile_is_brought_anew(web, tmp_path):
+def test_a_file_that_changed_meanwhile_is_downloaded_again(web, tmp_path):
     left(tmp_path, b"of an older version", '"older"')
     assert fetch(web.url, tmp_path).read_bytes() == CONTENT
     assert web.asked == [("bytes=19-", '"older"')]
 
 
-def test_a_server_that_knows_no_parts(web, tmp_path):
+def test_a_server_without_range_requests(web, tmp_path):
     left(tmp_path, CONTENT[:1000])
     web.ranges = False
     assert fetch(web.url, tmp_path, sha256=DIGEST).read_bytes() == CONTENT
 
 
-def test_without_a_version_only_a_checksum_allows_to_go_on(web, tmp_path):
+def test_without_a_version_only_a_checksum_allows_to_resume(web, tmp_path):
     web.tag = ""
     left(tmp_path, CONTENT[:1000], "")
     assert fetch(web.url, tmp_path).read_bytes() == CONTENT
@@ -95,18 +95,18 @@ def test_without_a_version_only_a_checksum_allows_to_go_on(web, tmp_path):
     assert web.asked.pop() == ("bytes=1000-", None)
 
 
-def test_a_part_that_is_whole_already(web, tmp_path):
+def test_a_partial_file_that_is_already_complete(web, tmp_path):
     left(tmp_path, CONTENT)
     assert fetch(web.url, tmp_path, sha256=DIGEST).read_bytes() == CONTENT
     assert len(web.asked) == 1
 
 
-def test_a_part_that_is_longer_than_the_file_is_given_up(web, tmp_path):
+def test_a_partial_file_longer_than_the_file_is_discarded(web, tmp_path):
     left(tmp_path, CONTENT + b"and more")
     assert fetch(web.url, tmp_path, sha256=DIGEST, wait=0).read_bytes() == CONTENT
 
 
-def test_another_file_than_expected_is_not_kept(web, tmp_path):
+def test_a_file_with_another_checksum_is_not_kept(web, tmp_path):
     with pytest.raises(DataError, match="not the file expected: SHA256 hash of downloaded file"):
         fetch(web.url, tmp_path, sha256="0" * 64)
     assert list(tmp_path.iterdir()) == []
@@ -124,7 +124,7 @@ def test_a_file_of_the_user_is_never_replaced(web, tmp_path):
     assert web.asked == []
 
 
-def test_what_the_server_refuses(web, tmp_path):
+def test_errors_of_the_server_are_reported(web, tmp_path):
     web.status = 404
     with pytest.raises(FileError, match="the server answered 404 Not Found"):
         fetch(web.url, tmp_path, wait=0)
@@ -135,7 +135,7 @@ def test_what_the_server_refuses(web, tmp_path):
     assert len(web.asked) == 5
 
 
-def test_offline(tmp_path, monkeypatch):
+def test_an_unreachable_server_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setenv("NO_PROXY", "*")
     with socket.socket() as taken:  # bound, but not listening
         taken.bind(("127.0.0.1", 0))
@@ -148,12 +148,12 @@ def test_offline(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "url", ["people.csv", "ftp://there/a.csv", "http://there/", "http://there/..", "x:/a"]
 )
-def test_what_is_no_address(tmp_path, url):
+def test_a_malformed_address_is_an_error(tmp_path, url):
     with pytest.raises(DataError, match="is not the address of a file"):
         fetch(url, tmp_path)
 
 
-def test_what_is_no_checksum(tmp_path):
+def test_a_malformed_checksum_is_an_error(tmp_path):
     with pytest.raises(DataError, match="'beef' is not a checksum; expected the 64 hexadecimal digits"):
         fetch("http://there/a.csv", tmp_path, sha256="beef")
 

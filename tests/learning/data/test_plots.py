@@ -37,10 +37,10 @@ def test_the_speeds_are_those_of_the_tracks():
     assert times.max() == pytest.approx(-0.2)
 
 
-def test_tracks_too_short_for_a_speed_are_drawn_all_the_same():
+def test_tracks_too_short_for_a_speed_are_drawn():
     assert len(plot_tracks(Recording((walk("a", seconds=0.1),))).axes) == 2
 
 
-def test_nothing_to_draw():
+def test_an_empty_recording_cannot_be_drawn():
     with pytest.raises(DataError, match="there are no tracks to draw"):
         plot_tracks(Recording(()))

@@ -75,7 +75,7 @@ def test_atc_data_with_labels_in_a_file_of_their_own(tmp_path):
         ('7,"1\n', 1, 1, "not a row of CSV"),
     ],
 )
-def test_files_of_labels_that_are_wrong(tmp_path, text, line, column, words):
+def test_malformed_label_files_are_located(tmp_path, text, line, column, words):
     labels = written(tmp_path, text, "labels.csv")
     with pytest.raises(ParseError) as caught:
         read_recording(written(tmp_path, atc_rows(7)), label_file=labels, labels={"1": "in", "0": "out"})
@@ -89,7 +89,7 @@ def test_labels_from_two_places_are_refused(tmp_path):
         read_recording(written(tmp_path, GOOD), label_file=labels)
 
 
-def test_one_label_for_an_id_of_two_people_is_refused_or_left_out(tmp_path):
+def test_a_label_for_an_id_of_two_people_is_an_error_or_left_out(tmp_path):
     file = written(tmp_path, atc_rows(7) + atc_rows(7, start=1350869000.0) + atc_rows(8))
     labels = written(tmp_path, "7,in\n8,out\n", "labels.csv")
     with pytest.raises(DataError, match=r"track '7': its id was given to 2 people; the label 'in' may be"):
@@ -97,7 +97,7 @@ def test_one_label_for_an_id_of_two_people_is_refused_or_left_out(tmp_path):
     assert [t.id for t in read_recording(file, label_file=labels, repair=["gaps", "labels"]).tracks] == ["8"]
 
 
-def test_what_labels_mean(tmp_path):
+def test_labels_are_converted_to_classes(tmp_path):
     file = written(tmp_path, GOOD.replace("in", "1"))
     recording = read_recording(file, labels={"1": "in", "0": "out"})  # "out" is a class
     assert recording.labels == ("in", "out")
@@ -132,7 +132,7 @@ def test_a_damaged_data_set(tmp_path, cut):
         read_data(tmp_path / "d.npz")
 
 
-def test_read_data_takes_the_last_seconds_and_says_who_is_too_short(tmp_path):
+def test_read_data_uses_the_last_seconds_and_notes_short_tracks(tmp_path):
     text = HEADING + rows("a", "in", samples=40) + rows("b", "out", samples=12) + rows("c", "out", samples=45)
     data = read_data(written(tmp_path, text), interval=0.1, points=31)
     assert data.labels == ("in", "out")
@@ -167,14 +167,14 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("text", "words", "line", "column"), WRONG, ids=range(len(WRONG)))
-def test_files_of_no_format(tmp_path, text, words, line, column):
+def test_files_of_unknown_format_are_located(tmp_path, text, words, line, column):
     with pytest.raises(ParseError) as caught:
         read_recording(written(tmp_path, text))
     assert (caught.value.line, caught.value.column) == (line, column)
     assert words in str(caught.value)
 
 
-def test_files_that_are_not_there_or_not_text(tmp_path):
+def test_missing_and_binary_files_are_errors(tmp_path):
     with pytest.raises(FileError, match=r"no\.csv: cannot be read: No such file"):
         read_recording(tmp_path / "no.csv")
     (tmp_path / "picture.csv").write_bytes(b"\x89PNG\0\0\0")
@@ -199,7 +199,7 @@ def test_arguments_out_of_range(tmp_path):
         read_recording(file, gap=0)
 
 
-def test_batches_do_not_show(tmp_path, monkeypatch):
+def test_the_size_of_batches_does_not_affect_the_result(tmp_path, monkeypatch):
     whole = read_recording(written(tmp_path, GOOD + rows("a", "in", start=2.0)))
     monkeypatch.setattr("lcorpp.learning.data.csv_reader.BATCH_LINES", 5)
     reports = []
@@ -225,7 +225,7 @@ cells = st.one_of(
 
 @settings(max_examples=60)
 @given(rows=st.lists(st.tuples(cells, cells), min_size=1, max_size=8), quoted=st.booleans())
-def test_the_quick_way_and_the_careful_way_read_the_same(tmp_path_factory, rows, quoted):
+def test_parsing_at_once_and_by_row_agree(tmp_path_factory, rows, quoted):
     file = tmp_path_factory.mktemp("rows") / "a.csv"
     name = '"a, b"' if quoted else "a"
     file.write_text("".join(f"{name},{number},{x},{y}\n" for number, (x, y) in enumerate(rows)))
@@ -264,7 +264,7 @@ def test_a_data_set_whose_bytes_are_changed_is_refused_or_whole(tmp_path_factory
     ),
     repairs=st.sampled_from([(), ("all",), ("rows", "cut"), ("gaps", "order", "nonfinite")]),
 )
-def test_no_tracking_data_end_in_anything_but_tracks_or_a_typed_error(tmp_path_factory, edits, repairs):
+def test_any_tracking_data_give_tracks_or_a_typed_error(tmp_path_factory, edits, repairs):
     text = atc_rows(7) + atc_rows(9, speed=0.5)
     for at, letters in edits:
         text = text[:at] + letters + text[at + 1 :]

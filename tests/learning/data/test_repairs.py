@@ -132,7 +132,7 @@ LABELS = {"in": "in", "out": "out"}
     FAULTS,
     ids=[f"{fault[0]}-{number}" for number, fault in enumerate(FAULTS)],
 )
-def test_a_fault(tmp_path, repair, text, line, column, words, changed, left):
+def test_a_fault_is_located_or_repaired(tmp_path, repair, text, line, column, words, changed, left):
     others = set(REPAIRS) - {repair}
     for allowed in ((), others):
         with pytest.raises(ParseError) as caught:
@@ -151,7 +151,7 @@ def test_a_fault(tmp_path, repair, text, line, column, words, changed, left):
     ]
 
 
-def test_what_is_repaired_is_right(tmp_path):
+def test_repaired_values_are_correct(tmp_path):
     shuffled = GOOD.splitlines(keepends=True)
     body = [shuffled[1 + i] for i in np.random.default_rng(3).permutation(24)]
     recording = read(tmp_path, HEADING + "".join(body), repair=["order"])
@@ -190,7 +190,7 @@ def precise(text):
     return "\n".join(lines) + "\n"
 
 
-def test_speeds_that_no_unit_explains_are_always_refused(tmp_path):
+def test_speeds_that_no_unit_explains_are_always_an_error(tmp_path):
     with pytest.raises(ParseError, match="no unit of length explains it"):
         read(tmp_path, HEADING + rows("a", "in", speed=1e6), repair=["all"])
 
@@ -215,7 +215,7 @@ def test_a_line_without_an_end_that_is_whole_is_read_with_a_note(tmp_path):
     assert recording.notes == ("the last line has no line end: its last number may have been cut",)
 
 
-def test_everything_at_once_is_counted_and_named(tmp_path):
+def test_several_faults_at_once_are_counted_and_named(tmp_path):
     text = GOOD.replace(A4, "a,0.2,nan,2.00,in\na,0.2,x,2,in\n") + "c,0,1,1,in\n" + rows("d", "") + "e,1"
     recording = read(tmp_path, text, repair=["all"])
     assert [(track.id, len(track)) for track in recording.tracks] == [("a", 11), ("b", 12)]
@@ -231,7 +231,7 @@ def test_everything_at_once_is_counted_and_named(tmp_path):
     assert [line.split(",")[2] for line in table[1:]] == [str(repair.line) for repair in recording.repairs]
 
 
-def test_a_file_of_which_nothing_is_left(tmp_path):
+def test_a_file_without_remaining_tracks_is_an_error(tmp_path):
     assert len(read(tmp_path, HEADING + "c,0,1,1,in\n", repair=["all"])) == 0
 
 
@@ -246,7 +246,7 @@ def test_a_file_of_which_nothing_is_left(tmp_path):
     cut=st.integers(0, 600),
     repairs=st.sets(st.sampled_from(sorted(REPAIRS))),
 )
-def test_no_text_ends_in_anything_but_tracks_or_a_typed_error(tmp_path_factory, edits, cut, repairs):
+def test_any_text_gives_tracks_or_a_typed_error(tmp_path_factory, edits, cut, repairs):
     text = GOOD
     for at, letters in edits:
         text = text[:at] + letters + text[at + 1 :]
@@ -262,7 +262,7 @@ def test_no_text_ends_in_anything_but_tracks_or_a_typed_error(tmp_path_factory, 
         assert np.all(np.diff(track.times) > 0)
 
 
-def test_a_track_is_checked_when_it_is_made():
+def test_malformed_tracks_are_rejected_at_construction():
     from lcorpp.learning import Recording, Track
 
     times = np.arange(3.0)

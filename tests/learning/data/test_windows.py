@@ -13,7 +13,7 @@ from lcorpp.values import Dataset
 from .texts import walk
 
 
-def test_the_last_and_the_first_seconds_of_a_walk():
+def test_windows_at_the_end_and_the_start_of_a_track():
     recording = Recording((walk("a", seconds=12), walk("b", "out", seconds=10)), "walks", ("a note",))
     data = to_dataset(recording)
     assert data.trajectories.shape == (2, 2, 304)
@@ -27,7 +27,7 @@ def test_the_last_and_the_first_seconds_of_a_walk():
     assert (first.interval, first.channels) == (0.4, ("x", "y"))
 
 
-def test_angles_go_the_shorter_way_round():
+def test_angles_are_resampled_the_shorter_way_round():
     turning = np.linspace(3.0, 3.4, 361)
     track = walk("a", heading=(turning + np.pi) % (2 * np.pi) - np.pi)
     data = to_dataset(Recording((track,)), interval=0.05, points=201, channels=("x", "y", "heading"))
@@ -35,7 +35,7 @@ def test_angles_go_the_shorter_way_round():
     assert np.abs(data.trajectories[0, 2]).max() <= np.pi
 
 
-def test_who_is_too_short_is_left_out_counted_and_named_by_class():
+def test_short_tracks_are_left_out_and_counted_by_class():
     seconds = (12.0, 9.95, 9.99, 10.0, 3.0)
     tracks = [walk(str(i), ("in", "out")[i % 2], seconds=s, rate=100) for i, s in enumerate(seconds)]
     data = to_dataset(Recording(tuple(tracks)))
@@ -43,7 +43,7 @@ def test_who_is_too_short_is_left_out_counted_and_named_by_class():
     assert data.notes == ("2 of 5 tracks are shorter than 9.999 s and left out: 1 in, 1 out",)
 
 
-def test_a_rectangle_comes_back_as_it_was():
+def test_rectangular_tracks_are_unchanged():
     rng = np.random.default_rng(0)
     data = Dataset(rng.normal(size=(4, 2, 30)), ("a", "b") * 2, ("p", "q", "q", "r"), interval=0.1)
     back = to_dataset(to_recording(data), interval=0.1, points=30)
@@ -63,7 +63,7 @@ def test_a_rectangle_comes_back_as_it_was():
         ({"points": 1000}, r"walks: every track is shorter than 32\.967 s .* the longest lasts 12\.000 s"),
     ],
 )
-def test_what_cannot_be_asked(options, words):
+def test_arguments_out_of_range_are_errors(options, words):
     with pytest.raises(DataError, match=words):
         to_dataset(Recording((walk("a"),), "walks"), **options)
 

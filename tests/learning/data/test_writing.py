@@ -61,7 +61,7 @@ def test_samples_closer_than_the_decimals_are_not_written_to_csv(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_columns_and_labels_that_not_every_track_has_are_left_away(tmp_path):
+def test_columns_and_labels_that_some_tracks_lack_are_not_written(tmp_path):
     recording = Recording((walk("a", facing=np.zeros(361)), walk("b", None)))
     write_recording(recording, tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_text().startswith("track,time,x,y\na,5.0000,0.0000,2.0000\n")

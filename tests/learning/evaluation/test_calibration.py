@@ -165,7 +165,7 @@ def test_each_fold_is_calibrated_by_the_others():
     )
 
 
-def test_it_travels_as_json_and_refuses_what_is_none():
+def test_calibration_is_restored_from_json_and_invalid_numbers_are_errors():
     found = fit_calibration(CLASSES, *said(1.3, 0.2, 300))
     again = Calibration.from_json(found.to_json())
     assert again.to_json() == found.to_json()

@@ -20,7 +20,7 @@ def ending_at(ends: np.ndarray) -> Dataset:
     return Dataset(ends[:, :, None] * np.linspace(0, 1, 4), ("in", "out") * (len(ends) // 2))
 
 
-def test_a_ring_around_the_others_is_a_perfect_leak():
+def test_a_nonlinear_leak_by_end_position_is_detected():
     angle = np.random.default_rng(0).uniform(0, 2 * np.pi, 80)
     radius = np.where(np.arange(80) % 2 == 0, 1.0, 5.0)
     data = ending_at(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1))
@@ -31,7 +31,7 @@ def test_a_ring_around_the_others_is_a_perfect_leak():
     assert "predicted from end position alone (AUC 1.00)" in (format_leakage_warning(data) or "")
 
 
-def test_what_is_drawn_alike_does_not_leak():
+def test_classes_of_equal_distribution_do_not_leak():
     leaks = by_name(crowd(300), n_splits=2)
     assert list(leaks) == ["end position", "duration", "sampling"]
     for leak in leaks.values():
@@ -41,29 +41,29 @@ def test_what_is_drawn_alike_does_not_leak():
     assert format_leakage_warning(crowd(60)) is None
 
 
-def changed(change) -> Recording:
-    """A crowd of whom every second, those of class "out", is changed."""
+def change_second_class(change) -> Recording:
+    """A crowd whose tracks of class "out", every second one, are changed."""
     return Recording(tuple(change(t) if t.label == "out" else t for t in crowd(60).tracks))
 
 
-def cluster_bootstrap_weights(track: Track) -> Track:
-    """At twice the rate, by straight lines."""
+def resample_twice_as_fast(track: Track) -> Track:
+    """Resample to twice the rate by linear interpolation."""
     times = np.linspace(track.times[0], track.times[-1], 2 * len(track) - 1)
     columns = {name: np.interp(times, track.times, values) for name, values in track.columns.items()}
     return Track(track.id, times, columns, track.label)
 
 
-def shortened(track: Track) -> Track:
+def drop_first_samples(track: Track) -> Track:
     columns = {name: values[8:] for name, values in track.columns.items()}
     return Track(track.id, track.times[8:], columns, track.label)
 
 
-def even(track: Track) -> Track:
+def make_times_even(track: Track) -> Track:
     times = np.linspace(track.times[0], track.times[-1], len(track))
     return Track(track.id, times, track.columns, track.label)
 
 
-def whole(track: Track) -> Track:
+def round_to_millimetres(track: Track) -> Track:
     columns = {name: np.round(values, 3) for name, values in track.columns.items()}
     return Track(track.id, track.times, columns, track.label)
 
@@ -71,19 +71,19 @@ def whole(track: Track) -> Track:
 @pytest.mark.parametrize(
     ("change", "leaks"),
     [
-        (cluster_bootstrap_weights, ["duration", "sampling"]),  # the number of samples, too
-        (shortened, ["duration"]),
-        (even, ["sampling"]),
-        (whole, ["sampling"]),
+        (resample_twice_as_fast, ["duration", "sampling"]),  # the number of samples, too
+        (drop_first_samples, ["duration"]),
+        (make_times_even, ["sampling"]),
+        (round_to_millimetres, ["sampling"]),
     ],
 )
-def test_what_was_done_to_one_class_alone_is_found(change, leaks):
-    found = by_name(changed(change), n_splits=1)
+def test_processing_of_one_class_is_detected_by_its_shortcut(change, leaks):
+    found = by_name(change_second_class(change), n_splits=1)
     assert [name for name, leak in found.items() if leak.is_suspicious] == leaks
 
 
-def test_how_smooth_a_walk_is_leaves_no_trace():
-    """Tracks of two classes that differ in speed and noise, never in exact numbers, are recorded alike."""
+def test_smoothness_does_not_affect_the_sampling_features():
+    """Two classes that differ in speed and noise, but not in numerical traces."""
     rng = np.random.default_rng(0)
     noise = np.where(np.arange(60) % 2, 0.1, 0.001)[:, None, None]
     tracks = np.cumsum(rng.normal(0, 1, (60, 2, 100)) * noise, axis=2)
@@ -91,7 +91,7 @@ def test_how_smooth_a_walk_is_leaves_no_trace():
     assert (sampling.auc.estimate, sampling.auc.low, sampling.auc.high) == (0.5, 0.5, 0.5)
 
 
-def test_the_traces_of_a_track_by_hand():
+def test_shortcut_features_of_a_known_track():
     times = np.array([0.0, 1, 2, 3, 4, 5.5])
     x = np.array([0.0, 1, 2, 3, 3, 3.0004])
     traces = compute_shortcut_features(Track("a", times, {"x": x, "y": np.zeros(6)}, "in"))
@@ -100,8 +100,8 @@ def test_the_traces_of_a_track_by_hand():
     np.testing.assert_allclose(traces["sampling"], [1.1, 1.0, 0.2, 1.5, 2 / 4, 2, 1 / 5, 5 / 6], atol=1e-9)
 
 
-def test_groups_are_never_divided():
-    """Three walks a person to one place, which tells nothing of others but all of the person's own walks."""
+def test_folds_keep_groups_whole():
+    """Three walks per person to one place: it predicts the person's other walks, but nobody else's."""
     rng = np.random.default_rng(0)
     ends = np.repeat(rng.normal(size=(60, 2)), 3, axis=0) + rng.normal(0, 1e-3, (180, 2))
     labels = tuple(np.repeat(rng.permutation(["in", "out"] * 30), 3).tolist())
@@ -111,7 +111,7 @@ def test_groups_are_never_divided():
     assert by_name(Dataset(tracks, labels), n_splits=1)["end position"].auc.estimate > 0.75
 
 
-def test_more_than_two_classes_and_too_few():
+def test_three_classes_are_measured_and_missing_requirements_are_errors():
     assert by_name(walkers(90, classes=3), n_splits=1)["end position"].auc.estimate < 0.75
     with pytest.raises(DataError, match="two classes; all 6 tracks are slow"):
         measure_leakage(walkers(6, classes=1))
@@ -126,10 +126,10 @@ def test_more_than_two_classes_and_too_few():
         measure_leakage(Dataset(np.zeros((4, 1, 3)), ("a", "b") * 2, channels=("x",)))
     with pytest.raises(DataError, match="two classes; there are no tracks"):
         measure_leakage(Recording(()))
-    assert format_leakage_warning(walkers(6)) is None  # learning refuses it in its own words
+    assert format_leakage_warning(walkers(6)) is None  # `check_trainable` has the better message
 
 
-def test_the_area_is_that_of_scikit_learn():
+def test_auc_equals_that_of_scikit_learn():
     from sklearn.metrics import roc_auc_score
 
     rng = np.random.default_rng(0)

@@ -68,7 +68,7 @@ def test_the_reliability_curve_holds_everybody_once():
     assert [(b.predicted, b.observed.estimate, b.observed.high) for b in few] == [(0.5, 1.0, 1.0)]
 
 
-def test_intervals_hold_what_they_say():
+def test_intervals_have_their_nominal_coverage():
     """Of 60 samples some 57 have the true AUC in their interval; 3 or fewer of 60 miss with probability .65,
     and more than 8 with probability .004."""
     truth = roc_auc_score(*reversed(cases(200_000, seed=99)))

@@ -29,7 +29,7 @@ def three():
     return cross_validate(learner("summaries"), walkers(90, points=304, classes=3), folds=3)
 
 
-def test_a_report_says_what_the_validation_says(two):
+def test_a_report_has_the_metrics_of_the_validation(two):
     found = build_report(two, positive="fast", learner="summaries", source="walks")
     assert (found.cases, found.people, found.folds) == (120, 40, 5)
     assert found.accuracy.estimate == pytest.approx(two.accuracy)
@@ -57,7 +57,7 @@ def test_notebooks_show_short_texts_and_tables(two, three):
         assert "expected calibration error, calibrated" in report._repr_html_()
 
 
-def test_three_classes_are_told_one_by_one(three, tmp_path):
+def test_three_classes_are_reported_one_by_one(three, tmp_path):
     found = build_report(three)
     assert [one.name for one in found.classes] == ["fast", "fastest", "slow"]
     plot_report(found, tmp_path / "three.svg")
@@ -82,7 +82,7 @@ def test_the_files_agree(two, tmp_path):
     assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_what_cannot_be_reported(two, tmp_path):
+def test_unknown_classes_and_prevalences_are_errors(two, tmp_path):
     with pytest.raises(DataError, match="no case is of class 'quick'; expected one of fast, slow"):
         build_report(two, positive="quick")
     with pytest.raises(DataError, match="the prevalence of fast is missing"):

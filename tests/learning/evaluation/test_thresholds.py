@@ -74,7 +74,7 @@ def test_the_honest_figure_was_not_seen_when_choosing():
         ({"goal": (-1, 2)}, "costs are -1 and 2"),
     ],
 )
-def test_what_makes_no_sense(change, words):
+def test_invalid_goals_and_prevalences_are_errors(change, words):
     scores, positive, folds = cases(50)
     with pytest.raises(DataError, match=words):
         choose_threshold(scores, positive, folds, **{"prevalence": 0.5, **change})

@@ -53,7 +53,7 @@ def test_no_group_is_on_both_sides_and_every_case_is_predicted_once():
     assert sorted(set(validation.folds)) == [0, 1, 2, 3, 4]
 
 
-def test_what_can_be_told_is_told():
+def test_separable_classes_are_predicted_correctly():
     data = walkers()
     validation = cross_validate(quick_pipeline(), data)
     assert validation.classes == ("fast", "slow")
@@ -116,7 +116,7 @@ def test_intervals_are_those_of_jeffreys():
     assert no.interval.low < narrow.interval.low < narrow.interval.high < no.interval.high
 
 
-def test_too_few_groups_are_told():
+def test_too_few_groups_are_an_error():
     with pytest.raises(
         DataError, match=r"5 folds need every class in at least 5 groups; .* fast in 2, slow in 2"
     ):

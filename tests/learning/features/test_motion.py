@@ -31,7 +31,7 @@ def test_every_second_point_relative_to_the_first():
     assert told([[5.0, 6, 7, 8, 9], [1, 1, 2, 3, 5]]) == {"x": [0, 2, 4], "y": [0, 1, 4]}
 
 
-def test_points_between_are_interpolated():
+def test_points_between_samples_are_interpolated():
     assert told([[1.0, 3], [0, 4]], rate=4, interval=1)["y"] == [0, 1, 2, 3, 4]
 
 
@@ -45,7 +45,7 @@ def test_speed_and_heading_of_a_walk_known_by_hand():
     assert found == {"velocity": [0, 1, 2, 0], "heading_cos": [0, 1, 0, 0], "heading_sin": [0, 0, 1, 0]}
 
 
-def test_what_was_measured_is_taken_as_it_is():
+def test_measured_speed_and_heading_are_used_unchanged():
     east, west = [0.0] * 3, [np.pi] * 3
     x = [[0, 1, 2], [0, 0, 0], [7.0, 7, 8], west, east]
     found = told(x, inputs=ALL, features=("velocity", "heading", "facing"))
@@ -54,7 +54,7 @@ def test_what_was_measured_is_taken_as_it_is():
     assert found["facing_cos"] == [1, 1]
 
 
-def test_angles_are_interpolated_the_short_way():
+def test_angles_are_interpolated_the_shorter_way_round():
     """From 170 degrees to -170: half way is 180, not 0; the number of turns counted does not matter."""
     for turns in (0, 2 * np.pi, -4 * np.pi):
         x = [[0, 0], [0, 0], [np.deg2rad(170), np.deg2rad(-170) + turns]]
@@ -63,7 +63,7 @@ def test_angles_are_interpolated_the_short_way():
         assert found["facing_sin"][1] == pytest.approx(0, abs=1e-9)
 
 
-def test_the_robot_sees_a_person_by_hand():
+def test_features_relative_to_the_robot_of_a_known_track():
     """A person three metres before a robot that looks along y comes on, looking to the robot's left."""
     x = [[1, 1, 1], [5, 4.5, 4], [np.pi] * 3]
     found = told(x, inputs=("x", "y", "facing"), features=TOLD, robot=(1.0, 2.0, np.pi / 2))
@@ -104,7 +104,7 @@ def test_interpolation_agrees_with_numpy(seed, rate, points):
 
 @settings(max_examples=40)
 @given(seed=st.integers(0, 10**6), rate=st.sampled_from([2.7, 3.0, 30.0, 1 / 0.033]), end=st.integers(16, 50))
-def test_the_beginning_of_a_track_gives_the_beginning_of_its_motion(seed, rate, end):
+def test_a_prefix_of_a_track_gives_a_prefix_of_its_motion(seed, rate, end):
     for inputs, x in ((ALL, measured(seed)), (("x", "y", "facing"), measured(seed)[:, [0, 1, 4]])):
         motion = Motion(rate=rate, inputs=inputs, features=TOLD, robot=(1.0, -2.0, 0.3)).fit(x)
         part = motion.transform(x[:, :, :end])
@@ -115,7 +115,7 @@ def test_the_beginning_of_a_track_gives_the_beginning_of_its_motion(seed, rate, 
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), x=st.floats(-1e3, 1e3), y=st.floats(-1e3, 1e3))
-def test_place_does_not_matter(seed, x, y):
+def test_relative_features_do_not_depend_on_place(seed, x, y):
     here = measured(seed)
     there = here + np.array([x, y, 0, 0, 0])[:, None]
     motion = Motion(inputs=ALL, features=ALL).fit(here)
@@ -124,7 +124,7 @@ def test_place_does_not_matter(seed, x, y):
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), x=st.floats(-50, 50), y=st.floats(-50, 50), turned=st.floats(-9, 9))
-def test_only_what_the_robot_sees_matters_not_the_frame_of_the_tracks(seed, x, y, turned):
+def test_features_do_not_depend_on_the_frame_of_the_tracks(seed, x, y, turned):
     here = measured(seed)
     cosine, sine = np.cos(turned), np.sin(turned)
     there = here + np.array([0, 0, 0, turned, turned])[:, None]
@@ -137,7 +137,7 @@ def test_only_what_the_robot_sees_matters_not_the_frame_of_the_tracks(seed, x, y
         np.testing.assert_allclose(seen, same, atol=1e-6)  # a short step has a direction to 1e-7
 
 
-def test_scaling_knows_the_training_data_only():
+def test_standardization_uses_the_training_data_only():
     train, other = tracks(1), 100 * tracks(2) + 7
     scaling = ChannelStandardizer().fit(train)
     scaled = scaling.transform(train)
@@ -155,7 +155,7 @@ def test_a_constant_channel_becomes_zero():
     assert np.all(ChannelStandardizer().fit_transform(x)[:, 2] == 0)
 
 
-def test_it_stands_in_a_pipeline_and_is_cloned():
+def test_motion_works_in_a_pipeline_and_can_be_cloned():
     pipeline = clone(make_pipeline(Motion(rate=4.0, features=("x", "heading")), ChannelStandardizer()))
     assert pipeline.fit_transform(tracks(0)).shape == (4, 3, 7)
     assert pipeline.get_params()["motion__rate"] == 4.0
@@ -172,13 +172,13 @@ def test_it_stands_in_a_pipeline_and_is_cloned():
         (np.zeros((1, 3, 30)), "trained on tracks of 2 channels, given 3"),
     ],
 )
-def test_bad_tracks_are_told(x, words):
+def test_malformed_tracks_are_errors(x, words):
     for step in (Motion(), ChannelStandardizer()):
         with pytest.raises(DataError, match=words):
             step.fit(tracks(0)).transform(x)
 
 
-def test_a_track_too_short_for_two_points_is_told():
+def test_a_track_too_short_for_two_points_is_an_error():
     words = r"10 time points .* last 0.297 s; motion at 3 points per second needs more than 0.333 s"
     for use in (Motion().fit, Motion().fit(tracks(0)).transform):
         with pytest.raises(DataError, match=words):
@@ -213,12 +213,12 @@ def test_a_track_too_short_for_two_points_is_told():
         ({"robot": (0.0, 0.0, float("nan"))}, "the robot's pose"),
     ],
 )
-def test_parameters_that_do_not_go_together_are_told(parameters, words):
+def test_inconsistent_parameters_are_errors(parameters, words):
     with pytest.raises(DataError, match=words):
         Motion(**parameters).fit(tracks(0))
 
 
-def test_what_was_stored_of_other_channels_is_refused():
+def test_stored_state_of_other_features_is_an_error():
     stored = Motion(features=("x", "heading")).fit(tracks(0)).to_arrays()
     assert Motion(features=("x", "heading")).restore_arrays(stored).rows_ == (
         "x",

@@ -39,7 +39,7 @@ def test_random_times_agree_with_numpy(seed, rate, origin):
 
 @settings(max_examples=50)
 @given(seed=st.integers(0, 10**6), end=st.integers(1, 40))
-def test_the_beginning_gives_the_beginning(seed, end):
+def test_a_prefix_of_samples_gives_a_prefix_of_points(seed, end):
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.uniform(1e-3, 0.4, 40))
     track = rng.normal(size=(3, 40))
@@ -63,6 +63,6 @@ def test_the_beginning_gives_the_beginning(seed, end):
         ([0, 1e12], np.zeros((2, 2)), r"the track lasts 1e\+12 s; expected less than 1e\+07 s"),
     ],
 )
-def test_bad_samples_are_told(times, samples, words):
+def test_malformed_samples_are_located(times, samples, words):
     with pytest.raises(DataError, match=words):
         resample(times, samples, 1.0)

@@ -16,7 +16,7 @@ def path(x, y):
     return np.stack([x, y])[None].astype(float)
 
 
-def test_a_straight_walk_and_one_back():
+def test_summaries_of_a_straight_walk_and_a_return():
     t = np.arange(9) / 3
     straight = SummaryFeatures().fit_transform(path(1.2 * t, 0 * t))[0]
     np.testing.assert_allclose(straight[:8], [1.2, 1.2, 1.2, 1.2, 0, 1.2, 1.2, 1.2], atol=1e-9)  # speed
@@ -38,7 +38,7 @@ def test_any_finite_track_has_finite_summaries(tracks):
     assert np.isfinite(found).all()
 
 
-def test_what_does_not_fit():
+def test_tracks_and_arrays_of_other_shapes_are_errors():
     with pytest.raises(DataError, match="need x and y; the tracks have 1 channels"):
         SummaryFeatures().fit(np.zeros((3, 1, 5)))
     with pytest.raises(DataError, match="fitted to tracks of 2 channels, given 3"):
@@ -48,7 +48,7 @@ def test_what_does_not_fit():
 
 
 @pytest.mark.parametrize("classes", [2, 3])
-def test_as_scikit_learn_on_numbers_and_squares(classes):
+def test_quadratic_logistic_equals_scikit_learn_on_features_and_squares(classes):
     rng = np.random.default_rng(0)
     y = np.arange(150) % classes
     X = rng.normal(y[:, None] * [1, 0, -1], 1, (150, 3))

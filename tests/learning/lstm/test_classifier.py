@@ -18,7 +18,7 @@ from sklearn.utils.class_weight import compute_class_weight
 from lcorpp.errors import DataError
 from lcorpp.learning import LstmClassifier, fast_pipeline, paper_pipeline
 from lcorpp.learning.lstm.trainer import CompiledTrainer
-from lcorpp.learning.lstm.training import TrainingConfig, class_weights, learning_rates
+from lcorpp.learning.lstm.training import TrainingConfig, compute_class_weights, compute_learning_rates
 
 from .noise import labels, tracks
 
@@ -57,14 +57,14 @@ def test_three_classes_agree_with_the_equations():
     assert model.classes_.tolist() == ["a", "b", "c"]
 
 
-def test_what_can_be_told_is_learnt():
+def test_separable_classes_are_learnt():
     x = tracks(80)
     y = np.where(x[:, 0].mean(axis=1) > 0, "up", "down")
     model = LstmClassifier(units=16, epochs=40, learning_rate=0.02).fit(x, y)
     assert np.mean(model.predict(x) == y) > 0.95
 
 
-def test_a_cycle_of_the_rate_learns_in_few_passes():
+def test_one_cycle_learns_in_few_epochs():
     x, new = tracks(200), tracks(200, seed=1)
     y, truth = (np.where(t[:, 0].mean(axis=1) > 0, "up", "down") for t in (x, new))
     fast = fast_pipeline().named_steps["lstm"]
@@ -72,11 +72,11 @@ def test_a_cycle_of_the_rate_learns_in_few_passes():
     assert np.mean(fast.fit(x, y).predict(new) == truth) > 0.9
 
 
-def test_the_rate_rises_once_and_falls_to_nothing():
+def test_the_one_cycle_rate_rises_once_and_falls_to_zero():
     plan = TrainingConfig(
         units=1, dropout=0, epochs=8, batch_size=10, learning_rate=0.5, schedule="one-cycle"
     )
-    rates = learning_rates(plan, 95)
+    rates = compute_learning_rates(plan, 95)
     assert rates.shape == (8, 10)
     turns = np.diff(np.sign(np.diff(rates.ravel())))
     assert np.count_nonzero(turns) == 1
@@ -95,7 +95,7 @@ def test_the_same_seed_gives_the_same_weights_and_leaves_the_global_state_alone(
     assert not np.array_equal(first.predict_proba(x), other.predict_proba(x))
 
 
-def test_it_is_cloned_and_pickled():
+def test_the_classifier_can_be_cloned_and_pickled():
     x = tracks()
     model = LstmClassifier(units=4, epochs=1, class_weight={"a": 1.0, "b": 2.0}).fit(x, labels(x))
     model.predict(x)
@@ -109,7 +109,7 @@ def test_it_is_cloned_and_pickled():
         fresh.begin()
 
 
-def test_arrays_bring_it_back():
+def test_restore_arrays_restores_the_classifier():
     x = tracks()
     model = LstmClassifier(units=4, epochs=1).fit(x, labels(x))
     arrays = model.to_arrays()
@@ -130,13 +130,13 @@ def test_arrays_bring_it_back():
         LstmClassifier(units=4).restore_arrays({"classes": arrays["classes"]})
 
 
-def test_weights_of_classes_are_those_of_scikit_learn():
+def test_class_weights_equal_those_of_scikit_learn():
     counts = np.array([90, 6, 4])
     y = np.repeat(["a", "b", "c"], counts)
     names = np.unique(y)
     for given in ("balanced", {"a": 1.0, "b": 5.0, "c": 2.5}):
         expected = compute_class_weight(given, classes=names, y=y)
-        np.testing.assert_allclose(class_weights(given, names, counts), expected)
+        np.testing.assert_allclose(compute_class_weights(given, names, counts), expected)
 
 
 def test_a_case_of_weight_two_counts_as_two_cases():
@@ -151,7 +151,7 @@ def test_a_case_of_weight_two_counts_as_two_cases():
     np.testing.assert_allclose(weighted.predict_proba(x), twice.predict_proba(x), atol=1e-4)
 
 
-def test_few_positives_among_many_are_called_when_classes_are_balanced():
+def test_balanced_weights_predict_rare_positives():
     """30 among 630 to learn from; the best AUC is .84 (a mean of .5 at 8 points of deviation 1)."""
     rng = np.random.default_rng(3)
     y = np.repeat(["yes", "no"], [60, 1200])
@@ -220,16 +220,16 @@ def test_interrupt_within_an_epoch(monkeypatch):
         ({"schedule": "two-cycle"}, "unknown schedule 'two-cycle'; expected one of constant, one-cycle"),
         ({"class_weight": "even"}, "must be None, 'balanced' or a mapping, not 'even'"),
         ({"class_weight": {"a": 1.0}}, r"class_weight is for \['a'\], the classes are \['a', 'b'\]"),
-        ({"class_weight": {"a": 1.0, "b": -1.0}}, "must hold positive finite numbers"),
+        ({"class_weight": {"a": 1.0, "b": -1.0}}, "must be positive and finite"),
         ({"device": "tpu"}, "unknown device 'tpu'; expected cpu or cuda"),
     ],
 )
-def test_bad_parameters_are_told(parameters, words):
+def test_parameters_out_of_range_are_errors(parameters, words):
     with pytest.raises(DataError, match=words):
         LstmClassifier(**parameters).fit(tracks(), labels(tracks()))
 
 
-def test_bad_data_is_told():
+def test_malformed_data_are_errors():
     x = tracks()
     with pytest.raises(DataError, match="as many labels"):
         LstmClassifier(epochs=1).fit(x, ["a", "b"])
@@ -246,13 +246,13 @@ def test_bad_data_is_told():
         LstmClassifier(units=2, epochs=1).fit(1e39 * x, labels(x))
 
 
-def test_constant_tracks_do_no_harm():
+def test_constant_tracks_give_finite_probabilities():
     x = np.zeros((40, 2, 8))
     model = LstmClassifier(units=3, epochs=30, learning_rate=0.05).fit(x, labels(x))
     np.testing.assert_allclose(model.predict_proba(x), 0.5, atol=0.1)  # as many of each class
 
 
-def test_a_training_that_diverges_is_told():
+def test_a_training_that_diverges_is_an_error():
     x = tracks()
     with pytest.raises(DataError, match="the training diverged"):
         LstmClassifier(units=2, epochs=2, class_weight={"a": 1e38, "b": 1e38}).fit(1e10 * x, labels(x))
@@ -295,5 +295,5 @@ def test_the_kernels_need_no_torch_and_torch_no_kernels(tmp_path):
     np.testing.assert_allclose([float(p) for p in compiled], [float(p) for p in by_torch], atol=1e-6)
 
 
-def test_without_both_the_way_to_install_torch_is_told(tmp_path):
+def test_without_kernels_and_torch_the_error_names_the_installation(tmp_path):
     assert "pip install 'lcorpp[torch]'" in run_without(tmp_path, "kernels", "torch")

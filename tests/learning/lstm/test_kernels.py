@@ -50,7 +50,7 @@ def task(
 
 @settings(max_examples=40)
 @given(shapes, st.integers(1, 70))
-def test_an_epoch_leads_where_torch_leads(shape, batch):
+def test_an_epoch_gives_the_weights_of_torch(shape, batch):
     torch_trainer = pytest.importorskip("lcorpp.learning.lstm.torch_trainer", exc_type=DataError)
     start, cases, plan, draw, rates = task(**shape, batch=batch)
     torch = torch_trainer.TorchTrainer(start, cases, plan, "cpu")
@@ -81,7 +81,7 @@ def test_scores_and_steps_are_those_of_numpy(shape):
         np.testing.assert_allclose(ours, theirs, atol=2e-6)
 
 
-def test_gates_at_their_limits_are_those_of_numpy():
+def test_saturated_gates_equal_those_of_numpy():
     """Inputs from -1e30 to 1e30 reach every part of the activations."""
     start, *_ = task(channels=1, units=8, classes=2, cases=1, points=1)
     size = np.concatenate([np.linspace(0, 40, 400), 10.0 ** np.arange(-38, 31)])
@@ -92,7 +92,7 @@ def test_gates_at_their_limits_are_those_of_numpy():
         np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_whole_trainings_agree(monkeypatch):
+def test_trainings_by_kernels_and_torch_agree(monkeypatch):
     pytest.importorskip("torch")
     x = tracks(50)
     model = LstmClassifier(units=9, epochs=5, class_weight="balanced", schedule="one-cycle")
@@ -110,7 +110,7 @@ def test_long_tracks_with_vanishing_gradients():
     assert all(np.isfinite(weight).all() for weight in trainer.weights().arrays().values())
 
 
-def test_kernels_refuse_what_does_not_fit():
+def test_kernels_reject_arrays_that_do_not_match():
     start, cases, plan, draw, rates = task(channels=2, units=5, classes=2, cases=40, points=3)
     network = kernels.Network(**start.arrays())
     floats = {"dtype": np.float32}

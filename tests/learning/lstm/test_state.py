@@ -17,7 +17,7 @@ def model(request: pytest.FixtureRequest) -> LstmClassifier:
     return LstmClassifier(units=20, epochs=3, learning_rate=0.05).fit(x, labels(x, request.param))
 
 
-def test_every_prefix_is_answered_as_by_the_batch(model):
+def test_advance_equals_predict_proba_of_every_prefix(model):
     x = tracks(40, points=30, seed=1)
     state = model.begin(len(x))
     for t in range(x.shape[2]):
@@ -27,7 +27,7 @@ def test_every_prefix_is_answered_as_by_the_batch(model):
             np.testing.assert_allclose(now, model.predict_proba(x[:, :, : t + 1]), atol=1e-6)
 
 
-def test_tracks_do_not_touch_each_other(model):
+def test_tracks_do_not_affect_each_other(model):
     x = tracks(40, points=6, seed=2)
     together = model.begin(len(x))
     alone = [model.begin() for _ in x]
@@ -37,7 +37,7 @@ def test_tracks_do_not_touch_each_other(model):
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-def test_some_tracks_are_taken_on(model):
+def test_taken_states_continue_some_tracks(model):
     x = tracks(5, points=6, seed=3)
     state = model.begin(5)
     for t in range(3):
@@ -49,7 +49,7 @@ def test_some_tracks_are_taken_on(model):
     np.testing.assert_allclose(now, model.predict_proba(x[[3, 1]]), atol=1e-6)
 
 
-def test_some_tracks_come_back(model):
+def test_put_overwrites_the_states_of_some_tracks(model):
     x = tracks(5, points=6, seed=5)
     state = model.begin(5)
     for t in range(3):
@@ -74,7 +74,7 @@ def test_a_state_is_pickled_with_its_classifier(model):
     assert np.array_equal(other.advance(copy, x[:, :, 1]), model.advance(state, x[:, :, 1]))
 
 
-def test_what_does_not_fit_is_told_and_changes_nothing(model):
+def test_malformed_points_are_errors_and_leave_the_state_unchanged(model):
     state = model.begin(2)
     model.advance(state, np.ones((2, 2)))
     before = state.hidden.copy(), state.cell.copy()
@@ -95,7 +95,7 @@ def test_what_does_not_fit_is_told_and_changes_nothing(model):
     assert np.array_equal(state.cell, before[1])
 
 
-def test_a_state_of_another_training_is_told():
+def test_a_state_of_another_training_is_an_error():
     x = tracks()
     model = LstmClassifier(units=2, epochs=1).fit(x, labels(x))
     state = model.begin()

@@ -39,7 +39,7 @@ def test_torch_keeps_its_random_state_and_its_threads(monkeypatch):
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="a GPU is here")
-def test_a_missing_gpu_is_told():
+def test_a_missing_gpu_is_an_error():
     with pytest.raises(DataError, match="'cuda' is not available here: torch sees no GPU; expected cpu"):
         LstmClassifier(device="cuda").fit(tracks(), labels(tracks()))
 

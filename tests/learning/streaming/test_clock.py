@@ -23,5 +23,5 @@ def passed(*stamps: float) -> float:
         ((0.0, 10.0, 20.0, 30.0, 40.0), 2.0),  # wide apart: still, time passes
     ],
 )
-def test_time_passes_by_the_stamps(stamps, seconds):
+def test_the_clock_ignores_single_wrong_stamps(stamps, seconds):
     assert passed(*stamps) == pytest.approx(seconds)

@@ -66,7 +66,7 @@ class Carrying(ByWay):
         return self.predict_proba(state.way[:, None, None])
 
 
-def test_the_nearest_ages_judge_by_how_near_they_are():
+def test_the_two_nearest_prefix_lengths_are_interpolated():
     """Trained with 5, 10 and 20 points; the odds of a mixture are the geometric mean."""
     ages = PrefixEnsemble(Length(), fractions=(0.25, 0.5, 1.0)).fit(
         np.random.default_rng(0).normal(size=(40, 1, 20)), LABELS
@@ -86,7 +86,7 @@ def test_the_nearest_ages_judge_by_how_near_they_are():
     assert set(ages.predict(np.zeros((3, 1, 9)))) == {"interested"}
 
 
-def test_at_an_age_it_is_the_classifier_of_that_age():
+def test_at_a_trained_length_the_ensemble_equals_the_copy_of_that_length():
     ages = with_prefix_ensemble(make_pipeline(Motion(), Carrying()), fractions=(0.5, 1.0)).fit(TRACKS, LABELS)
     young = make_pipeline(Motion(), Carrying()).fit(TRACKS[:, :, :25], LABELS)  # three of six points
     np.testing.assert_allclose(
@@ -95,7 +95,7 @@ def test_at_an_age_it_is_the_classifier_of_that_age():
 
 
 @pytest.mark.parametrize("carried", [True, False])
-def test_streams_say_what_the_pipeline_says(carried):
+def test_streamed_predictions_of_an_ensemble_equal_those_of_the_pipeline(carried):
     classifier = Carrying() if carried else ByWay()
     ages = with_prefix_ensemble(make_pipeline(Motion(), classifier)).fit(TRACKS, LABELS)
     assert StreamingClassifier(ages).constant_cost is carried
@@ -106,7 +106,7 @@ def test_streams_say_what_the_pipeline_says(carried):
         np.testing.assert_allclose(said.probabilities[:, round(60 * fraction) - 1], expected, atol=1e-9)
 
 
-def test_an_lstm_of_every_age_is_followed():
+def test_an_ensemble_of_lstms_is_streamed():
     pipeline = lstm()
     ages = PrefixEnsemble(pipeline[-1], fractions=(0.5, 1.0))
     ages.classifiers_, ages.lengths_ = [pipeline[-1], lstm(rate=4.0)[-1]], np.array([3.0, 6.0])
@@ -119,7 +119,7 @@ def test_an_lstm_of_every_age_is_followed():
         np.testing.assert_allclose(said.probabilities[:, round(60 * fraction) - 1], expected, atol=1e-6)
 
 
-def test_what_makes_numbers_of_a_track_is_of_every_age_too():
+def test_each_copy_has_its_own_feature_steps():
     pipeline = make_pipeline(
         Motion(), ChannelStandardizer(), FunctionTransformer(length), LinearDiscriminantAnalysis()
     )
@@ -147,7 +147,7 @@ def length(X):
         ((0.5, 0.51), r"are \[10, 10\] points"),
     ],
 )
-def test_ages_out_of_range_are_told(fractions, words):
+def test_fractions_out_of_range_are_errors(fractions, words):
     with pytest.raises(DataError, match=words):
         PrefixEnsemble(Length(), fractions=fractions).fit(
             np.random.default_rng(0).normal(size=(40, 1, 20)), LABELS

@@ -18,7 +18,7 @@ DATA = walkers(60)
 
 
 @pytest.mark.parametrize(("fraction", "points"), [(0.25, 10), (0.5, 20), (0.51, 20), (1.0, 40), (0.05, 2)])
-def test_a_prefix_is_the_beginning_of_everything(fraction, points):
+def test_truncate_returns_the_first_points_of_every_track(fraction, points):
     part = truncate(DATA, fraction)
     assert np.array_equal(part.trajectories, DATA.trajectories[:, :, :points])
     assert (part.labels, part.groups, part.interval) == (DATA.labels, DATA.groups, DATA.interval)
@@ -33,13 +33,13 @@ def test_a_prefix_is_the_beginning_of_everything(fraction, points):
         (0.03, "1 of 40 time points show no motion"),
     ],
 )
-def test_a_share_out_of_range_is_told(fraction, words):
+def test_a_fraction_out_of_range_is_an_error(fraction, words):
     with pytest.raises(DataError, match=words):
         truncate(DATA, fraction)
 
 
 @pytest.mark.parametrize("pipeline", [lstm(), by_way()], ids=["lstm", "by way"])
-def test_following_is_asking_about_every_beginning(pipeline):
+def test_predictions_over_time_equal_those_of_each_prefix(pipeline):
     data = Dataset(DATA.trajectories, tuple(["interested", "not_interested"] * 30), DATA.groups)
     said = predict_over_time(pipeline, data)
     assert said.probabilities.shape == (60, 40, 2)
@@ -53,7 +53,7 @@ def test_following_is_asking_about_every_beginning(pipeline):
     assert said.seconds[-1] == pytest.approx(39 * 0.033)
 
 
-def test_the_longest_tracks_and_slow_samples_are_followed_to_their_end():
+def test_long_tracks_and_slow_samples_are_predicted_to_their_end():
     tracks = np.cumsum(np.full((2, 2, 200), 1.0), axis=2) * np.array([1.0, 2.0])[:, None, None]
     data = Dataset(tracks, ("interested", "not_interested"), interval=1.5)
     pipeline = lstm(interval=1.5)
@@ -61,7 +61,7 @@ def test_the_longest_tracks_and_slow_samples_are_followed_to_their_end():
     np.testing.assert_allclose(said.probabilities[:, -1], pipeline.predict_proba(tracks), atol=1e-6)
 
 
-def test_tracks_of_another_kind_are_told():
+def test_tracks_with_other_inputs_are_an_error():
     with pytest.raises(DataError, match="the pipeline takes x, y, facing, the tracks are x, y"):
         predict_over_time(lstm(inputs=("x", "y", "facing")), DATA)
     broken = np.array(DATA.trajectories)
@@ -70,7 +70,7 @@ def test_tracks_of_another_kind_are_told():
         predict_over_time(lstm(), Dataset(broken, DATA.labels))
 
 
-def test_out_of_fold_nobody_is_judged_by_what_was_learnt_from_them():
+def test_out_of_fold_predictions_use_other_people_only():
     class Strict(ByWay):
         def predict_proba(self, X):
             assert not self.learnt_ & set(X[:, 0, 1])
@@ -88,7 +88,7 @@ def two_labels() -> Dataset:
     return Dataset(DATA.trajectories, labels, DATA.groups)
 
 
-def test_auc_needs_two_classes_and_a_class_a_name():
+def test_auc_needs_two_classes_and_an_unknown_class_is_an_error():
     said = PredictionTimeline(np.full((2, 3, 3), 1 / 3), (1, 2, 3), ("a", "b"), ("a", "b", "c"), 0.1)
     with pytest.raises(DataError, match="an AUC needs two classes, not 3"):
         said.auc  # noqa: B018
@@ -96,7 +96,7 @@ def test_auc_needs_two_classes_and_a_class_a_name():
         said.probability_of("d")
 
 
-def test_the_figure_shows_everybody_s_class_and_the_auc(tmp_path):
+def test_the_figure_shows_the_classes_and_the_auc(tmp_path):
     said = predict_over_time(by_way(), two_labels())
     figure = draw_timeline(said, examples=3)
     top, bottom = figure.axes

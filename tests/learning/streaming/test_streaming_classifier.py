@@ -45,7 +45,7 @@ def pushed(streams: StreamingClassifier, times, samples, person="p"):
 
 
 @pytest.mark.parametrize("name", PIPELINES)
-def test_regular_samples_give_what_the_pipeline_says_of_the_track_so_far(name):
+def test_predictions_of_regular_samples_equal_the_batch_result(name):
     pipeline = PIPELINES[name]
     samples = walk(3, samples=120, inputs=len(pipeline[0].inputs))
     answers = pushed(StreamingClassifier(pipeline), np.arange(120) * INTERVAL, samples)
@@ -65,7 +65,7 @@ def test_regular_samples_give_what_the_pipeline_says_of_the_track_so_far(name):
     name=st.sampled_from(list(PIPELINES)),
     origin=st.sampled_from([0.0, -3.7, 1.7e9]),
 )
-def test_irregular_samples_give_what_the_pipeline_says_of_them_resampled(seed, name, origin):
+def test_predictions_of_irregular_samples_equal_the_resampled_batch_result(seed, name, origin):
     pipeline = PIPELINES[name]
     rng = np.random.default_rng(seed)
     count = int(rng.integers(2, 60))
@@ -139,7 +139,7 @@ def test_the_order_of_arrival_within_the_allowed_lateness_does_not_matter(seed, 
     np.testing.assert_allclose(last.probabilities, batch(PIPELINES[name], times, samples), atol=1e-6)
 
 
-def test_an_answer_stays_until_there_is_a_new_point():
+def test_a_prediction_changes_only_with_a_new_point():
     answers = pushed(StreamingClassifier(PIPELINES["lstm"]), np.arange(22) * INTERVAL, walk(0)[:, :22])
     assert [answer.points for answer in answers] == [1] * 11 + [2] * 10 + [3]
     assert answers[11] is answers[20]
@@ -149,7 +149,7 @@ def test_an_answer_stays_until_there_is_a_new_point():
         answers[11].probabilities[0] = 1
 
 
-def test_after_a_long_gap_everything_begins_anew():
+def test_a_long_gap_begins_a_new_track():
     samples = walk(0, samples=40)
     times = np.arange(40) * INTERVAL + (np.arange(40) >= 20) * 3.0
     streams = StreamingClassifier(PIPELINES["lstm"])
@@ -160,7 +160,7 @@ def test_after_a_long_gap_everything_begins_anew():
     np.testing.assert_allclose(answers[-1].probabilities, expected, atol=1e-6)
 
 
-def test_who_is_silent_is_forgotten_and_the_report_remembers():
+def test_silent_people_are_removed_and_stay_in_the_report():
     streams = StreamingClassifier(PIPELINES["lstm"], max_silence=2.0)
     streams.push(0.0, "a", 0, 0)
     streams.push(0.0, "a", 0, 0)
@@ -174,7 +174,7 @@ def test_who_is_silent_is_forgotten_and_the_report_remembers():
     assert streams.push(2.5, "a", 0, 0).track == 1
 
 
-def test_memory_is_bounded_by_the_people_of_the_moment():
+def test_memory_is_bounded_by_the_number_of_tracked_people():
     for name in ("lstm", "by way"):
         streams = StreamingClassifier(PIPELINES[name])
         for person in range(500):
@@ -185,7 +185,7 @@ def test_memory_is_bounded_by_the_people_of_the_moment():
         assert streams.report().removals == 500 - len(streams.predictions)
 
 
-def test_one_wrong_stamp_of_one_person_costs_the_others_nothing():
+def test_a_wrong_stamp_does_not_affect_other_people():
     streams = StreamingClassifier(PIPELINES["lstm"])
     samples = walk(0, samples=60)
     for frame in range(60):
@@ -197,7 +197,7 @@ def test_one_wrong_stamp_of_one_person_costs_the_others_nothing():
     assert (wrong.long_gaps, wrong.clock_resets, streams.predictions["wrong"].track) == (1, 1, 3)
 
 
-def test_nobody_is_forgotten_when_all_were_silent_together():
+def test_a_pause_of_all_people_removes_nobody():
     streams = StreamingClassifier(PIPELINES["lstm"])
     for start in (-100.0, 0.0, 1e6, 50.0):  # the last time a recording begins again
         for frame in range(30):
@@ -206,7 +206,7 @@ def test_nobody_is_forgotten_when_all_were_silent_together():
         assert streams.report().removals == 0
 
 
-def test_leaving():
+def test_remove_returns_the_final_prediction():
     streams = StreamingClassifier(PIPELINES["lstm"], allowed_lateness=0.3)
     pushed(streams, np.arange(12) * INTERVAL, walk(0)[:, :12])
     assert streams.predictions["p"].points == 1
@@ -217,7 +217,7 @@ def test_leaving():
         streams.remove("p")
 
 
-def test_a_place_is_left_clean_for_the_next():
+def test_a_freed_slot_is_reset():
     for name in ("lstm", "by way"):
         streams = StreamingClassifier(PIPELINES[name])
         pushed(streams, np.arange(40) * INTERVAL, walk(0, samples=40), "first")
@@ -227,7 +227,7 @@ def test_a_place_is_left_clean_for_the_next():
         np.testing.assert_allclose(answer.probabilities, expected, atol=1e-6)
 
 
-def test_only_a_classifier_that_carries_its_state_costs_the_same_at_every_point():
+def test_only_a_recurrent_classifier_has_constant_cost():
     assert StreamingClassifier(PIPELINES["lstm"]).constant_cost
     pipeline = by_way()
     streams = StreamingClassifier(pipeline)
@@ -237,7 +237,7 @@ def test_only_a_classifier_that_carries_its_state_costs_the_same_at_every_point(
     assert pipeline[-1].asked == [(3, 2, 2), (3, 2, 3)]
 
 
-def test_an_lstm_behind_another_step_is_asked_about_all_points():
+def test_an_lstm_after_another_step_predicts_from_all_points():
     steps = lstm().steps
     pipeline = make_pipeline(steps[0][1], make_pipeline(steps[1][1]), steps[2][1])
     streams = StreamingClassifier(pipeline)
@@ -247,7 +247,7 @@ def test_an_lstm_behind_another_step_is_asked_about_all_points():
     np.testing.assert_allclose(answer.probabilities, lstm().predict_proba(samples[None])[0], atol=1e-6)
 
 
-def test_when_the_classifier_fails_its_people_begin_anew_and_others_go_on():
+def test_a_failing_classifier_removes_the_people_of_its_samples_only():
     pipeline = by_way()
     streams, samples = StreamingClassifier(pipeline), walk(0)
     for frame in range(15):
@@ -263,7 +263,7 @@ def test_when_the_classifier_fails_its_people_begin_anew_and_others_go_on():
     assert streams.push(30 * INTERVAL, "a", 0, 0).points == 1
 
 
-def test_a_classifier_that_needs_longer_tracks_is_asked_from_least_on():
+def test_predictions_begin_with_min_points():
     words = "ByWay failed .* at least 4 points .*; the tracks had 2 points.* as `min_points` and as `window`"
     with pytest.raises(DataError, match=words):
         pushed(StreamingClassifier(by_way(least=4)), np.arange(12) * INTERVAL, walk(0)[:, :12])
@@ -274,7 +274,7 @@ def test_a_classifier_that_needs_longer_tracks_is_asked_from_least_on():
 
 
 @pytest.mark.parametrize("name", ["lstm", "rich", "by way"])
-def test_a_window_asks_as_if_the_track_had_begun_there(name):
+def test_a_window_predicts_as_if_the_track_began_there(name):
     pipeline = PIPELINES[name]
     streams = StreamingClassifier(pipeline, min_points=4, window=5)
     assert not streams.constant_cost
@@ -290,7 +290,7 @@ def test_a_window_asks_as_if_the_track_had_begun_there(name):
             np.testing.assert_allclose(answer.probabilities, expected, atol=1e-6)
 
 
-def test_a_classifier_with_scores_only_is_followed():
+def test_a_classifier_with_scores_only_is_streamed():
     margin = make_pipeline(Motion(), FunctionTransformer(length), LinearSVC())
     scored = fit_clone(SigmoidScores(margin), walkers(60).trajectories, np.array(walkers(60).labels))
     track = walkers(60).trajectories[0]
@@ -302,7 +302,7 @@ def length(X):
     return np.hypot(X[:, 0, -1], X[:, 1, -1])[:, None]
 
 
-def test_a_trained_classifier():
+def test_a_trained_classifier_is_streamed_with_its_calibration():
     streams = StreamingClassifier.from_trained(TrainedClassifier(PIPELINES["lstm"]), allowed_lateness=0.1)
     assert streams.classes == ("interested", "not_interested")
 
@@ -318,17 +318,17 @@ def test_a_trained_classifier():
         (make_pipeline(Motion()), "a Pipeline of Motion, which"),
     ],
 )
-def test_another_pipeline_is_refused(pipeline, words):
+def test_a_pipeline_without_motion_is_an_error(pipeline, words):
     with pytest.raises(DataError, match=words):
         StreamingClassifier(pipeline)
 
 
-def test_what_is_not_fitted_is_refused():
+def test_an_unfitted_pipeline_is_an_error():
     with pytest.raises(NotFittedError):
         StreamingClassifier(make_pipeline(Motion(), ByWay()))
 
 
-def test_options_out_of_range_are_told():
+def test_options_out_of_range_are_errors():
     with pytest.raises(DataError, match="min_points must be 2 or more, not 1"):
         StreamingClassifier(PIPELINES["lstm"], min_points=1)
     with pytest.raises(DataError, match="window must be at least min_points, 5, not 4"):
@@ -340,7 +340,7 @@ def test_options_out_of_range_are_told():
 @pytest.mark.parametrize(
     "sample", [(), (1.0, "p"), (1.0, "p", 1.0), (1.0, "p", 1.0, 2.0, 3.0), (1.0, [], 0, 0)]
 )
-def test_a_sample_of_another_form_is_told_and_none_of_its_company_is_taken(sample):
+def test_a_malformed_sample_is_an_error_and_no_sample_of_the_call_is_used(sample):
     streams = StreamingClassifier(PIPELINES["lstm"])
     with pytest.raises(DataError, match="; expected time, person, x, y"):
         streams.push_many([(0.0, "q", 0.0, 0.0), sample])
@@ -348,12 +348,12 @@ def test_a_sample_of_another_form_is_told_and_none_of_its_company_is_taken(sampl
 
 
 @pytest.mark.parametrize("values", [("north", 1.0), (None, 1.0), (10**400, 1.0)])
-def test_values_that_are_no_numbers_are_told(values):
+def test_values_that_are_not_numbers_are_errors(values):
     with pytest.raises(DataError, match=r"sample \(1.0, 'p', .* expected time, person, x, y"):
         StreamingClassifier(PIPELINES["lstm"]).push(1.0, "p", *values)
 
 
-def test_a_person_of_whom_nothing_is_right_has_no_answer():
+def test_a_person_with_rejected_samples_only_has_no_prediction():
     streams = StreamingClassifier(PIPELINES["lstm"])
     answer = streams.push(float("nan"), "p", 0, 0)
     assert (answer.track, answer.points, answer.time, answer.probabilities) == (0, 0, None, None)
@@ -371,7 +371,7 @@ def test_a_person_of_whom_nothing_is_right_has_no_answer():
     name=st.sampled_from(["rich", "rich by way"]),
     lateness=st.sampled_from([0.0, 0.5]),
 )
-def test_whatever_numbers_come_they_are_counted_and_answers_are_distributions(samples, name, lateness):
+def test_any_samples_are_counted_and_predictions_are_distributions(samples, name, lateness):
     pipeline = PIPELINES["rich"] if name == "rich" else make_pipeline(PIPELINES["rich"][0], ByWay())
     if name != "rich":
         pipeline[-1].fit(np.zeros((2, 1, 2)), ["interested", "not_interested"])
@@ -384,7 +384,7 @@ def test_whatever_numbers_come_they_are_counted_and_answers_are_distributions(sa
     assert streams.report().total.samples == len(samples)
 
 
-def test_the_decision_loop_asks_for_one_person():
+def test_the_decision_loop_classifies_one_person():
     streams = StreamingClassifier.from_trained(TrainedClassifier(PIPELINES["lstm"]))
     anything = Instance(np.zeros((0, 0)), {})
     with pytest.raises(DataError, match="there is no prediction for 'p', who has no samples"):
@@ -401,7 +401,7 @@ def test_the_decision_loop_asks_for_one_person():
         streams.classifier("p").soft()
 
 
-def test_the_cut_and_the_calibration_of_a_validated_classifier_are_kept():
+def test_threshold_and_calibration_of_a_trained_classifier_are_used():
     trained, _ = train_and_validate(by_way(), walkers(60), folds=3)
     streams = StreamingClassifier.from_trained(trained)
     track = walkers(60).trajectories[0]

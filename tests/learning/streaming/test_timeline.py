@@ -40,7 +40,7 @@ def brier(of: PredictionTimeline, time: int) -> float:
     return float(np.mean((of.probability_of("interested")[:, time] - truth) ** 2))
 
 
-def test_early_answers_say_what_is_known_and_late_ones_what_they_know():
+def test_calibrated_early_predictions_are_near_the_class_frequencies():
     early = calibrate_prefixes(said())
     assert (early.min_points, len(early.calibrations)) == (2, 2)
     new = said(1)
@@ -53,7 +53,7 @@ def test_early_answers_say_what_is_known_and_late_ones_what_they_know():
     assert right.auc[3] == new.auc[3]  # the order of people stays
 
 
-def test_each_number_of_points_has_the_calibration_of_the_tracks_that_long():
+def test_each_number_of_points_has_the_calibration_of_that_prefix_length():
     tracks = np.stack([walk(seed) for seed in range(80)])
     told = predict_over_time(by_way(), Dataset(tracks, LABELS))
     early = calibrate_prefixes(told)
@@ -69,7 +69,7 @@ def test_each_number_of_points_has_the_calibration_of_the_tracks_that_long():
         early.at(1)
 
 
-def test_a_stream_gives_the_likelihood_for_as_many_points():
+def test_a_stream_gives_the_likelihood_for_its_number_of_points():
     tracks = np.stack([walk(seed) for seed in range(80)])
     early = calibrate_prefixes(predict_over_time(lstm(), Dataset(tracks, LABELS)))
     streams = StreamingClassifier.from_trained(TrainedClassifier(lstm()), prefix_calibration=early)
@@ -82,7 +82,7 @@ def test_a_stream_gives_the_likelihood_for_as_many_points():
             np.testing.assert_allclose(found.weights, expected.weights)
 
 
-def test_it_is_kept_as_plain_values():
+def test_a_prefix_calibration_is_restored_from_json():
     early = calibrate_prefixes(said())
     again = PrefixCalibration.from_json(json.loads(json.dumps(early.to_json())))
     assert np.array_equal(
@@ -90,7 +90,7 @@ def test_it_is_kept_as_plain_values():
     )
 
 
-def test_there_must_be_something_to_calibrate():
+def test_a_timeline_without_predictions_cannot_be_calibrated():
     nothing = PredictionTimeline(np.full((2, 3, 2), np.nan), (1, 1, 1), ("a", "b"), ("a", "b"), 0.1)
     with pytest.raises(DataError, match="there is no prediction to calibrate: the tracks are too short"):
         calibrate_prefixes(nothing)

@@ -54,7 +54,7 @@ def test_by_hand():
     assert str(one.repairs) == "4 samples"
 
 
-def test_one_gap_can_make_several_points_known():
+def test_one_gap_can_complete_several_points():
     assert points(track(rate=4.0), [(0, 0), (1, 4)]) == [still(x) for x in range(5)]
 
 
@@ -65,7 +65,7 @@ def test_one_gap_can_make_several_points_known():
     origin=st.sampled_from([0.0, 1.7e9]),
     end=st.integers(1, 50),
 )
-def test_what_becomes_known_is_what_regular_says(seed, rate, origin, end):
+def test_points_equal_those_of_resample(seed, rate, origin, end):
     rng = np.random.default_rng(seed)
     times = (origin + np.cumsum(rng.choice([0.033, 0.2, 0.9], 50) * rng.uniform(0.3, 1.1, 50)))[:end]
     samples = np.cumsum(rng.uniform(-0.05, 0.05, (3, 50)), axis=1)[:, :end]
@@ -99,14 +99,14 @@ def test_the_order_of_arrival_within_the_allowed_lateness_does_not_matter(seed, 
     assert results[0][2].late == 0
 
 
-def test_a_late_sample_is_awaited_no_longer_than_it_has_to():
+def test_samples_are_used_once_the_allowed_lateness_has_passed():
     one = track(allowed_lateness=0.3)
     assert points(one, [(0.1, 1), (0.0, 0), (0.29, 2)]) == []
     assert points(one, [(0.4, 4)]) == [still(0)]
     assert points(one, [(0.85, 8.5), (0.79, 7.9), (0.5, 5)]) == [still(5)]
 
 
-def test_what_comes_too_late_is_dropped_and_counted():
+def test_late_samples_are_dropped_and_counted():
     one = track()
     assert points(one, [(0, 0), (0.55, 5.5), (0.45, 9), (0.54, 9)]) == [still(0), pytest.approx(still(5))]
     assert str(one.repairs) == "4 samples; late samples dropped: 2; gaps interpolated: 1"
@@ -117,7 +117,7 @@ def test_what_comes_too_late_is_dropped_and_counted():
     assert (patient.repairs.late, patient.repairs.duplicates) == (1, 1)
 
 
-def test_the_first_of_two_samples_of_one_time_is_kept():
+def test_the_first_of_two_samples_with_equal_stamps_is_kept():
     for lateness in (0.0, 0.2):
         one = track(allowed_lateness=lateness)
         found = points(one, [(0, 0), (0.5, 1), (0.5, 2), (1.0, 3), (1.0, 7), (1.5, 4)])
@@ -135,7 +135,7 @@ def test_the_first_of_two_samples_of_one_time_is_kept():
         (math.inf, (0.0, 0.0, 0.0), "its time is inf"),
     ],
 )
-def test_what_is_not_a_number_is_refused_by_name_and_the_rest_goes_on(time, sample, words):
+def test_samples_that_are_not_finite_are_rejected_and_the_track_continues(time, sample, words):
     one = track()
     one.add(0.0, still(0))
     one.add(time, sample)
@@ -145,7 +145,7 @@ def test_what_is_not_a_number_is_refused_by_name_and_the_rest_goes_on(time, samp
     assert str(one.repairs) == f"4 samples; rejected: 2 (the first: {words}); gaps interpolated: 1"
 
 
-def test_gaps_up_to_the_longest_are_bridged_longer_ones_begin_anew():
+def test_short_gaps_are_interpolated_and_long_gaps_begin_a_new_track():
     one = track()
     assert points(one, [(0, 0), (1.0, 2)]) == [still(0), still(1), still(2)]
     assert (one.track_count, one.repairs.interpolated_gaps, one.repairs.long_gaps) == (1, 1, 0)
@@ -158,7 +158,7 @@ def test_gaps_up_to_the_longest_are_bridged_longer_ones_begin_anew():
     )
 
 
-def test_a_jump_is_another_person_or_other_units():
+def test_an_impossible_speed_begins_a_new_track():
     one = track()
     assert points(one, [(0, 0), (0.03, 1.5), (0.06, 0), (0.09, 5)]) == [still(5)]
     assert (one.track_count, one.repairs.jumps) == (2, 1)
@@ -167,7 +167,7 @@ def test_a_jump_is_another_person_or_other_units():
     assert millimetres.repairs.jumps == 89
 
 
-def test_a_clock_that_goes_back_begins_anew():
+def test_a_clock_that_goes_back_begins_a_new_track():
     for lateness in (0.0, 0.2):
         one = track(allowed_lateness=lateness)
         found = points(one, [(100, 0), (100.5, 1), (101, 2), (3, 7), (3.5, 8), (4, 9)])
@@ -175,13 +175,13 @@ def test_a_clock_that_goes_back_begins_anew():
         assert (one.track_count, one.repairs.clock_resets, one.repairs.late) == (2, 1, 0)
 
 
-def test_a_track_has_a_longest_time():
+def test_a_new_track_begins_after_the_maximal_duration():
     one = track(max_duration=2.0)
     assert points(one, [(step * 0.25, step) for step in range(10)]) == [still(9)]
     assert (one.track_count, one.repairs.overlong_tracks, one.time) == (2, 1, 2.25)
 
 
-def test_repairs_are_added():
+def test_repair_counts_are_added():
     total = RepairCounts(samples=3, rejected=1, first_rejected="a")
     total.add(RepairCounts(samples=2, rejected=2, first_rejected="b", jumps=1))
     assert total == RepairCounts(samples=5, rejected=3, first_rejected="a", jumps=1)
@@ -204,6 +204,6 @@ def test_repairs_are_added():
         ({"max_duration": 0.9}, "max_duration must be at least two points, 1 s, not 0.9"),
     ],
 )
-def test_rules_out_of_range_are_told(changed, words):
+def test_rules_out_of_range_are_errors(changed, words):
     with pytest.raises(DataError, match=words):
         rules(**changed)

@@ -16,7 +16,7 @@ from lcorpp.errors import DataError
 from lcorpp.values import Array
 
 CLIP = 3.0
-"""Standardised features are clipped to this many deviations, so that no outlier dominates."""
+"""Standardised features are clipped to this many standard deviations, so that no outlier dominates."""
 
 MAX_ITERATIONS = 2000
 
@@ -52,7 +52,7 @@ class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  
         deviation = features.std(axis=0)
         self.scale_: Array = np.where(deviation > 1e-9, deviation, 1.0)
         model = LogisticRegression(C=self.C, max_iter=MAX_ITERATIONS, class_weight="balanced")
-        model.fit(self._quadratic(features), y)
+        model.fit(self._add_squares(features), y)
         self.classes_, self.weights_, self.bias_ = model.classes_, model.coef_, model.intercept_
         return self
 
@@ -66,7 +66,7 @@ class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  
         features = np.asarray(X, dtype=np.float64)
         if features.ndim != 2 or features.shape[1] != len(self.mean_):
             raise DataError(f"trained on {len(self.mean_)} features, given shape {features.shape}")
-        scores = self._quadratic(features) @ self.weights_.T + self.bias_
+        scores = self._add_squares(features) @ self.weights_.T + self.bias_
         if len(self.classes_) == 2:
             return np.concatenate([expit(-scores), expit(scores)], axis=1)
         return np.asarray(softmax(scores, axis=1))
@@ -110,7 +110,7 @@ class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  
         self.weights_, self.bias_ = weights, bias
         return self
 
-    def _quadratic(self, features: Array) -> Array:
+    def _add_squares(self, features: Array) -> Array:
         """(cases, 2 features) standardised features and their squares."""
         z = np.clip((features - self.mean_) / self.scale_, -CLIP, CLIP)
         return np.concatenate([z, z**2 - 1], axis=1)

@@ -19,6 +19,9 @@ that one walk, tracked twice, does not count."""
 SHAPE_POINTS = 16
 """Number of points at which two tracks are compared."""
 
+SPEED_STEP = 0.4
+"""Seconds per step of a mean speed; shorter steps measure the tracker's noise."""
+
 
 @dataclass(frozen=True)
 class Quantiles:
@@ -116,13 +119,13 @@ def _summarize_class(name: str | None, tracks: Sequence[Track]) -> ClassSummary:
         len({track.group for track in tracks}),
         sum(len(track) for track in tracks),
         Quantiles.of(np.array([track.duration for track in tracks])),
-        Quantiles.of(np.array([_mean_speed(track) for track in tracks])),
+        Quantiles.of(np.array([_compute_mean_speed(track) for track in tracks])),
     )
 
 
-def _mean_speed(track: Track) -> float:
-    """Mean speed in m/s over steps of at least .3 s: shorter steps measure the tracker's noise."""
-    steps = max(1, round(track.duration / 0.4))
+def _compute_mean_speed(track: Track) -> float:
+    """Mean speed in m/s over steps of about `SPEED_STEP` seconds."""
+    steps = max(1, round(track.duration / SPEED_STEP))
     at = np.linspace(track.times[0], track.times[-1], steps + 1)
     x, y = (np.interp(at, track.times, track.columns[name]) for name in ("x", "y"))
     return float(np.hypot(np.diff(x), np.diff(y)).sum() / track.duration)

@@ -194,7 +194,7 @@ def detect_format(path: str | Path) -> Format:
     for number, text in enumerate(start.splitlines(), start=1):
         if not text.strip():
             continue
-        cells = _cells(text)
+        cells = _split_cells(text)
         if cells is None or not all(_is_number(cell) for cell in cells):
             return (
                 "atc"
@@ -212,7 +212,7 @@ def detect_format(path: str | Path) -> Format:
     raise ParseError(str(path), 1, 1, f"the file is empty; expected a line that names {', '.join(REQUIRED)}")
 
 
-def _cells(text: str) -> list[str] | None:
+def _split_cells(text: str) -> list[str] | None:
     try:
         return next(csv.reader([text], strict=True), None)
     except csv.Error:

@@ -80,7 +80,7 @@ class Calibration:
 
     def calibrate(self, probabilities: Array) -> Array:
         """(cases, K) calibrated probabilities, at the class frequencies of the cases of the fit."""
-        curve = softmax(self.slope * _clipped_log(probabilities) + self.offsets, axis=1)
+        curve = softmax(self.slope * _clip_and_log(probabilities) + self.offsets, axis=1)
         return np.asarray(self.lapses + (1 - self.lapses.sum()) * curve)
 
     def likelihoods(self, probabilities: Array) -> list[Likelihood]:
@@ -124,14 +124,14 @@ def fit_calibration(classes: Sequence[str], probabilities: Array, labels: Sequen
     (n + 1) / (n + K). The logarithm of the slope has a standard normal prior, which matters only for some ten
     cases.
     """
-    index = _class_indices(classes, labels)
+    index = _find_class_indices(classes, labels)
     k, cases = len(classes), len(index)
     counts = np.bincount(index, minlength=k).astype(np.float64)
     targets = ((np.eye(k) * counts[:, None] + 1) / (counts[:, None] + k))[index]
-    logs = _clipped_log(probabilities)
+    logs = _clip_and_log(probabilities)
 
     def loss(parameters: Array) -> tuple[float, Array]:
-        slope, offsets, lapses = _unpack(parameters, k)
+        slope, offsets, lapses = _unpack_parameters(parameters, k)
         curve = softmax(slope * logs + offsets, axis=1)
         calibrated = lapses + (1 - lapses.sum()) * curve
         by_probability = -targets / calibrated / cases
@@ -152,7 +152,7 @@ def fit_calibration(classes: Sequence[str], probabilities: Array, labels: Sequen
         key=lambda result: float(result.fun),
     )
     shares = (counts + 0.5) / (counts + 0.5).sum()
-    return Calibration(tuple(classes), *_unpack(best.x, k), shares)
+    return Calibration(tuple(classes), *_unpack_parameters(best.x, k), shares)
 
 
 def cross_calibrate(validation: Validation) -> Array:
@@ -168,16 +168,16 @@ def cross_calibrate(validation: Validation) -> Array:
     return calibrated
 
 
-def _unpack(parameters: Array, k: int) -> tuple[float, Array, Array]:
+def _unpack_parameters(parameters: Array, k: int) -> tuple[float, Array, Array]:
     """Slope, offsets (k,) and lapses (k,)."""
     return float(np.exp(parameters[0])), np.append(parameters[1:k], 0.0), parameters[k:]
 
 
-def _clipped_log(probabilities: Array) -> Array:
+def _clip_and_log(probabilities: Array) -> Array:
     return np.log(np.clip(probabilities, MIN_PROBABILITY, 1 - MIN_PROBABILITY))
 
 
-def _class_indices(classes: Sequence[str], labels: Sequence[str]) -> np.ndarray:
+def _find_class_indices(classes: Sequence[str], labels: Sequence[str]) -> np.ndarray:
     """(cases,) the column of each label."""
     columns = {name: column for column, name in enumerate(classes)}
     if not len(labels):

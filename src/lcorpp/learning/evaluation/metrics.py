@@ -1,8 +1,7 @@
 """Metrics of probabilities, one class against the rest: AUC, Brier score, expected calibration error.
 
 Every metric takes `weights` (resamples, cases), the number of times each case counts, and returns one value
-per
-row: a row of ones gives the metric itself, `cluster_bootstrap_weights` its bootstrap distribution.
+per row: a row of ones gives the metric itself, `cluster_bootstrap_weights` its bootstrap distribution.
 """
 
 from __future__ import annotations
@@ -18,17 +17,19 @@ from lcorpp.values import Array, Interval
 
 Flags = npt.NDArray[np.bool_]
 
-RESAMPLES = 1000
+BOOTSTRAP_REPLICATES = 1000
 """Bootstrap resamples; with another seed the ends of an interval move by about .02 of its width."""
 
-BINS = 10
+N_BINS = 10
 """Bins of a reliability diagram, each with equally many cases."""
 
-SIMULATIONS = 400
+N_SIMULATIONS = 400
 """Simulated label vectors for the calibration error of perfectly calibrated probabilities."""
 
 
-def cluster_bootstrap_weights(groups: Sequence[str], *, count: int = RESAMPLES, seed: int = 0) -> Array:
+def cluster_bootstrap_weights(
+    groups: Sequence[str], *, count: int = BOOTSTRAP_REPLICATES, seed: int = 0
+) -> Array:
     """(count, cases) the number of times each case is drawn if whole groups are drawn with replacement.
 
     Cases of one person are not independent, so a resample contains all of them or none.
@@ -55,7 +56,7 @@ def bootstrap_interval(value: float, resampled: Array) -> Interval:
 
 
 def jeffreys_interval(count: int, cases: int, *, level: float = 0.95, smoothing: float = 0.5) -> Interval:
-    """The share count / cases with its Beta interval.
+    """The fraction count / cases with its Beta interval.
 
     The lower end is 0 if `count` is 0, the upper end 1 if it is `cases`, as is usual for Jeffreys' intervals.
 
@@ -117,7 +118,7 @@ def expected_ece_if_calibrated(scores: Array, *, seed: int = 0) -> float:
     """The mean ECE of the probabilities (cases,) if labels are drawn from them."""
     rng = np.random.default_rng(seed)
     membership = _bin_membership(scores)
-    labels = rng.random((SIMULATIONS, len(scores))) < scores
+    labels = rng.random((N_SIMULATIONS, len(scores))) < scores
     return float((np.abs((labels - scores) @ membership).sum(axis=1) / len(scores)).mean())
 
 
@@ -135,7 +136,7 @@ class ReliabilityBin:
 
 
 def reliability(scores: Array, positive: Flags) -> tuple[ReliabilityBin, ...]:
-    """The reliability diagram: at most `BINS` bins of equally many cases, with Jeffreys' intervals.
+    """The reliability diagram: at most `N_BINS` bins of equally many cases, with Jeffreys' intervals.
 
     Source: DeGroot and Fienberg, The Statistician 32, 1983.
     """
@@ -148,6 +149,6 @@ def reliability(scores: Array, positive: Flags) -> tuple[ReliabilityBin, ...]:
 
 def _bin_membership(scores: Array) -> Array:
     """(cases, bins) 1 if a case is in a bin; equal scores share a bin."""
-    edges = np.unique(np.quantile(scores, np.linspace(0, 1, BINS + 1)[1:-1]))
+    edges = np.unique(np.quantile(scores, np.linspace(0, 1, N_BINS + 1)[1:-1]))
     _, index = np.unique(np.searchsorted(edges, scores, side="left"), return_inverse=True)
     return np.eye(index.max() + 1)[index]

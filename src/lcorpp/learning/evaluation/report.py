@@ -143,12 +143,12 @@ class EvaluationReport:
                 yield Row(
                     one.name,
                     f"expected calibration error if perfectly calibrated{suffix}",
-                    _without_ends(quality.ece_if_calibrated),
+                    _make_point_interval(quality.ece_if_calibrated),
                 )
             for choice in one.thresholds:
                 best = f"{choice.label} at prevalence {choice.prevalence:.3g}"
-                yield Row(one.name, f"threshold for {best}", _without_ends(choice.probability))
-                yield Row(one.name, best, _without_ends(choice.score))
+                yield Row(one.name, f"threshold for {best}", _make_point_interval(choice.probability))
+                yield Row(one.name, best, _make_point_interval(choice.score))
 
 
 def build_report(
@@ -194,10 +194,10 @@ def build_report(
                 name,
                 int(flags.sum()),
                 flags,
-                _interval(auc, scores, flags, weights),
+                _bootstrap(auc, scores, flags, weights),
                 np.stack([fpr, tpr]),
-                _quality(scores, flags, weights),
-                _quality(calibrated[:, column], flags, weights),
+                _measure_quality(scores, flags, weights),
+                _measure_quality(calibrated[:, column], flags, weights),
                 tuple(
                     choose_threshold(scores, flags, validation.folds, prevalence=prevalences[name], goal=goal)
                     for goal in goals
@@ -218,22 +218,22 @@ def build_report(
     )
 
 
-def _quality(scores: Array, positive: Flags, weights: Array) -> ProbabilityQuality:
+def _measure_quality(scores: Array, positive: Flags, weights: Array) -> ProbabilityQuality:
     return ProbabilityQuality(
         scores,
-        _interval(brier, scores, positive, weights),
-        _interval(expected_calibration_error, scores, positive, weights),
+        _bootstrap(brier, scores, positive, weights),
+        _bootstrap(expected_calibration_error, scores, positive, weights),
         expected_ece_if_calibrated(scores),
         reliability(scores, positive),
     )
 
 
-def _interval(
+def _bootstrap(
     metric: Callable[[Array, Flags, Array], Array], scores: Array, positive: Flags, weights: Array
 ) -> Interval:
     once = np.ones((1, len(scores)))
     return bootstrap_interval(float(metric(scores, positive, once)[0]), metric(scores, positive, weights))
 
 
-def _without_ends(value: float) -> Interval:
+def _make_point_interval(value: float) -> Interval:
     return Interval(value, float("nan"), float("nan"))

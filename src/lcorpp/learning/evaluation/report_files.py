@@ -32,7 +32,7 @@ def write_report(report: EvaluationReport, folder: str | Path) -> tuple[Path, ..
     directory = make_folder(folder)
     texts = {
         "report.json": json.dumps(as_json(report), indent=2) + "\n",
-        "report.csv": _csv(report),
+        "report.csv": _format_csv(report),
         "report.md": as_markdown(report),
     }
     for name, text in texts.items():
@@ -48,7 +48,7 @@ def as_json(report: EvaluationReport) -> dict[str, Any]:
         "cases": report.cases,
         "people": report.people,
         "folds": report.folds,
-        "accuracy": _interval(report.accuracy),
+        "accuracy": _interval_as_json(report.accuracy),
         "confusion": [
             [
                 {
@@ -56,7 +56,7 @@ def as_json(report: EvaluationReport) -> dict[str, Any]:
                     "predicted": rate.predicted,
                     "count": rate.count,
                     "cases": rate.cases,
-                    **_interval(rate.interval),
+                    **_interval_as_json(rate.interval),
                 }
                 for rate in row
             ]
@@ -65,13 +65,13 @@ def as_json(report: EvaluationReport) -> dict[str, Any]:
         "classes": {
             one.name: {
                 "cases": one.cases,
-                "auc": _interval(one.auc),
+                "auc": _interval_as_json(one.auc),
                 "roc": {
                     "false_positive_rate": one.roc[0].tolist(),
                     "true_positive_rate": one.roc[1].tolist(),
                 },
-                "raw": _quality(one.raw),
-                "calibrated": _quality(one.calibrated),
+                "raw": _quality_as_json(one.raw),
+                "calibrated": _quality_as_json(one.calibrated),
                 "thresholds": [asdict(choice) for choice in one.thresholds],
             }
             for one in report.classes
@@ -88,17 +88,17 @@ def as_markdown(report: EvaluationReport) -> str:
         f"{report.cases} cases of {report.people} people, {report.folds} folds; 95 % intervals.",
         report.source,
         "",
-        *_table(
+        *_format_table(
             ("true class", *(f"predicted {rate.predicted}" for rate in report.rates[0]), "cases"),
-            _confusion_rows(report),
+            _format_confusion(report),
         ),
         "",
-        *_table(("class", "quantity", "value", "95 % interval"), _quantity_rows(report)),
+        *_format_table(("class", "quantity", "value", "95 % interval"), _format_quantities(report)),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _confusion_rows(report: EvaluationReport) -> Iterator[Sequence[str]]:
+def _format_confusion(report: EvaluationReport) -> Iterator[Sequence[str]]:
     for row in report.rates:
         cells = (
             f"{rate.count} ({rate.value:.3f}, {rate.interval.low:.3f} to {rate.interval.high:.3f})"
@@ -107,19 +107,19 @@ def _confusion_rows(report: EvaluationReport) -> Iterator[Sequence[str]]:
         yield row[0].true, *cells, str(row[0].cases)
 
 
-def _quantity_rows(report: EvaluationReport) -> Iterator[Sequence[str]]:
+def _format_quantities(report: EvaluationReport) -> Iterator[Sequence[str]]:
     for row in report.rows():
         if not row.predicted:
             interval = f"{row.interval.low:.3f} to {row.interval.high:.3f}" if row.has_interval else ""
             yield row.class_name, row.quantity, f"{row.interval.estimate:.3f}", interval
 
 
-def _table(header: Sequence[str], body: Iterable[Sequence[str]]) -> Iterator[str]:
+def _format_table(header: Sequence[str], body: Iterable[Sequence[str]]) -> Iterator[str]:
     for cells in (header, ["---"] * len(header), *body):
         yield f"| {' | '.join(cells)} |"
 
 
-def _csv(report: EvaluationReport) -> str:
+def _format_csv(report: EvaluationReport) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -129,17 +129,17 @@ def _csv(report: EvaluationReport) -> str:
     return text.getvalue()
 
 
-def _quality(quality: ProbabilityQuality) -> dict[str, Any]:
+def _quality_as_json(quality: ProbabilityQuality) -> dict[str, Any]:
     return {
-        "brier": _interval(quality.brier),
-        "expected_calibration_error": _interval(quality.ece),
+        "brier": _interval_as_json(quality.brier),
+        "expected_calibration_error": _interval_as_json(quality.ece),
         "expected_calibration_error_if_calibrated": quality.ece_if_calibrated,
         "reliability": [
-            {"predicted": part.predicted, "observed": _interval(part.observed), "cases": part.cases}
+            {"predicted": part.predicted, "observed": _interval_as_json(part.observed), "cases": part.cases}
             for part in quality.reliability
         ],
     }
 
 
-def _interval(interval: Interval) -> dict[str, float]:
+def _interval_as_json(interval: Interval) -> dict[str, float]:
     return {"value": interval.estimate, "low": interval.low, "high": interval.high}

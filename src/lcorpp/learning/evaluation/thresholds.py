@@ -59,6 +59,9 @@ class RocPoints:
     fpr: Array
 
 
+UTILITY_TOLERANCE = 1e-12
+"""Utilities that differ by less are treated as equal."""
+
 Goal = Callable[[RocPoints, float], Array]
 """Utility (thresholds,) of points of the ROC curve at a prevalence; higher is better."""
 
@@ -157,17 +160,17 @@ def choose_threshold(
     """
     name, utility = resolve_goal(goal)
     if not 0 < prevalence < 1:
-        raise DataError(f"the prevalence is {prevalence}; expected a share between 0 and 1")
+        raise DataError(f"the prevalence is {prevalence}; expected a fraction between 0 and 1")
     if positive.all() or not positive.any():
         raise DataError("a threshold needs positive and negative cases")
-    best, in_sample = _best(scores, positive, prevalence, utility)
-    roc = _roc_points(scores, positive, np.array([best]))
+    best, in_sample = _find_best(scores, positive, prevalence, utility)
+    roc = _compute_roc_points(scores, positive, np.array([best]))
     predicted = np.zeros(len(scores), dtype=bool)
     held_out = np.array(folds)
     for fold in np.unique(held_out):
         rest = held_out != fold
         has_both = positive[rest].any() and not positive[rest].all()
-        fold_best = _best(scores[rest], positive[rest], prevalence, utility)[0] if has_both else best
+        fold_best = _find_best(scores[rest], positive[rest], prevalence, utility)[0] if has_both else best
         predicted[~rest] = scores[~rest] >= fold_best
     out_of_fold = RocPoints(np.array([predicted[positive].mean()]), np.array([predicted[~positive].mean()]))
     return ThresholdChoice(
@@ -181,17 +184,17 @@ def choose_threshold(
     )
 
 
-def _best(scores: Array, positive: Flags, prevalence: float, utility: Goal) -> tuple[float, float]:
-    """The best threshold and its utility; candidates lie halfway between two scores, and at the ends."""
+def _find_best(scores: Array, positive: Flags, prevalence: float, utility: Goal) -> tuple[float, float]:
+    """Find the best threshold and its utility; candidates lie halfway between two scores, and at the ends."""
     distinct = np.unique(scores)
     candidates = np.concatenate([[0.0], (distinct[1:] + distinct[:-1]) / 2, [np.nextafter(1.0, 2.0)]])
-    values = utility(_roc_points(scores, positive, candidates), prevalence)
-    best = np.flatnonzero(values >= values.max() - 1e-12)
+    values = utility(_compute_roc_points(scores, positive, candidates), prevalence)
+    best = np.flatnonzero(values >= values.max() - UTILITY_TOLERANCE)
     chosen = best[np.argmin(np.abs(candidates[best] - 0.5))]
     return float(candidates[chosen]), float(values[chosen])
 
 
-def _roc_points(scores: Array, positive: Flags, thresholds: Array) -> RocPoints:
+def _compute_roc_points(scores: Array, positive: Flags, thresholds: Array) -> RocPoints:
     positives, negatives = np.sort(scores[positive]), np.sort(scores[~positive])
     return RocPoints(
         1 - np.searchsorted(positives, thresholds, side="left") / len(positives),

@@ -56,9 +56,9 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
     - distance: metres from the robot;
     - bearing: cosine and sine of the direction from the robot to the person.
 
-    The last four contain the person's place, not only the motion: they carry more information about
-    intention, and on data that leaks its label by place a classifier learns the leak. The others do not
-    depend on place.
+    The last four, approach to bearing, contain the person's place, not only the motion: they carry more
+    information about intention, and on data that leaks its label by place a classifier learns the leak. The
+    other features do not depend on place.
 
     Args:
         rate: points per second of the result.

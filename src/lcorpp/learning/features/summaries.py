@@ -1,4 +1,4 @@
-"""Summary features: a track as some fifty numbers about its speed, turning, straightness and their change."""
+"""Summary features: a track as numbers about its speed, turning, straightness and their change."""
 
 from __future__ import annotations
 
@@ -20,6 +20,10 @@ SEGMENTS = 4
 
 MIN_SPEED = 0.1
 """m/s; below this speed a direction is noise, and the person counts as not turning."""
+
+
+STANDING_SPEED = 2 * MIN_SPEED
+"""m/s; below this speed the person counts as standing still."""
 
 
 class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
@@ -66,7 +70,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
             raise DataError(f"fitted to tracks of {self.rows_} channels, given {tracks.shape[1]}")
         velocity = np.diff(tracks[:, :2], axis=2) * self.rate
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        turning = _turning(velocity, speed)
+        turning = _compute_turning(velocity, speed)
         distance = np.hypot(tracks[:, 0], tracks[:, 1])
         series = [
             speed,
@@ -81,9 +85,9 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
         ]
         length = speed.sum(axis=1) / self.rate
         straightness = distance[:, -1] / np.maximum(length, MIN_SPEED)
-        standing = (speed < 2 * MIN_SPEED).mean(axis=1)
+        standing = (speed < STANDING_SPEED).mean(axis=1)
         whole = np.stack([length, straightness, standing], axis=1)
-        return np.concatenate([*(_statistics(values) for values in series), whole], axis=1)
+        return np.concatenate([*(_compute_statistics(values) for values in series), whole], axis=1)
 
     def to_arrays(self) -> dict[str, Array]:
         """The fitted state, for `storage`."""
@@ -95,7 +99,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
         return self
 
 
-def _turning(velocity: Array, speed: Array) -> Array:
+def _compute_turning(velocity: Array, speed: Array) -> Array:
     """(cases, points - 1) change of direction of velocity (cases, 2, points - 1); 0 while standing."""
     heading = np.arctan2(velocity[:, 1], velocity[:, 0])
     change = np.diff(heading, axis=1, prepend=heading[:, :1])
@@ -104,7 +108,7 @@ def _turning(velocity: Array, speed: Array) -> Array:
     return np.where(moving, change, 0.0)
 
 
-def _statistics(values: Array) -> Array:
+def _compute_statistics(values: Array) -> Array:
     """(cases, SEGMENTS + 4) segment means, deviation, minimum, maximum and last value of each row."""
     points = values.shape[1]
     ends = np.linspace(0, points, SEGMENTS + 1).round().astype(int)

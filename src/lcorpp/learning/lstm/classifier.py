@@ -16,7 +16,7 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.lstm.network import Floats, Weights
 from lcorpp.learning.lstm.trainer import TrainingConfig, TrainingSet
-from lcorpp.learning.lstm.training import SCHEDULES, class_weights, train
+from lcorpp.learning.lstm.training import SCHEDULES, compute_class_weights, train
 from lcorpp.values import Array
 
 _PREDICTION_BATCH = 4096
@@ -66,9 +66,8 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
 
     Two classes share one sigmoid unit and binary cross-entropy, more have a softmax and cross-entropy. The
     optimiser is Adam, the initial weights are those of Keras, which the paper used. The same `random_state`
-    gives
-    the same classifier up to the rounding of the trainer: compiled kernels, or torch without kernels or on a
-        GPU.
+    gives the same classifier up to the rounding of the trainer: compiled kernels, or torch without kernels or
+    on a GPU.
 
     Args:
         units: units of the LSTM.
@@ -134,7 +133,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             raise DataError(f"{len(inputs)} tracks need as many labels, not shape {index.shape}")
         if len(classes) < 2:
             raise DataError(f"all cases are of class {str(classes[0])!r}; at least two classes are needed")
-        weights = class_weights(self.class_weight, classes, np.bincount(index))[index]
+        weights = compute_class_weights(self.class_weight, classes, np.bincount(index))[index]
         training_set = TrainingSet(inputs, index.astype(np.int32), weights.astype(np.float32), len(classes))
         config = TrainingConfig(
             units=int(self.units),
@@ -156,7 +155,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             DataError: X is malformed or does not have the channels of the training data.
             NotFittedError: before `fit`.
         """
-        weights = self._fitted_weights()
+        weights = self._require_weights()
         inputs = _to_inputs(check_tracks(X))
         _check_channels(inputs.shape[2], weights)
         network = weights.network
@@ -176,7 +175,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         Raises:
             NotFittedError: before `fit`.
         """
-        weights = self._fitted_weights()
+        weights = self._require_weights()
         hidden, cell = np.zeros((2, n, weights.units), dtype=np.float32)
         return LstmState(weights, hidden, cell)
 
@@ -194,7 +193,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
                 this one before it was trained again; the state is unchanged then.
             NotFittedError: before `fit`.
         """
-        weights = self._fitted_weights()
+        weights = self._require_weights()
         if state.weights is not weights:
             raise DataError(
                 "this state was begun by another classifier, or before this one was trained again"
@@ -216,7 +215,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
         """The fitted state, for `storage`: the classes and every weight."""
-        return {**self._fitted_weights().arrays(), "classes": self.classes_.astype(np.str_)}
+        return {**self._require_weights().arrays(), "classes": self.classes_.astype(np.str_)}
 
     def restore_arrays(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
         """Restore the state that `to_arrays` returned.
@@ -236,7 +235,7 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
         self.classes_, self.weights_ = classes, weights
         return self
 
-    def _fitted_weights(self) -> Weights:
+    def _require_weights(self) -> Weights:
         weights: Weights | None = getattr(self, "weights_", None)
         if weights is None:
             raise NotFittedError("this LstmClassifier is not trained yet: call fit before")

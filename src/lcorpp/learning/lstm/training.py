@@ -40,7 +40,7 @@ def train(
     outputs = 1 if training_set.classes == 2 else training_set.classes
     start = Weights.initialize(training_set.inputs.shape[2], config.units, outputs, rng)
     trainer = select_trainer(device)(start, training_set, config)
-    rates = learning_rates(config, len(training_set))
+    rates = compute_learning_rates(config, len(training_set))
     keep = 1 - config.dropout
     for epoch in range(config.epochs):
         order = rng.permutation(len(training_set))
@@ -57,7 +57,7 @@ def train(
         ) from None
 
 
-def learning_rates(config: TrainingConfig, cases: int) -> Array:
+def compute_learning_rates(config: TrainingConfig, cases: int) -> Array:
     """(epochs, batches) the learning rate of every update."""
     batches = -(-cases // config.batch_size)
     if config.schedule == "constant":
@@ -69,7 +69,7 @@ def learning_rates(config: TrainingConfig, cases: int) -> Array:
     return np.asarray(config.learning_rate * factors.reshape(config.epochs, batches), dtype=np.float64)
 
 
-def class_weights(
+def compute_class_weights(
     weighting: str | Mapping[Any, float] | None, classes: npt.NDArray[Any], counts: npt.NDArray[np.intp]
 ) -> Array:
     """(K,) the weight of a case of each class, as in scikit-learn.
@@ -93,7 +93,7 @@ def class_weights(
     if set(weighting) != set(names):
         raise DataError(f"class_weight is for {sorted(map(str, weighting))}, the classes are {names}")
     if not all(isinstance(weighting[name], Real) and 0 < weighting[name] < np.inf for name in names):
-        raise DataError(f"class_weight must hold positive finite numbers, not {dict(weighting)}")
+        raise DataError(f"the weights of class_weight must be positive and finite, not {dict(weighting)}")
     return np.array([weighting[name] for name in names], dtype=np.float64)
 
 
