@@ -94,7 +94,7 @@ def test_a_file_that_is_cut_off_keeps_its_readable_records(whole, path, data):
     try:
         rows, snapshot = read_rows(path)
     except LcorppError:
-        assert size < HEADER + PAGE
+        assert size < HEADER + 2 * PAGE  # no page of tracks is left
         return
     assert snapshot.damage
     append_anew(path, rows)
