@@ -133,6 +133,14 @@ def test_learn_of_a_domain_without_trajectories_asks_for_data(lcorpp, tmp_path):
     refused(lcorpp("learn", tmp_path / "mine"), "give --data, or --classifier channel to `lcorpp run`")
 
 
+def test_a_message_has_the_name_of_the_recording_once(lcorpp, tmp_path):
+    file = tmp_path / "few.csv"
+    file.write_text("time,track,x,y,label\n0,1,0,0,interested\n0.1,1,0,1,interested\n")
+    ended = lcorpp("learn", "--data", file)
+    refused(ended, f"{file}: every track is shorter than 9.999 s")
+    assert ended.err.count("few.csv") == 1
+
+
 def test_options_without_effect_are_rejected(lcorpp):
     exact = ("run", "--exact", "--classifier", "channel")
     refused(lcorpp(*exact, "--trials", 10), "--trials: nothing is sampled with --exact")

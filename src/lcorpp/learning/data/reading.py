@@ -90,7 +90,8 @@ def read_data(
             recording, interval=interval or INTERVAL, points=points or POINTS, channels=channels
         )
     except DataError as error:
-        raise DataError(f"{path}: {error}") from None
+        reason = str(error).removeprefix(f"{recording.source}: ")
+        raise DataError(f"{path}: {reason}") from None
 
 
 def read_recording(
