@@ -45,6 +45,7 @@ def test_check_locates_what_is_wrong(lcorpp, tmp_path, name, text, words):
 def test_missing_files(lcorpp, tmp_path):
     refused(lcorpp("ask", tmp_path / "no.plog"), "no.plog: cannot be read: No such file")
     refused(lcorpp("solve", tmp_path / "no.pomdp", "-o", tmp_path / "x"), "no.pomdp: cannot be read")
+    refused(lcorpp("check", tmp_path / "nosuch"), "nosuch: No such file or directory")
     refused(lcorpp("run", tmp_path / "no"), "no folder with a domain.toml")
     refused(lcorpp("run", "--data", tmp_path), "interposx.csv")
     assert os.listdir(tmp_path) == []

@@ -124,6 +124,7 @@ def test_wrong_arguments_of_data_end_in_one_message(lcorpp, tmp_path):
     refused(lcorpp("data", "make", "-o", good, "--tracks", 5, "--positives", 6), "--positives 6 is more than")
     refused(lcorpp("data", "make", "-o", good, "--seconds", 5, 1), "seconds")
     refused(lcorpp("data", "make", ROOMS, "-o", good), "no people.py with recordings")
+    refused(lcorpp("data", "make", "--seconds", 5, 3, "-o", good), "--seconds 5 3: expected 0 < A <= B")
     refused(lcorpp("data", "describe", tmp_path / "none.csv"), "none.csv: cannot be read: No such file")
     refused(lcorpp("data", "describe", good, "--repair", "magic"), "unknown repair 'magic'")
     refused(lcorpp("data", "describe", good, "--label", "in"), "expected WORD=CLASS")

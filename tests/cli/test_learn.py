@@ -84,7 +84,7 @@ def test_paths_that_cannot_be_a_store_are_rejected(lcorpp, tmp_path):
         (tmp_path, "is not a file; a store of tracks is one"),
         (tmp_path / "text", "text: not a store of tracks"),
         (tmp_path / "other", "its classes: a, b; the tracks to be stored have: lab, office, store"),
-        (tmp_path / "no" / "s", "No such file"),
+        (tmp_path / "no" / "s", "there is no folder"),
     ):
         ended = lcorpp("learn", ROOMS, *OPTIONS, "--store", path)
         assert (ended.code, words in ended.err) == (2, True), ended.err

@@ -1,8 +1,10 @@
 """The program as a whole: help, version, interrupts, and checks of outputs before long work."""
 
 import os
+import shutil
 import subprocess
 import sys
+import types
 from dataclasses import replace
 
 import pytest
@@ -39,7 +41,7 @@ def test_version(lcorpp):
 
 def test_learn_states_its_default_number_of_tracks_once(lcorpp):
     out = " ".join(lcorpp("learn", "-h").out.split())
-    assert "Simulated training tracks before the first batch. [default: 100; x>=20]" in out
+    assert "Simulated training tracks before the first batch. [default: 100; 20<=x<=1000000]" in out
     assert "the domain's number" not in out
 
 
@@ -89,6 +91,16 @@ def test_ctrl_c_elsewhere_is_not_silent(lcorpp, monkeypatch):
     assert (ended.code, ended.err) == (130, "lcorpp: interrupted\n")
 
 
+def test_ctrl_c_while_the_commands_load(lcorpp, monkeypatch):
+    class Interrupted(types.ModuleType):
+        def __getattr__(self, name):
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "lcorpp.cli.app", Interrupted("lcorpp.cli.app"))
+    ended = lcorpp("--version")
+    assert (ended.code, ended.err) == (130, "lcorpp: interrupted\n")
+
+
 def test_outputs_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
     def fail(*_, **__):
         raise AssertionError("work before the check")
@@ -101,6 +113,42 @@ def test_outputs_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
         refused(lcorpp("run", *SMALL, "--out", out), "is a file")
         refused(lcorpp("learn", *SMALL, "--out", out), "is a file")
     refused(lcorpp("data", "make", "-o", tmp_path / "no" / "a.csv"), "cannot be written")
+
+
+def test_the_options_of_learn_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
+    monkeypatch.setattr("lcorpp.experiments.setup.solve", None)
+    (tmp_path / "file").write_text("")
+    refused(lcorpp("learn", *SMALL, "--store", tmp_path / "file" / "x.tracks"), "file is a file")
+    refused(lcorpp("learn", *SMALL, "--store", tmp_path / "no" / "x.tracks"), "there is no folder")
+    refused(lcorpp("learn", *SMALL, "--epsilon", "nan"), "--epsilon nan: expected a number from 0")
+    refused(lcorpp("learn", "--device", "x"), "--device x: expected one of cpu, cuda")
+    refused(lcorpp("learn", "--learner", "nosuch"), "unknown learner 'nosuch'")
+
+
+def test_learn_of_a_domain_without_trajectories_asks_for_data(lcorpp, tmp_path):
+    shutil.copytree(INTENTION, tmp_path / "mine")
+    file = tmp_path / "mine" / "domain.toml"
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join(line for line in lines if not line.startswith("people =")))
+    refused(lcorpp("learn", tmp_path / "mine"), "give --data, or --classifier channel to `lcorpp run`")
+
+
+def test_options_without_effect_are_rejected(lcorpp):
+    exact = ("run", "--exact", "--classifier", "channel")
+    refused(lcorpp(*exact, "--trials", 10), "--trials: nothing is sampled with --exact")
+    for command in ("run", "learn"):
+        refused(lcorpp(command, "--format", "svg"), "without --out none is drawn")
+        refused(lcorpp(command, "--out", ""), "'--out'", "expected the name of a folder")
+
+
+@pytest.mark.parametrize("number", [9_999_999_999, 99_999_999_999_999_999_999])
+def test_numbers_have_an_upper_limit(lcorpp, tiger, number):
+    for option in ("--trials", "--steps"):
+        refused(lcorpp("simulate", tiger, tiger, option, number), option, "is not in the range")
+    for option in ("--trials", "--tracks"):
+        refused(lcorpp("run", option, number), option, "is not in the range")
+    refused(lcorpp("learn", "--batch-size", number), "--batch-size", "is not in the range")
+    refused(lcorpp("data", "make", "--tracks", number), "--tracks", "is not in the range")
 
 
 def test_a_classifier_that_cannot_be_saved_is_reported_before_the_training(lcorpp, monkeypatch, tmp_path):

@@ -78,7 +78,8 @@ def test_solve_refuses_outputs_before_it_searches(lcorpp, tmp_path):
         "a.png: not the name of a policy; expected one of .policy",
     )
     refused(
-        lcorpp("solve", model, "-o", tmp_path / "no" / "a.policy", *hour), "cannot be written: No such file"
+        lcorpp("solve", model, "-o", tmp_path / "no" / "a.policy", *hour),
+        "cannot be written: there is no folder",
     )
     refused(lcorpp("solve", model, "-o", tmp_path, *hour), "cannot be written: Is a directory")
     refused(

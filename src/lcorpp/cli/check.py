@@ -54,6 +54,8 @@ def check(
         _check_policy(path, model)
     elif suffix in model_files.POLICIES:
         raise FileError(f"{path}: a policy is checked against its model; give --model FILE.pomdp")
+    elif not path.exists():
+        raise FileError(f"{path}: No such file or directory")
     else:
         raise FileError(f"{path}: unknown kind of file; expected {KINDS}")
 

@@ -65,7 +65,9 @@ def make(
     out: Annotated[
         Path, typer.Option("--out", "-o", help="The file to write: .csv, .parquet or .npz.")
     ] = Path("people.csv"),
-    tracks: Annotated[int, typer.Option("--tracks", min=1, help="Number of tracks.")] = 2286,
+    tracks: Annotated[
+        int, typer.Option("--tracks", min=1, max=options.MAX_TRACKS, help="Number of tracks.")
+    ] = 2286,
     positives: Annotated[
         int | None,
         typer.Option(
@@ -86,6 +88,8 @@ def make(
     output_files.check_writable(out)
     if positives is not None and positives > tracks:
         raise DataError(f"--positives {positives} is more than --tracks {tracks}")
+    if seconds is not None and not 0 < seconds[0] <= seconds[1]:
+        raise DataError(f"--seconds {seconds[0]:g} {seconds[1]:g}: expected 0 < A <= B")
 
     import numpy as np
 

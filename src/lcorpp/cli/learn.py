@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console, options
+from lcorpp.cli import console, options, output_files
+from lcorpp.errors import DataError, expected_one_of
 
 if TYPE_CHECKING:
+    from lcorpp.experiments.active_learning import ActiveLearningOptions
     from lcorpp.experiments.run_store import RunStore
+
+DEVICES = ("cpu", "cuda")
+"""The devices of the LSTM; a learner of your own may know others."""
 
 
 def learn(
     domain: options.DomainArgument = "intention",
     preset: options.PresetOption = None,
     batch_size: Annotated[
-        int, typer.Option("--batch-size", min=1, help="K: decisions between two trainings.")
+        int,
+        typer.Option(
+            "--batch-size", min=1, max=options.MAX_TRACKS, help="K: decisions between two trainings."
+        ),
     ] = 100,
     epsilon: Annotated[
         float,
@@ -28,7 +37,13 @@ def learn(
         int, typer.Option("--max-batches", min=1, help="Stop after this many batches.")
     ] = 20,
     tracks: Annotated[
-        int, typer.Option("--tracks", min=20, help="Simulated training tracks before the first batch.")
+        int,
+        typer.Option(
+            "--tracks",
+            min=20,
+            max=options.MAX_TRACKS,
+            help="Simulated training tracks before the first batch.",
+        ),
     ] = 100,
     seed: options.SeedOption = 0,
     data: options.DataOption = None,
@@ -54,7 +69,6 @@ def learn(
     decision survives any interruption, and the same command resumes the run.
     """
     from lcorpp.cli.domain_output import print_domain
-    from lcorpp.cli.output_files import check_folder
     from lcorpp.cli.robot_output import print_solution
     from lcorpp.domains import load_domain
     from lcorpp.experiments.active_learning import (
@@ -84,8 +98,12 @@ def learn(
     )
     figures = [item.value for item in formats] if formats else FORMATS
     problem = None
+    _check_options(chosen)
+    output_files.check_formats(out, formats)
+    if store is not None and not store.exists():
+        output_files.check_writable(store)
     if out is not None:
-        check_folder(out)
+        output_files.check_folder(out)
         problem = find_storage_problem(training)
     print_domain(loaded)
     if problem is not None:
@@ -139,6 +157,22 @@ def learn(
         if written.problem is not None and problem is None:
             console.print_note(f"the classifier is not saved: {written.problem}")
         console.out.print(f"wrote {', '.join(str(path) for path in written.paths)}", markup=False)
+
+
+def _check_options(chosen: ActiveLearningOptions) -> None:
+    """Reject before the work what the training would reject after it.
+
+    Raises:
+        DataError: the change that ends the run is no number, or the learner or the device is unknown.
+    """
+    from lcorpp.learning import learner
+
+    if math.isnan(chosen.epsilon):
+        raise DataError("--epsilon nan: expected a number from 0")
+    training = chosen.training
+    if ":" not in training.learner and training.device.split(":")[0] not in DEVICES:
+        raise DataError(f"--device {training.device}: {expected_one_of(DEVICES)}")
+    learner(training.learner, epochs=training.epochs, device=training.device, features=training.features)
 
 
 def _print_run_store(run_store: RunStore) -> None:

@@ -1,55 +1,17 @@
-"""The `lcorpp` command."""
+"""Entry point of the `lcorpp` command; it loads the commands inside of its handler of interrupts."""
 
 from __future__ import annotations
 
 import sys
-from typing import Annotated
 
-import typer
-
-from lcorpp.cli import ask, check, data, explain, learn, run, show, simulate, solve
 from lcorpp.errors import LcorppError
-
-app = typer.Typer(
-    name="lcorpp",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-)
-app.command()(run.run)
-app.command()(explain.explain)
-app.command()(ask.ask)
-app.command()(solve.solve)
-app.command()(simulate.simulate)
-app.command()(show.show)
-app.command()(learn.learn)
-app.command()(check.check)
-app.add_typer(data.app)
-
-
-def _print_version(requested: bool) -> None:
-    if requested:
-        from lcorpp import __version__
-
-        typer.echo(f"lcorpp {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def common(
-    version: Annotated[
-        bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
-    ] = False,
-) -> None:
-    """Learn, reason and plan: decisions of a robot under uncertainty (LCORPP, AAAI 2020)."""
 
 
 def main() -> None:
     """Run a command; bad input ends in one message on standard error and exit code 2."""
     try:
+        from lcorpp.cli.app import app
+
         app(standalone_mode=True)
     except LcorppError as error:
         print(f"lcorpp: {error}", file=sys.stderr)
@@ -57,6 +19,9 @@ def main() -> None:
     except OSError as error:  # the output cannot be written: a full disk, a closed pipe
         print(f"lcorpp: {error.strerror or error}", file=sys.stderr)
         sys.exit(2)
+    except KeyboardInterrupt:  # while the commands are loaded; typer turns later ones into an exit
+        print("lcorpp: interrupted", file=sys.stderr)
+        sys.exit(130)
     except SystemExit as ended:
         interrupt = _find_interrupt(ended)
         if interrupt is not None:

@@ -8,6 +8,15 @@ from typing import Annotated
 
 import typer
 
+MAX_TRIALS = 10_000_000
+"""Maximum of --trials: the results of all trials are kept in memory."""
+
+MAX_STEPS = 1_000_000
+"""Maximum length of a simulated episode."""
+
+MAX_TRACKS = 1_000_000
+"""Maximum of --tracks, --batch-size and other numbers of people."""
+
 
 class Evidence(StrEnum):
     """The classifier's evidence for the reasoner: a label, as in the paper, or a likelihood of each class."""
@@ -79,13 +88,27 @@ SmoothingOption = Annotated[
 ]
 TracksOption = Annotated[
     int | None,
-    typer.Option("--tracks", min=20, help="Simulated training tracks; by default the domain's number."),
+    typer.Option(
+        "--tracks", min=20, max=MAX_TRACKS, help="Simulated training tracks; by default the domain's number."
+    ),
 ]
 DataOption = Annotated[
     Path | None,
     typer.Option("--data", help="Recorded tracks for training: a folder or a file, see docs/learning.md."),
 ]
-OutOption = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
+
+
+def _parse_folder(text: str) -> Path:
+    """Return the path of a folder; an empty text is none, although `Path("")` is the current folder."""
+    if not text:
+        raise typer.BadParameter("expected the name of a folder; the current one is '.'")
+    return Path(text)
+
+
+OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FOLDER", parser=_parse_folder, help="Folder for the results."),
+]
 FormatOption = Annotated[
     list[Format] | None,
     typer.Option("--format", help="Format of the figures in --out; repeatable. By default png and pdf."),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from lcorpp.errors import FileError, expected_one_of
@@ -20,8 +21,10 @@ def check_writable(path: Path) -> None:
     folder = Path(os.path.realpath(path)).parent
     if path.is_dir():
         reason = "Is a directory"
-    elif not folder.is_dir():
-        reason = "No such file or directory"
+    elif folder.exists() and not folder.is_dir():
+        reason = f"{path.parent} is a file"
+    elif not folder.exists():
+        reason = f"there is no folder {path.parent}"
     elif not os.access(folder, os.W_OK):
         reason = "Permission denied"
     else:
@@ -44,6 +47,16 @@ def check_folder(path: Path) -> None:
         raise FileError(f"{path}: cannot be created: {existing} is a file")
     if not os.access(existing, os.W_OK | os.X_OK):
         raise FileError(f"{path}: cannot be written: Permission denied")
+
+
+def check_formats(out: Path | None, formats: Sequence[str] | None) -> None:
+    """Reject formats of figures without a folder for them.
+
+    Raises:
+        FileError: there are formats and no folder.
+    """
+    if formats and out is None:
+        raise FileError("--format is for the figures in --out; without --out none is drawn")
 
 
 def check_figure(path: Path, *others: str) -> None:

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console, options
+from lcorpp.cli import console, options, output_files
 from lcorpp.errors import DomainError
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
     from lcorpp.experiments.setup import ClassifierOptions, TrainingOptions
+
+TRIALS = 5000
+"""Number of simulated people, if --trials does not give another one."""
 
 
 def run(
@@ -21,7 +24,16 @@ def run(
     strategy: Annotated[
         list[str] | None, typer.Option("--strategy", help="L, R, P, L+R, R+P or LCORPP; repeatable.")
     ] = None,
-    trials: Annotated[int, typer.Option("--trials", min=1, help="Number of simulated people.")] = 5000,
+    trials: Annotated[
+        int | None,
+        typer.Option(
+            "--trials",
+            min=1,
+            max=options.MAX_TRIALS,
+            show_default=str(TRIALS),
+            help="Number of simulated people.",
+        ),
+    ] = None,
     seed: options.SeedOption = 0,
     classifier: Annotated[
         str | None,
@@ -73,7 +85,6 @@ def run(
     Ctrl-C during the trials keeps those that are complete.
     """
     from lcorpp.cli.domain_output import print_domain
-    from lcorpp.cli.output_files import check_folder
     from lcorpp.cli.robot_output import print_classifier, print_scores, print_solution
     from lcorpp.decision import strategies
     from lcorpp.domains import load_domain
@@ -95,8 +106,12 @@ def run(
         "device": device if device != "cpu" else None,
         "features": features if features != "x,y" else None,
     }
+    if exact:
+        _reject_given("nothing is sampled with --exact", trials=trials)
+    output_files.check_formats(out, formats)
     _check_combination(kind, exact=exact, soft=soft, laplace=laplace, threshold=threshold)
     source: ClassifierOptions = None
+    number = TRIALS if trials is None else trials
     if kind == "channel":
         _reject_given("nothing is trained, as the classifier is a channel", data=data, **training)
     elif not any(row.learns for row in rows):
@@ -113,12 +128,12 @@ def run(
         strategies=rows,
         classifier=source,
         evidence=EvidenceOptions(soft, LAPLACE if laplace else JEFFREYS),
-        trials=None if exact else trials,
+        trials=None if exact else number,
         seed=seed,
         jobs=console.count_processes(jobs),
     )
     if out is not None:
-        check_folder(out)
+        output_files.check_folder(out)
     print_domain(loaded)
     if out is not None and isinstance(source, TrainingOptions):
         _print_storage_problem(source)
@@ -142,8 +157,8 @@ def run(
         if written.problem is not None:
             console.print_note(f"the classifier is not saved: {written.problem}")
         console.out.print("wrote " + ", ".join(str(path) for path in written.paths), markup=False)
-    if comparison.trials is not None and comparison.trials < trials:
-        console.err.print(f"interrupted: {comparison.trials} of {trials} trials are kept")
+    if comparison.trials is not None and comparison.trials < number:
+        console.err.print(f"interrupted: {comparison.trials} of {number} trials are kept")
 
 
 def _find_classifier_kind(

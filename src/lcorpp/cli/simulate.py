@@ -24,11 +24,16 @@ MAX_NODES = 1000
 def simulate(
     model: model_files.ModelArgument,
     policy: Annotated[Path, typer.Argument(metavar="POLICY", help="A .policy, .xml or .alpha file for it.")],
-    trials: Annotated[int, typer.Option("--trials", min=1, help="Number of episodes.")] = 100_000,
+    trials: Annotated[
+        int, typer.Option("--trials", min=1, max=options.MAX_TRIALS, help="Number of episodes.")
+    ] = 100_000,
     steps: Annotated[
         int | None,
         typer.Option(
-            "--steps", min=1, help="Maximum length of an episode; by default until the discount is 0.0001."
+            "--steps",
+            min=1,
+            max=options.MAX_STEPS,
+            help="Maximum length of an episode; by default until the discount is 0.0001.",
         ),
     ] = None,
     seed: options.SeedOption = 0,

@@ -36,7 +36,8 @@ class SimulatedTrajectories:
         """
         if domain.simulation.trajectories is None:
             raise DomainError(
-                f"{domain.folder}: no people.py with trajectories; give --data or --classifier channel"
+                f"{domain.folder}: no people.py with trajectories; give --data, or --classifier channel to"
+                " `lcorpp run`"
             )
         return cls(domain.simulation.trajectories)
 

@@ -1,0 +1,45 @@
+"""The `lcorpp` command with its subcommands."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from lcorpp.cli import ask, check, data, explain, learn, run, show, simulate, solve
+
+app = typer.Typer(
+    name="lcorpp",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+app.command()(run.run)
+app.command()(explain.explain)
+app.command()(ask.ask)
+app.command()(solve.solve)
+app.command()(simulate.simulate)
+app.command()(show.show)
+app.command()(learn.learn)
+app.command()(check.check)
+app.add_typer(data.app)
+
+
+def _print_version(requested: bool) -> None:
+    if requested:
+        from lcorpp import __version__
+
+        typer.echo(f"lcorpp {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
+    ] = False,
+) -> None:
+    """Learn, reason and plan: decisions of a robot under uncertainty (LCORPP, AAAI 2020)."""
