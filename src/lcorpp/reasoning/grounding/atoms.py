@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lcorpp.errors import TooLargeError
+from lcorpp.reasoning.grounding.generated_function import GeneratedFunction, Part, Source
 from lcorpp.reasoning.grounding.ground_program import GroundProgram, Literal as GroundLiteral
-from lcorpp.reasoning.grounding.rule_instantiator import Part, RuleInstantiator, Source
 from lcorpp.reasoning.grounding.values import Value, compare_values, parse_value
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.syntax import Expression, Literal, Term
@@ -56,7 +56,7 @@ class AtomTable:
 
     # parts of clauses with variables: numbers, or source that computes them
 
-    def translate_term(self, rule: RuleInstantiator, term: Term) -> Part:
+    def translate_term(self, rule: GeneratedFunction, term: Term) -> Part:
         """Translate a term to its number."""
         parts = [rule.translate(argument) for argument in term.arguments]
         if not any(isinstance(part, Source) for part in parts):
@@ -68,19 +68,19 @@ class AtomTable:
         rule.add_line(f"if {name} is None: {name} = {rule.name_constant(self.number_term)}({term.name!r}, k)")
         return name
 
-    def translate_value(self, rule: RuleInstantiator, term: Term, value: Expression) -> Part:
+    def translate_value(self, rule: GeneratedFunction, term: Term, value: Expression) -> Part:
         """Translate a value of a term to its index."""
         indexes, part = self._index_values(term.name), rule.translate(value)
         return Source(f"{rule.name_constant(indexes)}[{part}]") if isinstance(part, Source) else indexes[part]
 
-    def translate_label(self, rule: RuleInstantiator, arguments: Sequence[Expression]) -> Part:
+    def translate_label(self, rule: GeneratedFunction, arguments: Sequence[Expression]) -> Part:
         """Translate the arguments of a rule's label to text."""
         parts = [rule.translate(argument) for argument in arguments]
         if not any(isinstance(part, Source) for part in parts):
             return ",".join(map(str, parts))
         return Source(" + ',' + ".join(f"str({rule.quote(part)})" for part in parts))
 
-    def translate_literal(self, rule: RuleInstantiator, literal: Literal) -> tuple[Part, Part, bool]:
+    def translate_literal(self, rule: GeneratedFunction, literal: Literal) -> tuple[Part, Part, bool]:
         """Translate a literal to its term, the mask of the satisfying outcomes and whether it is negated."""
         value = rule.translate(literal.value)
         if not isinstance(value, Source):

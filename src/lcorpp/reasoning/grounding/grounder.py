@@ -17,13 +17,14 @@ from typing import cast
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.gc_pause import gc_paused
 from lcorpp.reasoning.grounding.atoms import AtomTable, make_key
+from lcorpp.reasoning.grounding.generated_function import Part, Source
 from lcorpp.reasoning.grounding.ground_program import (
     Clause,
     ClauseKind,
     GroundProgram,
     Literal as GroundLiteral,
 )
-from lcorpp.reasoning.grounding.rule_instantiator import Facts, Part, RuleInstantiator, Source
+from lcorpp.reasoning.grounding.rule_instantiator import Facts, RuleInstantiator
 from lcorpp.reasoning.grounding.values import Value, parse_value, split_record
 from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
 from lcorpp.reasoning.language.issues import SourceIssue

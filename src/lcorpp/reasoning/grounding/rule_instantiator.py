@@ -19,28 +19,24 @@ source runs faster than closures.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
 
+from lcorpp.reasoning.grounding.generated_function import GeneratedFunction
 from lcorpp.reasoning.grounding.values import (
     Value,
-    compare_values,
-    divide,
     find_arithmetic_variables,
     find_bare_variables,
     find_inner_variables,
     find_matched_variables,
     find_variables,
     match,
-    parse_value,
 )
-from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.arithmetic import iter_variables
 from lcorpp.reasoning.language.safety import find_variable_sorts
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Comparison,
     Expression,
     Literal,
-    Number,
     Term,
     Variable,
 )
@@ -49,17 +45,7 @@ Facts = Mapping[str, Mapping[tuple[Value, ...], Value]]
 """attribute -> arguments -> value, for the attributes that only facts define."""
 
 
-class Source(str):
-    """Python source of an expression."""
-
-    __slots__ = ()
-
-
-Part = Source | Value
-"""A value known now, or the source that computes it for each binding."""
-
-
-class RuleInstantiator:
+class RuleInstantiator(GeneratedFunction):
     """Generates the function that enumerates the bindings of one statement's variables.
 
     Args:
@@ -83,13 +69,11 @@ class RuleInstantiator:
         bound: Sequence[str] = (),
     ) -> None:
         self._signature, self._members = signature, members
-        self._facts, self._arguments = facts, tuple(bound)
+        super().__init__(bound)
+        self._facts = facts
         used = [variable for expression in scope for variable in iter_variables(expression)]
         self._sorts = find_variable_sorts(slots, used, signature)
         self._bound = set(bound)
-        self._lines: list[str] = []
-        self._depth = 1
-        self._constants: dict[str, Any] = {"divide": divide, "compare_values": compare_values}
         # (variables, function that writes the source of the test once they are bound)
         self._tests: list[tuple[set[str], Callable[[], str]]] = []
         # (variable, expression that it equals, test of the equation)
@@ -106,62 +90,6 @@ class RuleInstantiator:
         self._add_ready_tests()
         while not all(variable.name in self._bound for variable in used):
             self._bind_next_variable()
-
-    @property
-    def is_ground(self) -> bool:
-        """Whether the statement has exactly one instance and no condition to test."""
-        return not self._lines and not self._arguments
-
-    def add_line(self, line: str) -> None:
-        """Append a line to the innermost loop: it runs once for each binding."""
-        self._lines.append(" " * self._depth + line)
-
-    def name_constant(self, value: object) -> Source:
-        """Make a value available to the generated function; return its name."""
-        name = f"k{len(self._constants)}"
-        self._constants[name] = value
-        return Source(name)
-
-    def translate(self, expression: Expression) -> Part:
-        """Return the value of an expression, or the source that computes it from bound variables."""
-        if isinstance(expression, Variable):
-            return Source(f"v_{expression.name}")
-        if isinstance(expression, Number) or not any(iter_variables(expression)):
-            return parse_value(canonical_text(expression))
-        if isinstance(expression, Term):
-            inner = " + ',' + ".join(
-                f"str({self._write_source(argument)})" for argument in expression.arguments
-            )
-            return Source(f"({expression.name + '('!r} + {inner} + ')')")
-        left, right = self._write_source(expression.left), self._write_source(expression.right)
-        if expression.operator in ("/", "mod"):
-            place = self.name_constant(expression.at)
-            return Source(f"divide({left}, {right}, {expression.operator!r}, {place})")
-        return Source(f"({left} {expression.operator} {right})")
-
-    def quote(self, part: Part) -> str:
-        """Return the source of a part."""
-        if isinstance(part, int) and part.bit_length() > 64:  # a mask of many values
-            return self.name_constant(part)
-        return str(part) if isinstance(part, Source) else repr(part)
-
-    def compile(self, **names: object) -> Callable[..., None]:
-        """Compile the function; its arguments are the `bound` variables.
-
-        Args:
-            names: the values of the other names in the added lines.
-        """
-        arguments = ", ".join(f"v_{name}" for name in self._arguments)
-        text = "\n".join([f"def run({arguments}):", *self._lines, " pass"])
-        namespace: dict[str, Any] = {**self._constants, **names}
-        exec(compile(text, "<instantiator>", "exec"), namespace)
-        return namespace["run"]  # type: ignore[no-any-return]
-
-    def _write_source(self, expression: Expression) -> str:
-        """Write the source that computes an expression from bound variables."""
-        return self.quote(self.translate(expression))
-
-    # conditions on the variables
 
     def _collect_conditions(
         self, slots: Sequence[ArgumentSlot], body: Iterable[Literal | Comparison]
@@ -249,11 +177,6 @@ class RuleInstantiator:
                 if name in self._sorts and not in_sorts:
                     self._tests.append(({name}, self._make_sort_test(name)))
         self._add_ready_tests()
-
-    def _open_loop(self, targets: str, iterable: str) -> None:
-        """Append the head of a loop; later lines are inside of it."""
-        self.add_line(f"for {targets} in {iterable}:")
-        self._depth += 1
 
     def _bind_next_variable(self) -> None:
         """Bind a variable by an equation if possible, otherwise by facts, the smallest sort or a record.
