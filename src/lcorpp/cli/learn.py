@@ -149,7 +149,7 @@ def learn(
                     )
         except KeyboardInterrupt:
             kept = "the batches above are kept" if has_complete_batch else "no batch is complete"
-            kept += "" if store is None else f"; every decision is kept in {store}"
+            kept += "" if store is None else f"; the decisions so far are kept in {store}"
             console.err.print(f"interrupted: {kept}", markup=False)
             if not has_complete_batch and store is None:
                 raise typer.Exit(130) from None
