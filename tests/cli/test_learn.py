@@ -60,7 +60,7 @@ def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(lco
         assert "note:" not in outs[-1].out
         assert len(outs) < 9
     assert len(outs) == 4
-    assert "interrupted: the batches above are kept; every decision is kept in" in outs[0].err
+    assert "interrupted: the batches above are kept; the decisions so far are kept in" in outs[0].err
     for ended, words in zip(
         outs[1:], ("0, 1 decisions of the next batch are stored", "1\n", "1, 4 decisions"), strict=True
     ):
