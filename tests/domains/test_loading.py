@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.domains import load_domain, shipped_domains
+from lcorpp.domains import list_domains, load_domain
 from lcorpp.errors import DomainError, FileError, LcorppError, ParseError
 from lcorpp.experiments.training_data import simulate_training_data
 from lcorpp.reasoning import Reasoner
@@ -108,7 +108,7 @@ def test_start_beliefs_cover_the_simplex_of_priors():
 
 
 def test_shipped_domains_load_by_name():
-    assert shipped_domains() == ("intention",)
+    assert list_domains() == ("intention",)
     with pytest.raises(
         DomainError,
         match=r"nowhere: no folder with a domain\.toml, and no shipped domain; expected one of intention",

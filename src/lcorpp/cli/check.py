@@ -34,7 +34,7 @@ def check(
 
     The first error ends the command with exit code 2.
     """
-    from lcorpp.domains.loading import SHIPPED_FOLDER, shipped_domains
+    from lcorpp.domains.loading import SHIPPED_FOLDER, list_domains
     from lcorpp.learning.store import is_store
 
     suffix = path.suffix.lower()
@@ -42,7 +42,7 @@ def check(
         _check_tracks(path)
     elif path.is_dir() or path.name == "domain.toml":
         _check_domain(path if path.is_dir() else path.parent)
-    elif not path.exists() and str(path) in shipped_domains():
+    elif not path.exists() and str(path) in list_domains():
         _check_domain(SHIPPED_FOLDER / path)
     elif is_store(path):
         _check_store(path)

@@ -1,5 +1,5 @@
 from .domain import Domain as Domain
-from .loading import load_domain as load_domain, shipped_domains as shipped_domains
+from .loading import list_domains as list_domains, load_domain as load_domain
 from .sections.learning import LearningSection as LearningSection
 from .sections.planning import PlanningSection as PlanningSection
 from .sections.reasoning import ReasoningSection as ReasoningSection

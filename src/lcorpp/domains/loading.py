@@ -16,7 +16,7 @@ from lcorpp.errors import DomainError, expected_one_of
 SHIPPED_FOLDER = Path(__file__).parent
 
 
-def shipped_domains() -> tuple[str, ...]:
+def list_domains() -> tuple[str, ...]:
     """The names of the domains that come with lcorpp."""
     return tuple(sorted(file.parent.name for file in SHIPPED_FOLDER.glob("*/domain.toml")))
 
@@ -35,10 +35,10 @@ def load_domain(name_or_folder: str | Path, *, preset: str | None = None) -> Dom
     """
     folder = Path(name_or_folder)
     if not (folder / "domain.toml").is_file():
-        if str(name_or_folder) not in shipped_domains():
+        if str(name_or_folder) not in list_domains():
             raise DomainError(
                 f"{name_or_folder}: no folder with a domain.toml, and no shipped domain;"
-                f" {expected_one_of(shipped_domains())}"
+                f" {expected_one_of(list_domains())}"
             )
         folder = SHIPPED_FOLDER / str(name_or_folder)
     table, preset_name = read_domain_toml(folder / "domain.toml", preset)
