@@ -76,7 +76,8 @@ def solve(
     if check:
         from lcorpp.planning import certificate
 
-        checked = certificate(solution)
+        with console.show_progress("checking the bounds", kept=f"the policy is in {out}"):
+            checked = certificate(solution)
         typer.echo(checked.text)
         if checked.verdict == "refuted":
             raise typer.Exit(1)
