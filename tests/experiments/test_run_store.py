@@ -204,7 +204,7 @@ def cut(file):
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
 
 
-def changed(**facts):
+def make_file_change(**facts):
     def change(file):
         file.write_text(json.dumps({**json.loads(file.read_text()), **facts}))
 
@@ -218,13 +218,13 @@ def changed(**facts):
         (("checkpoint.json", cut), "not used, it is damaged"),
         (("checkpoint.json", lambda file: file.write_bytes(b"\xff")), "not UTF-8"),
         (("checkpoint.json", lambda file: file.write_text("[]")), "damaged"),
-        (("checkpoint.json", changed(version=2)), "'lcorpp checkpoint', version 2"),
-        (("checkpoint.json", changed(store="00")), "another store"),
-        (("checkpoint.json", changed(number=-1)), "-1 is no number"),
-        (("checkpoint.json", changed(counts=[[1]])), "cannot have shape"),
-        (("checkpoint.json", changed(rows=3)), "damaged"),
-        (("checkpoint.json", changed(settings=None)), "damaged"),
-        (("checkpoint.json", changed(classifier="x")), "damaged"),
+        (("checkpoint.json", make_file_change(version=2)), "'lcorpp checkpoint', version 2"),
+        (("checkpoint.json", make_file_change(store="00")), "another store"),
+        (("checkpoint.json", make_file_change(number=-1)), "-1 is no number"),
+        (("checkpoint.json", make_file_change(counts=[[1]])), "cannot have shape"),
+        (("checkpoint.json", make_file_change(rows=3)), "damaged"),
+        (("checkpoint.json", make_file_change(settings=None)), "damaged"),
+        (("checkpoint.json", make_file_change(classifier="x")), "damaged"),
     ],
 )
 def test_a_checkpoint_that_cannot_be_used_costs_a_training(opened, ended, path, how, words):

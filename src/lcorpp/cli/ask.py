@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lcorpp.reasoning.explanation import Explanation
 
 Z95 = 1.96
-"""A 95 % interval of a normal estimate: so many standard errors on each side."""
+"""Half width of the 95 % interval of a normal estimate, in standard errors."""
 
 
 def ask(

@@ -90,11 +90,11 @@ def test_calibration_and_threshold_come_back(trained, tmp_path):
     loaded = load_classifier(tmp_path / "c")
     assert loaded.threshold == thresholded.threshold
     tracks = walkers(30, seed=9).trajectories
-    said = [
+    pairs = [
         (dict(a), dict(b))
         for a, b in zip(*(c.soft().classify_many(tracks) for c in (loaded, thresholded)), strict=True)
     ]
-    assert all(a == b for a, b in said)
+    assert all(a == b for a, b in pairs)
 
 
 def test_the_baseline_is_stored_like_the_lstm(tmp_path):
@@ -147,7 +147,7 @@ def test_a_forged_forest_is_refused(forest, tmp_path):
         (skops_io.dumps(step), "a tree in it is damaged"),
         (skops_io.dumps(Mine()), "loaded"),
     ]:
-        changed(
+        rewrite_stored(
             forest,
             tmp_path / "c",
             lambda head, arrays, c=content: arrays.update({"forest/skops": np.frombuffer(c, np.uint8)}),
@@ -208,7 +208,7 @@ def test_a_missing_file_is_an_error(tmp_path):
         load_classifier(tmp_path / "nothing")
 
 
-def changed(trained: TrainedClassifier, path, change) -> None:
+def rewrite_stored(trained: TrainedClassifier, path, change) -> None:
     """Save with `change` applied to the head and the arrays."""
     save_classifier(trained, path)
     with np.load(path) as archive:
@@ -254,7 +254,7 @@ def changed(trained: TrainedClassifier, path, change) -> None:
     ],
 )
 def test_a_file_that_was_changed_is_refused(trained, tmp_path, change, words):
-    changed(trained, tmp_path / "c", change)
+    rewrite_stored(trained, tmp_path / "c", change)
     with pytest.raises(DataError, match=words):
         load_classifier(tmp_path / "c")
 

@@ -17,7 +17,7 @@ from lcorpp.values import ConfusionMatrix
 CLASSES = ("no", "yes")
 
 
-def said(slope: float, offset: float, count: int = 6000, seed: int = 0):
+def simulate_scores(slope: float, offset: float, count: int = 6000, seed: int = 0):
     """Probabilities of which ``expit(slope logit(p) + offset)`` is right, and labels drawn so."""
     rng = np.random.default_rng(seed)
     p = expit(rng.normal(0, 1, count))
@@ -27,7 +27,7 @@ def said(slope: float, offset: float, count: int = 6000, seed: int = 0):
 
 @pytest.mark.parametrize(("slope", "offset"), [(1.0, 0.0), (0.5, -1.0), (2.5, 0.7)])
 def test_the_curve_is_found_again(slope, offset):
-    probabilities, labels = said(slope, offset)
+    probabilities, labels = simulate_scores(slope, offset)
     found = fit_calibration(CLASSES, probabilities, labels)
     right = expit(slope * logit(probabilities[:, 1]) + offset)
     calibrated = found.calibrate(probabilities)
@@ -50,7 +50,7 @@ def test_people_who_look_like_the_other_kind():
 
 def test_the_gradient_leads_to_the_least_loss():
     """No small change of any number of a fit makes the data more probable."""
-    probabilities, labels = said(1.7, 0.4, 800)
+    probabilities, labels = simulate_scores(1.7, 0.4, 800)
     found = fit_calibration(CLASSES, probabilities, labels)
     rows = (np.arange(800), (np.array(labels) == "yes").astype(int))
     counts = np.bincount(rows[1])
@@ -72,7 +72,7 @@ def test_the_gradient_leads_to_the_least_loss():
 
 
 def test_the_order_of_cases_stays_and_nonsense_becomes_the_shares():
-    probabilities, labels = said(0.7, 0.3, 500)
+    probabilities, labels = simulate_scores(0.7, 0.3, 500)
     right = fit_calibration(CLASSES, probabilities, labels).calibrate(probabilities)
     assert (np.diff(right[np.argsort(probabilities[:, 1]), 1]) >= 0).all()
     wrong = fit_calibration(CLASSES, probabilities[:, ::-1], labels)  # the order is the wrong way round
@@ -142,7 +142,7 @@ def test_any_scores_are_calibrated_to_distributions(seed, k, cases, spread):
 
 
 def test_each_fold_is_calibrated_by_the_others():
-    probabilities, labels = said(3.0, 0.5, 900)
+    probabilities, labels = simulate_scores(3.0, 0.5, 900)
     folds = np.arange(900) % 3
     flipped = [
         ("yes" if name == "no" else "no") if fold == 0 else name
@@ -166,7 +166,7 @@ def test_each_fold_is_calibrated_by_the_others():
 
 
 def test_calibration_is_restored_from_json_and_invalid_numbers_are_errors():
-    found = fit_calibration(CLASSES, *said(1.3, 0.2, 300))
+    found = fit_calibration(CLASSES, *simulate_scores(1.3, 0.2, 300))
     again = Calibration.from_json(found.to_json())
     assert again.to_json() == found.to_json()
     for change, words in [

@@ -24,7 +24,7 @@ LABELS = tuple(["interested", "not_interested"] * 40)
 CLASSES = ("interested", "not_interested")
 
 
-def said(seed: int = 0) -> PredictionTimeline:
+def make_timeline(seed: int = 0) -> PredictionTimeline:
     """Too sure and leaning to the first class at every time; right about nobody at 2 points, most at 3."""
     rng = np.random.default_rng(seed)
     truth = np.array([label == "interested" for label in LABELS])
@@ -41,9 +41,9 @@ def brier(of: PredictionTimeline, time: int) -> float:
 
 
 def test_calibrated_early_predictions_are_near_the_class_frequencies():
-    early = calibrate_prefixes(said())
+    early = calibrate_prefixes(make_timeline())
     assert (early.min_points, len(early.calibrations)) == (2, 2)
-    new = said(1)
+    new = make_timeline(1)
     right = early.calibrate(new)
     assert brier(new, 1) > 0.35
     assert brier(right, 1) == pytest.approx(0.25, abs=0.01)  # nothing can be known then
@@ -83,10 +83,12 @@ def test_a_stream_gives_the_likelihood_for_its_number_of_points():
 
 
 def test_a_prefix_calibration_is_restored_from_json():
-    early = calibrate_prefixes(said())
+    early = calibrate_prefixes(make_timeline())
     again = PrefixCalibration.from_json(json.loads(json.dumps(early.to_json())))
     assert np.array_equal(
-        again.calibrate(said(1)).probabilities, early.calibrate(said(1)).probabilities, equal_nan=True
+        again.calibrate(make_timeline(1)).probabilities,
+        early.calibrate(make_timeline(1)).probabilities,
+        equal_nan=True,
     )
 
 
