@@ -8,7 +8,7 @@ import numpy as np
 
 from lcorpp.planning.formats.numbers import is_count, is_number
 from lcorpp.planning.formats.pomdp.preamble import ALL, Preamble
-from lcorpp.planning.formats.pomdp.tables import Entries, StoredRows, Table
+from lcorpp.planning.formats.pomdp.tables import Entries, StoredRows, TableStatements
 from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE, TABLE_KEYWORDS, Offsets, Tokens
 
 _ROW_KEYWORDS = ("identity", "uniform", "reset")
@@ -24,8 +24,8 @@ class Statements:
     def __init__(self, tokens: Tokens, preamble: Preamble) -> None:
         self.tokens, self.preamble = tokens, preamble
         A, S, observations = preamble.counts
-        self.transition = Table("transition", (A, S, S))
-        self.observation = Table("observation", (A, S, observations))
+        self.transition = TableStatements("transition", (A, S, S))
+        self.observation = TableStatements("observation", (A, S, observations))
         self.rewards = Entries(4)
         self._shared_rows: dict[tuple[str, str], StoredRows] = {}
         indices = preamble.indices
@@ -90,7 +90,7 @@ class Statements:
 
     # --- T and O ---
 
-    def _read_rows(self, table: Table, columns: str) -> None:
+    def _read_rows(self, table: TableStatements, columns: str) -> None:
         """Read an entry, a row or a matrix."""
         tokens, preamble = self.tokens, self.preamble
         S = table.shape[1]
@@ -114,7 +114,7 @@ class Statements:
             table.entries.add([action, state, column], value, offset)
 
     def _read_body(
-        self, table: Table, columns: str, what: str, *, matrix: bool
+        self, table: TableStatements, columns: str, what: str, *, matrix: bool
     ) -> tuple[StoredRows, int | Offsets]:
         """Read the numbers of a matrix or of one row, or a keyword; return the rows and their offsets."""
         tokens = self.tokens
@@ -134,7 +134,7 @@ class Statements:
             self._shared_rows[table.title, word] = rows
         return self._shared_rows[table.title, word], offset
 
-    def _store_constant_row(self, table: Table, value: float) -> StoredRows:
+    def _store_constant_row(self, table: TableStatements, value: float) -> StoredRows:
         """Return a row of equal numbers, stored once."""
         key = (table.title, repr(value))
         if key not in self._shared_rows:
