@@ -44,11 +44,8 @@ def find_invalid_number(words: list[str]) -> tuple[int, str]:
     If all words are finite numbers, return the number of words and "".
     """
     for index, word in enumerate(words):
-        start = word[:40]
-        if not is_number(word):
-            if word.lower().lstrip("+-") in ("nan", "inf", "infinity"):
-                return index, f"{start} is not a finite number"
-            return index, f"expected a number, found {start!r}"
-        if not np.isfinite(float(word)):
-            return index, f"{start} is not a finite number"
+        if not is_number(word) and word.lower().lstrip("+-") not in ("nan", "inf", "infinity"):
+            return index, f"expected a number, found {word[:40]!r}"
+        if not is_number(word) or not np.isfinite(float(word)):
+            return index, f"{word[:40]} is not a finite number"
     return len(words), ""

@@ -45,11 +45,7 @@ def _make_entry_pattern(keyword: str, names: int) -> re.Pattern[str]:
     return re.compile(rf"{keyword}{_SKIP}{references}(?::{_SKIP})?+({NUMBER})(?![^\s:#]){_SKIP}")
 
 
-_ENTRIES = {
-    "T": _make_entry_pattern("T", 3),
-    "O": _make_entry_pattern("O", 3),
-    "R": _make_entry_pattern("R", 4),
-}
+_ENTRIES = {keyword: _make_entry_pattern(keyword, names) for keyword, names in (("T", 3), ("O", 3), ("R", 4))}
 
 
 @lru_cache(maxsize=64)
