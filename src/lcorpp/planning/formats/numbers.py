@@ -1,4 +1,4 @@
-"""Syntax of numbers in all file formats of models and policies."""
+"""Syntax of numbers in all file formats of models and policies, and the precision of models."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import re
 import numpy as np
 
 from lcorpp.values import Array
+
+ROW_TOLERANCE = 1e-4
+"""Tolerance of row sums: published files have few digits, and errors up to 5e-6 are common."""
 
 # Possessive quantifiers: a word of a million digits followed by a letter is rejected in one pass.
 NUMBER = r"[+-]?+(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?+[0-9]++)?+"

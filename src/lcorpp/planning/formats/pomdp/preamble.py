@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lcorpp.errors import ModelError, expected_one_of
-from lcorpp.planning.formats.numbers import is_count, is_number
-from lcorpp.planning.formats.pomdp.tokens import PREAMBLE_KEYWORDS, ROW_TOLERANCE, TABLE_KEYWORDS, Tokens
+from lcorpp.planning.formats.numbers import ROW_TOLERANCE, is_count, is_number
+from lcorpp.planning.formats.pomdp.tokens import PREAMBLE_KEYWORDS, TABLE_KEYWORDS, Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, discount_message
 from lcorpp.values import Belief
 

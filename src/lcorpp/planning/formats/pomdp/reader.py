@@ -12,11 +12,12 @@ import numpy as np
 
 from lcorpp.errors import ModelError
 from lcorpp.files import read_text
+from lcorpp.planning.formats.numbers import ROW_TOLERANCE
 from lcorpp.planning.formats.pomdp.preamble import Preamble, read_preamble
 from lcorpp.planning.formats.pomdp.rewards import expected_rewards
 from lcorpp.planning.formats.pomdp.statements import Statements
 from lcorpp.planning.formats.pomdp.tables import TableStatements
-from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE, Offsets, Tokens
+from lcorpp.planning.formats.pomdp.tokens import Offsets, Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.planning.sparse import SparseTables
 

@@ -6,10 +6,10 @@ from sys import float_info
 
 import numpy as np
 
-from lcorpp.planning.formats.numbers import is_count, is_number
+from lcorpp.planning.formats.numbers import ROW_TOLERANCE, is_count, is_number
 from lcorpp.planning.formats.pomdp.preamble import ALL, Preamble
 from lcorpp.planning.formats.pomdp.tables import Entries, StoredRows, TableStatements
-from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE, TABLE_KEYWORDS, Offsets, Tokens
+from lcorpp.planning.formats.pomdp.tokens import TABLE_KEYWORDS, Offsets, Tokens
 
 _ROW_KEYWORDS = ("identity", "uniform", "reset")
 

@@ -12,14 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ParseError
-from lcorpp.planning.formats.numbers import NUMBER, is_number
+from lcorpp.planning.formats.numbers import NUMBER, ROW_TOLERANCE, is_number
 from lcorpp.values import Array
 
 PREAMBLE_KEYWORDS = ("discount", "values", "states", "actions", "observations")
 TABLE_KEYWORDS = ("T", "O", "R")
-
-ROW_TOLERANCE = 1e-4
-"""Tolerance of row sums: published files have few digits, and errors up to 5e-6 are common."""
 
 MIN_BATCH, MAX_BATCH = 4, 8192
 """How many plain entries are matched at once."""

@@ -13,7 +13,7 @@ from lcorpp.errors import ParseError, expected_one_of
 from lcorpp.planning.factored.table import Table, format_row
 from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import ALL, EACH
-from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE
+from lcorpp.planning.formats.numbers import ROW_TOLERANCE
 from lcorpp.planning.formats.pomdpx.document import Document, Element
 from lcorpp.planning.formats.pomdpx.variables import Declarations
 from lcorpp.planning.pomdp import SUM_TOLERANCE
