@@ -80,20 +80,23 @@ def _order_layers(layers: list[list[int]], links: list[tuple[int, int]], count: 
         inner = range(1, len(current)) if sweep % 2 == 0 else range(len(current) - 2, -1, -1)
         rank = np.zeros(count)
         for layer in current:
-            rank[layer] = np.linspace(0, 1, len(layer)) if len(layer) > 1 else 0.5
+            rank[layer] = _spread(len(layer))
         for number in inner:
             means = {
                 node: float(np.mean(rank[side[node]])) if side[node] else rank[node]
                 for node in current[number]
             }
             current[number].sort(key=means.__getitem__)
-            rank[current[number]] = (
-                np.linspace(0, 1, len(current[number])) if len(current[number]) > 1 else 0.5
-            )
+            rank[current[number]] = _spread(len(current[number]))
         crossings = _count_crossings(current, links)
         if crossings < fewest:
             best, fewest = [list(layer) for layer in current], crossings
     return best
+
+
+def _spread(count: int) -> Array:
+    """Return (count,) equally spaced ranks from 0 to 1."""
+    return np.linspace(0, 1, count) if count > 1 else np.array([0.5])
 
 
 def _count_crossings(layers: list[list[int]], links: list[tuple[int, int]]) -> int:
