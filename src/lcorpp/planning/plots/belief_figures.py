@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 
 import numpy as np
 import numpy.typing as npt
@@ -48,9 +49,9 @@ def draw_line(
 
     Args:
         states: names of two states, at the left and at the right end.
-        base: (S,) belief with the probabilities of all other states; 0 when None.
+        base: (S,) belief: the other states keep their probabilities, the two share the rest. When None the
+            others have probability 0.
         bound: show the upper bound if the policy has one.
-        title: of the figure.
 
     Raises:
         ModelError: a state is unknown or appears twice, or `base` leaves no probability for the states.
@@ -74,11 +75,10 @@ def draw_line(
     below.set_xlabel(wrap_text(f"P({states[1]}){share}; the rest is {states[0]}", 76))
     despine(above)
     below.spines[:].set_visible(False)
-    handles, names = above.get_legend_handles_labels()
+    handles, _ = above.get_legend_handles_labels()
     handles += [_make_patch(action, pomdp.actions[action]) for action in unnamed]
-    names += [pomdp.actions[action] for action in unnamed]
     if handles:
-        above.legend(handles, names, loc="upper left", bbox_to_anchor=(1.01, 1.02), frameon=False)
+        above.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.02), frameon=False)
     if title:
         figure.suptitle(title, fontsize=11)
     return figure
@@ -98,36 +98,29 @@ def _draw_line_gap(axes: Axes, line: BeliefSlice, bound: UpperBound) -> float:
 
 def _draw_value(axes: Axes, line: BeliefSlice, regions: Sequence[Region], top: float) -> None:
     """Draw the value function, and behind it each of its vectors from end to end."""
-    ends = np.concatenate([line.values[region.vector] @ region.points.T for region in regions])
-    low, high = float(ends.min()), float(ends.max())
+    heights = [region.points @ line.values[region.vector] for region in regions]
+    low, high = float(np.min(heights)), float(np.max(heights))
     margin = 0.08 * (high - low) or 0.5
-    for region in regions:
+    for region, curve in zip(regions, heights, strict=True):
         colour = Fill.of(region.action).colour
         axes.plot([0, 1], line.values[region.vector], color=colour, linewidth=0.7, alpha=0.7, zorder=2)
-        heights = region.points @ line.values[region.vector]
-        axes.plot(region.points[:, 1], heights, color=INK, linewidth=3.4, zorder=3, solid_capstyle="round")
-        axes.plot(region.points[:, 1], heights, color=colour, linewidth=2.2, zorder=4)
+        axes.plot(region.points[:, 1], curve, color=INK, linewidth=3.4, zorder=3, solid_capstyle="round")
+        axes.plot(region.points[:, 1], curve, color=colour, linewidth=2.2, zorder=4)
     axes.set_ylim(low - margin, min(max(high, top), high + MAX_GAP_HEIGHT * (high - low)) + margin)
 
 
 def _draw_bands(axes: Axes, regions: Sequence[Region], names: Sequence[str]) -> list[int]:
     """Draw a band for each run of one action; return the actions whose name does not fit."""
-    runs: list[tuple[int, float, float]] = []
-    for region in regions:
-        begin, end = region.points[:, 1].tolist()
-        if runs and runs[-1][0] == region.action:
-            runs[-1] = (region.action, runs[-1][1], end)
-        else:
-            runs.append((region.action, begin, end))
     named = set()
-    for action, begin, end in runs:
-        fill = Fill.of(action)
+    for action, run in groupby(regions, key=lambda region: region.action):
+        ends = np.concatenate([region.points[:, 1] for region in run])
+        begin, end, fill = float(ends[0]), float(ends[-1]), Fill.of(action)
         axes.axvspan(begin, end, facecolor=fill.colour, hatch=fill.hatch, edgecolor="white", linewidth=0.8)
         if len(names[action]) * LETTER_WIDTH < end - begin:
             named.add(action)
             text = axes.text((begin + end) / 2, 0.5, names[action], ha="center", va="center")
             text.set(color=fill.text_colour, bbox=fill.text_background)
-    return sorted({action for action, _, _ in runs} - named)
+    return sorted({region.action for region in regions} - named)
 
 
 @with_style
@@ -146,7 +139,7 @@ def draw_triangle(
 
     Args:
         states: names of three states: at the left, at the right and on top.
-        base, bound, title: as for `draw_line`.
+        base, bound: as for `draw_line`.
 
     Raises:
         ModelError: a state is unknown or appears twice, or `base` leaves no probability for the states.
