@@ -19,7 +19,7 @@ from fractions import Fraction
 
 from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.gc_pause import gc_paused
-from lcorpp.reasoning.transitions.selection import ConditionViolation
+from lcorpp.reasoning.transitions.local_distribution import ConditionViolation
 from lcorpp.reasoning.transitions.transition import Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 from lcorpp.reasoning.world import format_world
