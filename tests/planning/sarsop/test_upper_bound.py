@@ -12,7 +12,7 @@ from hypothesis import given, settings, strategies as st
 from lcorpp.planning import Pomdp, parse_pomdp
 from lcorpp.planning.sarsop.kernels import build_model
 from lcorpp.planning.sarsop.numpy_kernels import sawtooth
-from lcorpp.planning.sarsop.upper_bound import SawtoothBound
+from lcorpp.planning.upper_bounds import SawtoothBound
 from tests.planning.models import TIGER
 from tests.planning.sarsop.kernels import BOTH, close, make_tree, random_models, search
 
