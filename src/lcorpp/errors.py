@@ -6,7 +6,8 @@ Messages about bad input state the place, the fault and what was expected.
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Collection
+from itertools import islice
 
 
 class LcorppError(Exception):
@@ -79,9 +80,9 @@ class DecisionError(LcorppError):
     """A decision that cannot be completed, e.g. because the policy never reports."""
 
 
-def expected_one_of(names: Sequence[str], limit: int = 12) -> str:
+def expected_one_of(names: Collection[str], limit: int = 12) -> str:
     """Return the end of a message: ``expected one of a, b, c``, with at most `limit` names."""
-    listed = ", ".join(str(name) for name in names[:limit])
+    listed = ", ".join(str(name) for name in islice(names, limit))
     more = f", ... ({len(names)} in all)" if len(names) > limit else ""
     return f"expected one of {listed}{more}" if names else "none is known"
 
