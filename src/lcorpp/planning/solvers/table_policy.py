@@ -27,11 +27,11 @@ import numpy.typing as npt
 
 from lcorpp.planning.arguments import check_solver_arguments, check_starts
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
-from lcorpp.planning.evaluation.sparse_beliefs import ragged_indices
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import build_model, load_kernels
 from lcorpp.planning.solution import BoundsRecord, Progress, Solution
+from lcorpp.planning.sparse import ragged_indices
 from lcorpp.planning.upper_bounds import PiecewiseLinearBound
 from lcorpp.values import Array
 

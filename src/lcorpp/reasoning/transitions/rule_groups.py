@@ -18,7 +18,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram, Literal
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundLiteral, GroundProgram
 
 DERIVE, ASSIGN, FORBID = (  # local names: the attribute access of Enum members is slow
     ClauseKind.DERIVE,
@@ -202,9 +202,9 @@ class RuleGroup:
 
 def _split_body(
     clause: Clause, needed: Mapping[int, tuple[int, int]], outcomes: Sequence[int]
-) -> tuple[list[Literal], Body]:
+) -> tuple[list[GroundLiteral], Body]:
     """Split a body into literals about the component itself and conditions on earlier steps."""
-    own_literals: list[Literal] = []
+    own_literals: list[GroundLiteral] = []
     masks: dict[int, int] = {}
     for literal in clause.body:
         term = literal[0]
@@ -234,7 +234,7 @@ def _join_by_rank(conditions: Iterable[tuple[int, Conditions]]) -> list[tuple[in
     return list(joined.items())
 
 
-def _replace_body(clause: Clause, body: Sequence[Literal]) -> Clause:
+def _replace_body(clause: Clause, body: Sequence[GroundLiteral]) -> Clause:
     """Return the clause with another body."""
     if len(body) == len(clause.body):
         return clause
