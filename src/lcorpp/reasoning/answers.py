@@ -1,12 +1,14 @@
-"""Answers of reasoners: numbers, estimates and normalised marginals."""
+"""Answers: estimates, marginals, possible worlds, and the errors of questions without an answer."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeVar
 
-from lcorpp.reasoning.errors import make_no_value_error, make_no_world_error
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
 from lcorpp.reasoning.language.program import Program
 
 Numeric = Fraction | float
@@ -14,7 +16,14 @@ Numeric = Fraction | float
 QueryAnswer = dict[str, Numeric] | Numeric
 """The distribution of an attribute, value -> probability, or one probability."""
 
+MAX_SHOWN_TERMS = 8
+"""The `repr` of a world shows at most this many terms."""
+
 _Number = TypeVar("_Number", Fraction, float)
+
+
+class ReasoningWarning(UserWarning):
+    """An answer is an estimate, as the program is too large to be compiled."""
 
 
 class Estimate(float):
@@ -29,6 +38,29 @@ class Estimate(float):
         estimate = super().__new__(cls, value)
         estimate.error = error
         return estimate
+
+
+@dataclass(frozen=True, eq=False)
+class PossibleWorld:
+    """A possible world of a program.
+
+    values: term -> value, for the terms that have a value.
+    measure: its probability, given the evidence and interventions for which it was computed.
+    """
+
+    values: Mapping[str, str]
+    measure: Fraction
+
+    def __repr__(self) -> str:
+        shown = dict(list(self.values.items())[:MAX_SHOWN_TERMS])
+        n_hidden = len(self.values) - len(shown)
+        more = f" and {n_hidden} more" if n_hidden else ""
+        return f"PossibleWorld({self.measure}: {format_world(shown)}{more})"
+
+
+def format_world(values: Mapping[str, str]) -> str:
+    """Format the terms and values of a world: ``{prize=1, selected=2}``."""
+    return f"{{{', '.join(f'{term}={value}' for term, value in values.items())}}}"
 
 
 def normalise_marginal(
@@ -51,3 +83,35 @@ def normalise_marginal(
         raise make_no_value_error(program, term, weights[""] / total)
     zero = 0 * total
     return {v: weights.get(v, zero) / total for v in program.attributes[term.partition("(")[0]].values}
+
+
+def warn_of_estimate(reason: TooLargeError, samples: int) -> None:
+    """Warn that an answer is estimated from samples, and why."""
+    warnings.warn(
+        f"{reason}: estimated from {samples} worlds drawn at random", ReasoningWarning, stacklevel=5
+    )
+
+
+def format_conditions(facts: Mapping[str, str], do: Mapping[str, str]) -> str:
+    """Format evidence and interventions as the end of the message of `make_no_world_error`."""
+    parts = [f"{term}={value}" for term, value in facts.items()]
+    parts += [f"do({term}={value})" for term, value in do.items()]
+    return f" has {', '.join(parts)}" if parts else ""
+
+
+def make_no_world_error(program: Program, conditions: str) -> UndefinedError:
+    """Make the error for evidence of probability zero."""
+    return UndefinedError(f"{program.file}: no possible world of positive measure{conditions}")
+
+
+def make_no_value_error(program: Program, term: str, probability: object, where: str = "") -> ProgramError:
+    """Make the error for a term that may have no value, so that its distribution does not sum to 1.
+
+    Args:
+        probability: that the term has no value.
+        where: the row of a batch, at the beginning of the message.
+    """
+    return ProgramError(
+        f"{program.file}: {where}{term} has no value with probability {probability};"
+        f" ask for {term}=value instead"
+    )

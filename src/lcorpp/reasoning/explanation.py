@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lcorpp.errors import LcorppError, UndefinedError
-from lcorpp.reasoning.answers import QueryAnswer
+from lcorpp.reasoning.answers import PossibleWorld, QueryAnswer
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM
-from lcorpp.reasoning.language.syntax import Place, Query
+from lcorpp.reasoning.language.issues import Place
+from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.query_model import QueryModel
 from lcorpp.reasoning.reasoner import Reasoner
-from lcorpp.reasoning.world import World
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Explanation:
     query: Query
     answer: QueryAnswer | None
     without: tuple[tuple[str, QueryAnswer | str], ...]
-    worlds: tuple[tuple[World, tuple[FiredRule, ...]], ...]
+    worlds: tuple[tuple[PossibleWorld, tuple[FiredRule, ...]], ...]
 
     def __repr__(self) -> str:
         return (
@@ -91,12 +91,12 @@ def _drop_conditions(query: Query) -> Iterator[tuple[str, Query]]:
         yield str(intervention)[:-1], replace(query, interventions=others)
 
 
-def _explain_worlds(model: QueryModel, count: int) -> tuple[tuple[World, tuple[FiredRule, ...]], ...]:
+def _explain_worlds(model: QueryModel, count: int) -> tuple[tuple[PossibleWorld, tuple[FiredRule, ...]], ...]:
     explained = []
     for world in model.worlds.most_probable({}, count):
         values = {term: value for term, value in world.values.items() if term != QUERY_TERM}
         fired = _find_fired(model.ground, values)
-        explained.append((World(values, world.measure), fired))
+        explained.append((PossibleWorld(values, world.measure), fired))
     return tuple(explained)
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def gc_paused() -> Iterator[None]:
+def pause_gc() -> Iterator[None]:
     """Disable the garbage collector while millions of small objects are created and none becomes garbage."""
     was_enabled = gc.isenabled()
     gc.disable()

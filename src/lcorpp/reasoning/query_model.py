@@ -8,10 +8,16 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from lcorpp.errors import TooLargeError
-from lcorpp.reasoning.answers import Estimate, QueryAnswer, normalise_marginal
+from lcorpp.reasoning.answers import (
+    Estimate,
+    QueryAnswer,
+    make_no_value_error,
+    make_no_world_error,
+    normalise_marginal,
+    warn_of_estimate,
+)
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.errors import make_no_value_error, make_no_world_error, warn_of_estimate
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM, ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program

@@ -15,16 +15,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.errors import TooLargeError, UndefinedError
-from lcorpp.reasoning.answers import QueryAnswer, normalise_marginal
-from lcorpp.reasoning.circuit.trellis import build_trellis
-from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.errors import (
+from lcorpp.reasoning.answers import (
+    QueryAnswer,
     format_conditions,
     make_no_value_error,
     make_no_world_error,
+    normalise_marginal,
     warn_of_estimate,
 )
-from lcorpp.reasoning.gc_pause import gc_paused
+from lcorpp.reasoning.circuit.trellis import build_trellis
+from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
@@ -173,7 +174,7 @@ class Reasoner:
             raise make_no_world_error(self.program, "")
         return worlds.count()
 
-    @gc_paused()
+    @pause_gc()
     def ask(self, query: Query, *, exact: bool = False) -> QueryAnswer:
         """Answer a query: compute a distribution or a probability.
 

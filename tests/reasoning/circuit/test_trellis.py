@@ -39,7 +39,7 @@ def test_short_representations():
     assert repr(circuit) == "Circuit(coins.plog: c2 given c1; 2 layers)"
     assert repr(circuit.layers[0].total) == "Matrix(2 x 1, 2 entries)"
     (world,) = circuit.most_probable({})
-    assert repr(world) == "World(1/3: {c1=heads, c2=heads})"
+    assert repr(world) == "PossibleWorld(1/3: {c1=heads, c2=heads})"
     many = Reasoner(parse_plog("i = {1..99}. p : i -> boolean. random(p(I)). #domain i(I)."))
     long = many.compile(["p"], ["p(1)", "p(2)"])
     for value in (long, long.most_probable({})[0], long.world_queries.trellis.system.program):

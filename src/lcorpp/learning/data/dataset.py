@@ -9,8 +9,11 @@ from lcorpp.errors import DataError
 from lcorpp.values import Array, Dataset
 
 
-def check_tracks(tracks: npt.ArrayLike) -> Array:
+def check_tracks(tracks: npt.ArrayLike, channels: int | None = None) -> Array:
     """Return `tracks` as float64 (cases, channels, time points) after checking that it is finite.
+
+    Args:
+        channels: the number of channels of the training data; None accepts any.
 
     Raises:
         DataError: another shape, fewer than two time points, or a number that is NaN or infinite.
@@ -26,6 +29,8 @@ def check_tracks(tracks: npt.ArrayLike) -> Array:
             f"case {case}, channel {channel}, time point {time} (counted from 0) is"
             f" {array[case, channel, time]}; expected a finite number"
         )
+    if channels is not None and array.shape[1] != channels:
+        raise DataError(f"trained on tracks of {channels} channels, given {array.shape[1]}")
     return array
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import DataError
 from lcorpp.learning.lstm.network import Weights
-from lcorpp.learning.lstm.trainer import EpochDraw, TrainingConfig, TrainingSet
+from lcorpp.learning.lstm.trainer import Flags, Indices, TrainingConfig, TrainingSet
 from lcorpp.values import Array
 
 try:
@@ -36,8 +36,8 @@ class TorchTrainer:
     ) -> None:
         self._config, self._device, self._binary = config, device, training_set.classes == 2
         # Created on "meta", so that torch's global random state is not used.
-        self._lstm = nn.LSTM(start.channels, start.units, batch_first=True, device="meta")
-        self._lstm = self._lstm.to_empty(device=device)
+        lstm = nn.LSTM(start.channels, start.units, batch_first=True, device="meta")
+        self._lstm = lstm.to_empty(device=device)
         self._lstm.bias_hh_l0.requires_grad_(False).zero_()  # torch has two biases; one is enough
         self._lstm.weight_ih_l0.data.copy_(_tensor(start.inputs))
         self._lstm.weight_hh_l0.data.copy_(_tensor(start.recurrent))
@@ -51,16 +51,14 @@ class TorchTrainer:
         )
         self._weights = _tensor(training_set.weights).to(device)
 
-    def run_epoch(self, draw: EpochDraw, rates: Array) -> None:
+    def run_epoch(self, order: Indices, dropout_mask: Flags, rates: Array) -> None:
         """As `Trainer.run_epoch`."""
+        size = self._config.batch_size
         with _one_thread():
-            order = torch.from_numpy(draw.order).to(self._device)
-            masks = torch.from_numpy(draw.dropout_mask) / (1 - self._config.dropout)
-            masks = masks.to(self._device, torch.float32)
-            batches = zip(
-                order.split(self._config.batch_size), masks.split(self._config.batch_size), rates, strict=True
-            )
-            for rows, mask, rate in batches:
+            rows_of = torch.from_numpy(order).to(self._device).split(size)
+            masks = torch.from_numpy(dropout_mask) / (1 - self._config.dropout)
+            masks_of = masks.to(self._device, torch.float32).split(size)
+            for rows, mask, rate in zip(rows_of, masks_of, rates, strict=True):
                 for parameter in self._parameters():
                     parameter.grad = None
                 self._loss(rows, mask).backward()

@@ -140,9 +140,7 @@ class Factored:
         )
         for name in observed_names:
             if name not in states:
-                raise ModelError(
-                    f"unknown state variable {name!r} is 'observed'; {expected_one_of(tuple(states))}"
-                )
+                raise ModelError(f"unknown state variable {name!r} is 'observed'; {expected_one_of(states)}")
         action_parts = _make_variables("action", actions)
         observation_parts = _make_variables("observation", observations)
         scope = build_scope(parts, action_parts, observation_parts)

@@ -10,16 +10,20 @@ from operator import itemgetter
 import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.reasoning.answers import (
+    PossibleWorld,
+    format_conditions,
+    make_no_value_error,
+    make_no_world_error,
+)
 from lcorpp.reasoning.circuit.answer_table import AnswerTable, Codes, normalize_rows
 from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
 from lcorpp.reasoning.circuit.matrices import Layer, forward_backward
 from lcorpp.reasoning.circuit.trellis import build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.errors import format_conditions, make_no_value_error, make_no_world_error
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
-from lcorpp.reasoning.world import World
 from lcorpp.values import Array, Distribution
 
 CACHE_SIZE = 100_000
@@ -268,7 +272,7 @@ class Circuit:
             raise make_no_value_error(self.program, query, no_value / total)
         return {v: weights.get(v, Fraction(0)) / total for v in self.values[query]}
 
-    def most_probable(self, evidence: Mapping[str, str], count: int = 1) -> tuple[World, ...]:
+    def most_probable(self, evidence: Mapping[str, str], count: int = 1) -> tuple[PossibleWorld, ...]:
         """Find the most probable worlds given evidence, with their probabilities given it, best first.
 
         Raises:

@@ -11,7 +11,7 @@ from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.matrices import Layer, Matrix
 from lcorpp.reasoning.circuit.trellis import Trellis, build_trellis
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.gc_pause import gc_paused
+from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
@@ -26,7 +26,7 @@ _Entries = Mapping[tuple[int, tuple[int, tuple[int, ...]], int], float]
 """(outcome of the next observed term, (target state, outcomes of the others), input) -> weight"""
 
 
-@gc_paused()
+@pause_gc()
 def compile_program(
     program: Program, inputs: Sequence[str], query: str | Sequence[str], do: Mapping[str, str]
 ) -> Circuit:

@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from lcorpp.errors import ProgramError, TooLargeError
-from lcorpp.reasoning.gc_pause import gc_paused
+from lcorpp.reasoning.answers import format_world
+from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.transitions.local_distribution import ConditionViolation
 from lcorpp.reasoning.transitions.transition import Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
-from lcorpp.reasoning.world import format_world
 
 MAX_ARCS = 2_000_000
 """A trellis has at most this many arcs."""
@@ -76,7 +76,7 @@ def build_trellis(system: TransitionSystem, limit: int = MAX_ARCS) -> Trellis:
         TooLargeError: there are more than `limit` arcs.
         ProgramError: a world breaks a condition of the language, or a component has too many stable models.
     """
-    with gc_paused():
+    with pause_gc():
         trellis, violations = _expand(system, limit)
         _prune(trellis)
     if violations:  # a violation on a path to no world was pruned

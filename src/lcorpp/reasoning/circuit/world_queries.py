@@ -14,8 +14,8 @@ from itertools import accumulate
 from math import log
 from typing import TYPE_CHECKING, TypeVar
 
+from lcorpp.reasoning.answers import PossibleWorld
 from lcorpp.reasoning.circuit.trellis import Trellis, decode_world
-from lcorpp.reasoning.world import World
 
 if TYPE_CHECKING:
     import numpy as np
@@ -136,7 +136,7 @@ class WorldQueries:
             current = following
         return sum(current.values())
 
-    def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[World, ...]:
+    def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[PossibleWorld, ...]:
         """Find the most probable worlds with the evidence, best first; none if the evidence is impossible.
 
         Source: the k-best form of Viterbi's algorithm, on logarithms, as long products underflow.
@@ -186,7 +186,7 @@ class WorldQueries:
             for outcome in path:
                 measure *= trellis.outcomes[outcome][1]
             values = decode_world(trellis.system, [trellis.outcomes[outcome][0] for outcome in path])
-            worlds.append(World(values, measure / mass))
+            worlds.append(PossibleWorld(values, measure / mass))
         return tuple(worlds)
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str] | None:

@@ -26,19 +26,20 @@ import clingo
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.enumeration.answer_set import AnswerSet
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.safety import find_variable_sorts
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
-    Comparison,
+    BodyLiteral,
+    ComparisonLiteral,
     CrRule,
     Expression,
     Intervention,
     Literal,
     Number,
     Observation,
-    Place,
     Probability,
     Rule,
     Selection,
@@ -256,7 +257,7 @@ def _translate_probability(index: int, atom: Probability, signature: Signature) 
 
 
 def _translate_body(
-    body: Iterable[Literal | Comparison],
+    body: Iterable[BodyLiteral],
     slots: list[ArgumentSlot],
     scope: list[Expression],
     signature: Signature,
@@ -275,7 +276,7 @@ def _translate_body(
     )
     parts = list(dict.fromkeys(guards))
     for number, literal in enumerate(body):
-        if isinstance(literal, Comparison):
+        if isinstance(literal, ComparisonLiteral):
             parts.append(
                 f"{_write_expression(literal.left)} {literal.relation} {_write_expression(literal.right)}"
             )

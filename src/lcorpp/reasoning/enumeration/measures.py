@@ -12,13 +12,13 @@ from fractions import Fraction
 from types import MappingProxyType
 
 from lcorpp.errors import ProgramError
+from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.enumeration.answer_set import AnswerSet, AssignmentAtom, SelectionAtom
 from lcorpp.reasoning.language.arithmetic import canonical_text, compare, evaluate_number
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Probability, Selection
 from lcorpp.reasoning.language.traversal import as_selection, list_pr_variables
-from lcorpp.reasoning.world import format_world
 
 
 def measure_worlds(

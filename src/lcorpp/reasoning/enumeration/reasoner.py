@@ -14,8 +14,8 @@ from typing import TypeVar
 import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.reasoning.answers import PossibleWorld, make_no_value_error
 from lcorpp.reasoning.enumeration.measures import measure_worlds, satisfies
-from lcorpp.reasoning.errors import make_no_value_error
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
@@ -26,7 +26,6 @@ from lcorpp.reasoning.resolve import (
     resolve_query,
     resolve_term,
 )
-from lcorpp.reasoning.world import World
 from lcorpp.values import Distribution
 
 NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -149,7 +148,7 @@ class Enumeration:
         return self._compute_marginal(query.subject, self._filter_by_query(query))
 
     @property
-    def worlds(self) -> tuple[World, ...]:
+    def worlds(self) -> tuple[PossibleWorld, ...]:
         """The possible worlds with their probabilities.
 
         Raises:
@@ -158,7 +157,7 @@ class Enumeration:
         """
         table = self._filter_by_evidence({}, {})
         pairs = zip(table.values, table.weights, strict=True)
-        return tuple(World(values, Fraction(weight, table.total)) for values, weight in pairs)
+        return tuple(PossibleWorld(values, Fraction(weight, table.total)) for values, weight in pairs)
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NOTHING) -> dict[str, str]:
         """Draw one world with its probability given evidence.

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from lcorpp.errors import TooLargeError
 from lcorpp.reasoning.grounding.generated_function import GeneratedFunction, Part, Source
-from lcorpp.reasoning.grounding.ground_program import GroundProgram, Literal as GroundLiteral
+from lcorpp.reasoning.grounding.ground_program import GroundLiteral, GroundProgram
 from lcorpp.reasoning.grounding.values import Value, compare_values, parse_value
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.syntax import Expression, Literal, Term

@@ -31,7 +31,7 @@ class ClauseKind(Enum):
     __hash__ = object.__hash__  # Enum hashes the member's name in Python code, which is slow
 
 
-Literal = tuple[int, int, bool]
+GroundLiteral = tuple[int, int, bool]
 """A term, the mask of the outcomes that satisfy the literal, and whether the literal is under `not`."""
 
 
@@ -51,7 +51,7 @@ class Clause:
     kind: ClauseKind
     term: int
     value: int
-    body: tuple[Literal, ...]
+    body: tuple[GroundLiteral, ...]
     statement: int = -1
     label: str = ""
     instance: tuple[int | str, ...] = ()

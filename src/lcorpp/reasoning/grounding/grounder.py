@@ -15,14 +15,14 @@ from fractions import Fraction
 from typing import cast
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.gc_pause import gc_paused
+from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.atoms import AtomTable, make_key
 from lcorpp.reasoning.grounding.generated_function import Part, Source
 from lcorpp.reasoning.grounding.ground_program import (
     Clause,
     ClauseKind,
+    GroundLiteral,
     GroundProgram,
-    Literal as GroundLiteral,
 )
 from lcorpp.reasoning.grounding.rule_instantiator import Facts, RuleInstantiator
 from lcorpp.reasoning.grounding.values import Value, parse_value, split_record
@@ -30,7 +30,7 @@ from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import (
-    Comparison,
+    BodyLiteral,
     Expression,
     Intervention,
     Literal,
@@ -42,7 +42,7 @@ from lcorpp.reasoning.language.syntax import (
 )
 from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions
 
-Body = Sequence[Literal | Comparison]
+Body = Sequence[BodyLiteral]
 
 _EMPTY_TUPLE = Source("()")
 
@@ -64,7 +64,7 @@ def ground_program(
         ProgramError: arithmetic is undefined.
     """
     try:
-        with gc_paused():
+        with pause_gc():
             return _Grounder(program, do).run(observed, asked)
     except SourceIssue as issue:
         raise ProgramError(str(issue)) from None

@@ -34,7 +34,8 @@ from lcorpp.reasoning.language.arithmetic import iter_variables
 from lcorpp.reasoning.language.safety import find_variable_sorts
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
-    Comparison,
+    BodyLiteral,
+    ComparisonLiteral,
     Expression,
     Literal,
     Term,
@@ -64,7 +65,7 @@ class RuleInstantiator(GeneratedFunction):
         members: Callable[[str], Mapping[Value, None]],
         slots: Sequence[ArgumentSlot],
         scope: Sequence[Expression],
-        body: Iterable[Literal | Comparison],
+        body: Iterable[BodyLiteral],
         facts: Facts,
         bound: Sequence[str] = (),
     ) -> None:
@@ -91,9 +92,7 @@ class RuleInstantiator(GeneratedFunction):
         while not all(variable.name in self._bound for variable in used):
             self._bind_next_variable()
 
-    def _collect_conditions(
-        self, slots: Sequence[ArgumentSlot], body: Iterable[Literal | Comparison]
-    ) -> None:
+    def _collect_conditions(self, slots: Sequence[ArgumentSlot], body: Iterable[BodyLiteral]) -> None:
         for expression, sort in slots:
             if isinstance(expression, Variable) or not any(iter_variables(expression)):
                 continue
@@ -101,7 +100,7 @@ class RuleInstantiator(GeneratedFunction):
             if isinstance(expression, Term):
                 self._records.append((expression, sort))
         for literal in body:
-            if isinstance(literal, Comparison):
+            if isinstance(literal, ComparisonLiteral):
                 self._collect_comparison(literal)
             elif self._signature.is_sort(literal):
                 inner = literal.term.arguments[0]
@@ -124,7 +123,7 @@ class RuleInstantiator(GeneratedFunction):
             f"v_{name} in {self.name_constant(self._members(sort))}" for sort in sorts
         )
 
-    def _collect_comparison(self, comparison: Comparison) -> None:
+    def _collect_comparison(self, comparison: ComparisonLiteral) -> None:
         left, right, relation = comparison.left, comparison.right, comparison.relation
 
         def write_test() -> str:

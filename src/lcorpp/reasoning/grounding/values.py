@@ -9,8 +9,8 @@ from collections.abc import Callable
 from operator import ge, gt, le, lt
 
 from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer, iter_variables
-from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Literal, Place, Term, Variable
+from lcorpp.reasoning.language.issues import Place, SourceIssue
+from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Literal, Term, Variable
 
 Value = int | str
 

@@ -21,7 +21,7 @@ from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
 from lcorpp.reasoning.language.safety import check_variables
 from lcorpp.reasoning.language.signature import Signature, build_signature
 from lcorpp.reasoning.language.syntax import (
-    Comparison,
+    BodyLiteral,
     CrRule,
     Intervention,
     Literal,
@@ -88,7 +88,7 @@ def _check_statement(statement: Statement, signature: Signature) -> None:
 # terms and literals
 
 
-def _check_body(body: Iterable[Literal | Comparison], signature: Signature) -> None:
+def _check_body(body: Iterable[BodyLiteral], signature: Signature) -> None:
     for literal in body:
         if not isinstance(literal, Literal):
             continue

@@ -6,14 +6,13 @@ from collections.abc import Iterable, Sequence
 
 from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer, iter_variables
-from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
+from lcorpp.reasoning.language.issues import Place, SortMismatch, SourceIssue
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
-    Comparison,
+    BodyLiteral,
     Expression,
     Intervention,
     Literal,
-    Place,
     Query,
     Selection,
     Term,
@@ -116,9 +115,7 @@ def check_slots(slots: Iterable[ArgumentSlot], signature: Signature) -> None:
                 raise SortMismatch(expression.at, f"{value!r} is not a member of the sort {sort}; {known}")
 
 
-def check_order(
-    body: Iterable[Literal | Comparison], sorts: dict[str, list[str]], signature: Signature
-) -> None:
+def check_order(body: Iterable[BodyLiteral], sorts: dict[str, list[str]], signature: Signature) -> None:
     """Check that only integers are compared by order.
 
     Raises:

@@ -14,15 +14,14 @@ from lcorpp.reasoning.language.expressions import (
     parse_value,
     require_value,
 )
-from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.lexer import HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
-    Comparison,
+    ComparisonLiteral,
     Connective,
     Expression,
-    Interval,
-    Place,
+    IntervalTerm,
     RecordSort,
     SortDefinition,
     SortExpression,
@@ -168,7 +167,7 @@ def _parse_simple_sort(cursor: Cursor) -> SortExpression:
         raise cursor.make_unexpected_error()
     low = _parse_bound(cursor)
     cursor.expect("..")
-    return Interval(low, _parse_bound(cursor), at=at)
+    return IntervalTerm(low, _parse_bound(cursor), at=at)
 
 
 def parse_sort_name(cursor: Cursor) -> str:
@@ -177,17 +176,17 @@ def parse_sort_name(cursor: Cursor) -> str:
     return cursor.expect(HASH_NAME)[1:]
 
 
-def _parse_elements(cursor: Cursor) -> tuple[Expression | Interval, ...]:
+def _parse_elements(cursor: Cursor) -> tuple[Expression | IntervalTerm, ...]:
     """Parse the elements of a set: values and intervals."""
-    elements: list[Expression | Interval] = []
+    elements: list[Expression | IntervalTerm] = []
     while not elements or cursor.accept(","):
         first = parse_value(cursor)
         elements.append(_make_interval(first, parse_value(cursor)) if cursor.accept("..") else first)
     return tuple(elements)
 
 
-def _make_interval(low: Expression, high: Expression) -> Interval:
-    return Interval(_require_integer(low), _require_integer(high), at=low.at)
+def _make_interval(low: Expression, high: Expression) -> IntervalTerm:
+    return IntervalTerm(_require_integer(low), _require_integer(high), at=low.at)
 
 
 def _require_integer(end: Expression) -> int:
@@ -232,11 +231,13 @@ def _parse_part_variable(cursor: Cursor) -> str | None:
     return name
 
 
-def _parse_disjunction(cursor: Cursor, variables: list[str | None]) -> Comparison | Connective:
+def _parse_disjunction(cursor: Cursor, variables: list[str | None]) -> ComparisonLiteral | Connective:
     return _parse_connectives(cursor, variables, "|")
 
 
-def _parse_connectives(cursor: Cursor, variables: list[str | None], sign: str) -> Comparison | Connective:
+def _parse_connectives(
+    cursor: Cursor, variables: list[str | None], sign: str
+) -> ComparisonLiteral | Connective:
     left = _parse_connectives(cursor, variables, "&") if sign == "|" else _parse_comparison(cursor, variables)
     count = 1
     while cursor.next_is(sign):
@@ -251,7 +252,7 @@ def _parse_connectives(cursor: Cursor, variables: list[str | None], sign: str) -
     return left
 
 
-def _parse_comparison(cursor: Cursor, variables: list[str | None]) -> Comparison | Connective:
+def _parse_comparison(cursor: Cursor, variables: list[str | None]) -> ComparisonLiteral | Connective:
     if cursor.accept("("):
         cursor.enter()
         inside = _parse_disjunction(cursor, variables)
@@ -263,7 +264,7 @@ def _parse_comparison(cursor: Cursor, variables: list[str | None]) -> Comparison
         raise cursor.make_unexpected_error(("<",))
     sign = RELATION_SYNONYMS.get(cursor.word, cursor.word)
     cursor.take()
-    return Comparison(left, sign, _parse_side(cursor, variables), at=left.at)
+    return ComparisonLiteral(left, sign, _parse_side(cursor, variables), at=left.at)
 
 
 def _parse_side(cursor: Cursor, variables: list[str | None]) -> Expression:

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.lexer import DECIMAL, INTEGER, MAX_DEPTH, NAME, VARIABLE, Cursor
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Body,
-    Comparison,
+    BodyLiteral,
+    ComparisonLiteral,
     Expression,
     Literal,
     Number,
-    Place,
     Term,
     Variable,
 )
@@ -165,12 +165,12 @@ def _check_depth(node: Term | Arithmetic) -> Term | Arithmetic:
 # literals
 
 
-def parse_literal(cursor: Cursor, arrow: bool = False) -> Literal | Comparison:
+def parse_literal(cursor: Cursor, arrow: bool = False) -> BodyLiteral:
     """Parse `term`, `-term` or `left relation right`."""
     return parse_relation(cursor, parse_sum(cursor, arrow), arrow)
 
 
-def parse_relation(cursor: Cursor, left: Expression | MinusTerm, arrow: bool = False) -> Literal | Comparison:
+def parse_relation(cursor: Cursor, left: Expression | MinusTerm, arrow: bool = False) -> BodyLiteral:
     """Parse the rest of a literal after its left side."""
     if not cursor.next_is(*RELATIONS):
         return _complete_literal(left)
@@ -181,7 +181,7 @@ def parse_relation(cursor: Cursor, left: Expression | MinusTerm, arrow: bool = F
     relation = RELATION_SYNONYMS.get(relation, relation)
     if isinstance(left, Term):
         return Literal(left, relation, right, at=left.at)
-    return Comparison(left, relation, right, at=left.at)
+    return ComparisonLiteral(left, relation, right, at=left.at)
 
 
 def _complete_literal(left: Expression | MinusTerm) -> Literal:
@@ -200,7 +200,7 @@ def has_implicit_value(literal: Literal) -> bool:
     return literal.value.at == literal.term.at or literal.value.at == literal.at
 
 
-def parse_body_literal(cursor: Cursor) -> Literal | Comparison:
+def parse_body_literal(cursor: Cursor) -> BodyLiteral:
     """Parse a literal with an optional `not`."""
     at = cursor.at
     if not cursor.accept_word("not"):
@@ -211,7 +211,7 @@ def parse_body_literal(cursor: Cursor) -> Literal | Comparison:
         raise SourceIssue(at, "'_' under 'not' is ambiguous; expected a named variable")
     if isinstance(literal, Literal):
         return Literal(literal.term, literal.relation, literal.value, True, at=at)
-    return Comparison(literal.left, NEGATED_RELATIONS[literal.relation], literal.right, at=at)
+    return ComparisonLiteral(literal.left, NEGATED_RELATIONS[literal.relation], literal.right, at=at)
 
 
 def parse_body(cursor: Cursor) -> Body:

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.signature import BOOLEAN, mangle_name
 from lcorpp.reasoning.language.sorts import BOOLEANS, SortTable
 from lcorpp.reasoning.language.syntax import (
@@ -19,7 +20,6 @@ from lcorpp.reasoning.language.syntax import (
     DomainDirective,
     Expression,
     Literal,
-    Place,
     SortDefinition,
     SortExpression,
     SortName,

@@ -9,8 +9,8 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterable
 
-from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.syntax import Expression, Place
+from lcorpp.reasoning.language.issues import Place, SourceIssue
+from lcorpp.reasoning.language.syntax import Expression
 
 NAME, VARIABLE, INTEGER, DECIMAL, HASH_NAME, UNKNOWN, END = (
     "a name",

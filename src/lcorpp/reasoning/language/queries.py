@@ -12,20 +12,29 @@ from lcorpp.reasoning.language.expressions import (
 )
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.lexer import END, NAME, Cursor
-from lcorpp.reasoning.language.syntax import Body, Comparison, Intervention, Literal, Observation, Query, Term
+from lcorpp.reasoning.language.syntax import (
+    Body,
+    BodyLiteral,
+    ComparisonLiteral,
+    Intervention,
+    Literal,
+    Observation,
+    Query,
+    Term,
+)
 
 Conditions = tuple[tuple[Observation, ...], tuple[Intervention, ...]]
 
 
-def require_assignment(literal: Literal | Comparison, where: str) -> Literal:
+def require_assignment(literal: BodyLiteral, where: str) -> Literal:
     """Return the literal; raise SourceIssue unless it has the form `attribute=value`."""
-    if isinstance(literal, Comparison) or literal.relation != "=":
+    if isinstance(literal, ComparisonLiteral) or literal.relation != "=":
         raise SourceIssue(literal.at, f"expected attribute=value in {where}, not {literal}")
     return literal
 
 
-def _require_literal(literal: Literal | Comparison, where: str) -> Literal:
-    if isinstance(literal, Comparison):
+def _require_literal(literal: BodyLiteral, where: str) -> Literal:
+    if isinstance(literal, ComparisonLiteral):
         raise SourceIssue(literal.at, f"expected a literal of an attribute in {where}, not {literal}")
     return literal
 
@@ -128,7 +137,7 @@ def _parse_formula(cursor: Cursor) -> Body:
         inner = _parse_formula(cursor)
         cursor.leave()
         first = inner[0]
-        if len(inner) > 1 or isinstance(first, Comparison) or first.negated:
+        if len(inner) > 1 or isinstance(first, ComparisonLiteral) or first.negated:
             raise SourceIssue(at, "'!' is only supported before a single literal")
         return (Literal(first.term, first.relation, first.value, True, at=at),)
     if cursor.kind != "(":

@@ -9,15 +9,14 @@ from collections.abc import Iterable, Sequence
 
 from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, iter_variables
 from lcorpp.reasoning.language.conformance import check_integer, check_order, check_slots
-from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
-    Comparison,
+    BodyLiteral,
+    ComparisonLiteral,
     Expression,
-    Literal,
     Number,
-    Place,
     Term,
     Variable,
 )
@@ -30,7 +29,7 @@ def check_variables(
     at: Place,
     scope: Sequence[Expression],
     slots: list[ArgumentSlot],
-    body: Iterable[Literal | Comparison],
+    body: Iterable[BodyLiteral],
     signature: Signature,
     number: Expression | None = None,
     outcomes: int = 1,
@@ -93,12 +92,12 @@ def find_variable_sorts(
     return sorts
 
 
-def _find_computed_variables(body: Iterable[Literal | Comparison]) -> set[str]:
+def _find_computed_variables(body: Iterable[BodyLiteral]) -> set[str]:
     """Find the variables computed by equations such as T1=T+1, which do not multiply instances."""
     computed: set[str] = set()
     others: set[str] = set()
     for comparison in body:
-        if not isinstance(comparison, Comparison) or comparison.relation != "=":
+        if not isinstance(comparison, ComparisonLiteral) or comparison.relation != "=":
             continue
         for side, other in (
             (comparison.left, comparison.right),
@@ -112,12 +111,12 @@ def _find_computed_variables(body: Iterable[Literal | Comparison]) -> set[str]:
     return computed
 
 
-def _add_computed_bounds(body: Iterable[Literal | Comparison], bounds: dict[str, int]) -> None:
+def _add_computed_bounds(body: Iterable[BodyLiteral], bounds: dict[str, int]) -> None:
     """Add bounds of variables computed by equations such as X=Y+1 from bounded variables."""
     waiting: dict[str, list[tuple[Variable, Expression, set[str]]]] = {}
     ready: list[tuple[Variable, Expression]] = []
     for equation in body:
-        if not isinstance(equation, Comparison) or equation.relation != "=":
+        if not isinstance(equation, ComparisonLiteral) or equation.relation != "=":
             continue
         for side, other in ((equation.left, equation.right), (equation.right, equation.left)):
             if isinstance(side, Variable) and side.name not in bounds:

@@ -11,7 +11,7 @@ from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.sorts import BOOLEANS, SortTable, iter_record_shapes
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
-    Comparison,
+    BodyLiteral,
     DomainDirective,
     Expression,
     Literal,
@@ -110,7 +110,7 @@ class Signature:
         if literal.relation in ("=", "!="):
             yield literal.value, self.attributes[literal.term.name].range
 
-    def iter_body_slots(self, body: Iterable[Literal | Comparison]) -> Iterator[ArgumentSlot]:
+    def iter_body_slots(self, body: Iterable[BodyLiteral]) -> Iterator[ArgumentSlot]:
         """The argument slots of a body; a positive sort membership `s(X)` has one."""
         for literal in body:
             if isinstance(literal, Literal):

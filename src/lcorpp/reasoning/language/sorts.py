@@ -13,13 +13,12 @@ from math import prod
 
 from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import canonical_text, compare, is_integer
-from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.syntax import (
-    Comparison,
+    ComparisonLiteral,
     Connective,
     Expression,
-    Interval,
-    Place,
+    IntervalTerm,
     RecordSort,
     SortDefinition,
     SortExpression,
@@ -98,7 +97,7 @@ class SortTable:
                 names = expected_one_of([f"#{name}" for name in self.known])
                 raise SourceIssue(expression.at, f"unknown sort {str(expression)!r}; {names}")
             return self.known[expression.name]
-        if isinstance(expression, Interval):
+        if isinstance(expression, IntervalTerm):
             return self._evaluate_interval(expression)
         if isinstance(expression, SortSet):
             return self._evaluate_set(expression.elements, "here")
@@ -110,7 +109,7 @@ class SortTable:
         members: dict[str, None] = {}
         largest, integers = 0, True
         for element in elements:
-            if isinstance(element, Interval):
+            if isinstance(element, IntervalTerm):
                 part = self._evaluate_interval(element)
                 found: Iterable[str] = part.members
                 largest = max(largest, part.max_integer)
@@ -129,7 +128,7 @@ class SortTable:
                 members[member] = None
         return Sort(members, largest, integers)
 
-    def _evaluate_interval(self, interval: Interval) -> Sort:
+    def _evaluate_interval(self, interval: IntervalTerm) -> Sort:
         low, high = interval.low, interval.high
         if high < low:
             raise SourceIssue(interval.at, f"the interval {interval} is empty")
@@ -176,14 +175,16 @@ def _find_max_integer(text: str) -> int:
     return max(map(int, _INTEGER.findall(text)), default=0)
 
 
-def _count_comparisons(condition: Comparison | Connective | None) -> int:
+def _count_comparisons(condition: ComparisonLiteral | Connective | None) -> int:
     """Return the cost of a condition: two members for each comparison."""
     if isinstance(condition, Connective):
         return _count_comparisons(condition.left) + _count_comparisons(condition.right)
     return 2 if condition else 0
 
 
-def _is_satisfied(condition: Comparison | Connective, row: Sequence[str], places: Mapping[str, int]) -> bool:
+def _is_satisfied(
+    condition: ComparisonLiteral | Connective, row: Sequence[str], places: Mapping[str, int]
+) -> bool:
     if isinstance(condition, Connective):
         left = _is_satisfied(condition.left, row, places)
         if left == (condition.operator == "|"):

@@ -19,7 +19,7 @@ from lcorpp.reasoning.language.expressions import (
     parse_sum,
     parse_value,
 )
-from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.lexer import END, HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
 from lcorpp.reasoning.language.queries import (
     parse_intervention,
@@ -29,13 +29,12 @@ from lcorpp.reasoning.language.queries import (
 )
 from lcorpp.reasoning.language.syntax import (
     Body,
-    Comparison,
+    BodyLiteral,
     CrRule,
     DomainDirective,
     DynamicRange,
     Literal,
     Number,
-    Place,
     Probability,
     Rule,
     Selection,
@@ -193,7 +192,7 @@ def _parse_tail(cursor: Cursor) -> Body:
     return given
 
 
-def _parse_rule(cursor: Cursor, literal: Literal | Comparison, label: Term | None) -> Rule | CrRule:
+def _parse_rule(cursor: Cursor, literal: BodyLiteral, label: Term | None) -> Rule | CrRule:
     head = require_assignment(literal, "the head of a rule")
     arrow = cursor.kind
     given = _parse_tail(cursor)

@@ -8,65 +8,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal as OneOf
 
-from lcorpp.reasoning.language.issues import SYNTHETIC_PLACE, Place
 from lcorpp.reasoning.language.terms import (
-    Arithmetic,
-    Comparison,
-    Connective,
-    Expression,
-    Interval,
-    Literal,
-    Node,
-    Number,
-    RecordSort,
-    SortExpression,
-    SortName,
-    SortOperation,
-    SortSet,
-    Term,
-    Variable,
-    depth,
+    Arithmetic as Arithmetic,
+    BodyLiteral as BodyLiteral,
+    ComparisonLiteral as ComparisonLiteral,
+    Connective as Connective,
+    Expression as Expression,
+    IntervalTerm as IntervalTerm,
+    Literal as Literal,
+    Number as Number,
+    RecordSort as RecordSort,
+    SortExpression as SortExpression,
+    SortName as SortName,
+    SortOperation as SortOperation,
+    SortSet as SortSet,
+    SyntaxNode as SyntaxNode,
+    Term as Term,
+    Variable as Variable,
 )
-
-__all__ = [
-    "SYNTHETIC_PLACE",
-    "Arithmetic",
-    "AttributeDeclaration",
-    "Body",
-    "Comparison",
-    "Connective",
-    "CrRule",
-    "DomainDirective",
-    "DynamicRange",
-    "Expression",
-    "Interval",
-    "Intervention",
-    "Literal",
-    "Node",
-    "Number",
-    "Observation",
-    "Place",
-    "Probability",
-    "Query",
-    "RecordSort",
-    "Rule",
-    "Selection",
-    "Semantics",
-    "SortDefinition",
-    "SortExpression",
-    "SortName",
-    "SortOperation",
-    "SortSet",
-    "Statement",
-    "Term",
-    "Variable",
-    "depth",
-]
 
 Semantics = OneOf["2009", "2018"]
 """Semantics of `do` and Condition 1: TPLP 9(1), 2009, or P-log 2, 2018."""
 
-Body = tuple[Literal | Comparison, ...]
+Body = tuple[BodyLiteral, ...]
 
 
 def _format_body(body: Body, sign: str = " :- ") -> str:
@@ -78,7 +42,7 @@ def _format_label(label: Term | None) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class SortDefinition(Node):
+class SortDefinition(SyntaxNode):
     """`name = {elements}.`, or `#name = expression.` with the expression as the only element."""
 
     name: str
@@ -98,7 +62,7 @@ class SortDefinition(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class AttributeDeclaration(Node):
+class AttributeDeclaration(SyntaxNode):
     """`name : arguments -> range.`"""
 
     name: str
@@ -110,7 +74,7 @@ class AttributeDeclaration(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class DomainDirective(Node):
+class DomainDirective(SyntaxNode):
     """`#domain sort(X;Y).`: the sort of these variables in the whole program."""
 
     sort: str
@@ -121,7 +85,7 @@ class DomainDirective(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class DynamicRange(Node):
+class DynamicRange(SyntaxNode):
     """`{variable : condition}`: the possible values of a selection, which depend on the world."""
 
     variable: Variable
@@ -132,7 +96,7 @@ class DynamicRange(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class Selection(Node):
+class Selection(SyntaxNode):
     """`[label] random(term : range) :- body.`"""
 
     term: Term
@@ -146,7 +110,7 @@ class Selection(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class Probability(Node):
+class Probability(SyntaxNode):
     """`[label] pr(term=value | condition) = number.` A number without variables is evaluated."""
 
     term: Term
@@ -162,7 +126,7 @@ class Probability(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class Rule(Node):
+class Rule(SyntaxNode):
     """`head :- body.` A rule without body is a fact, one without head a constraint."""
 
     head: Literal | None
@@ -173,7 +137,7 @@ class Rule(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class CrRule(Node):
+class CrRule(SyntaxNode):
     """`[label] statement +- body.`: a consistency-restoring rule, applied only if no possible world exists.
 
     statement: the rule or random selection that it adds.
@@ -191,7 +155,7 @@ class CrRule(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class Observation(Node):
+class Observation(SyntaxNode):
     """`obs(literal)`: excludes the worlds in which the literal is false."""
 
     literal: Literal
@@ -201,7 +165,7 @@ class Observation(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class Intervention(Node):
+class Intervention(SyntaxNode):
     """`do(term=value)`: an intervention that replaces the random selection of the term."""
 
     term: Term
@@ -212,7 +176,7 @@ class Intervention(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class Query(Node):
+class Query(SyntaxNode):
     """`?{literals} | conditions.` for a probability, `? subject | conditions.` for a distribution.
 
     A query has either `literals` or a `subject`.

@@ -15,7 +15,7 @@ SHOWN_CHARACTERS = 120
 
 
 @dataclass(frozen=True)
-class Node:
+class SyntaxNode:
     """Base class of nodes.
 
     at: the place where the node begins.
@@ -31,7 +31,7 @@ class Node:
 
 
 @dataclass(frozen=True, repr=False)
-class Number(Node):
+class Number(SyntaxNode):
     """A number. Only the number of a pr-atom may be a fraction."""
 
     value: Fraction
@@ -48,7 +48,7 @@ class Number(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class Variable(Node):
+class Variable(SyntaxNode):
     """A variable, an identifier with a capital first letter."""
 
     name: str
@@ -58,7 +58,7 @@ class Variable(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class Term(Node):
+class Term(SyntaxNode):
     """A constant `a`, a record `f(1, a)` or an attribute with its arguments, depending on the context."""
 
     name: str
@@ -73,7 +73,7 @@ class Term(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class Arithmetic(Node):
+class Arithmetic(SyntaxNode):
     """`left operator right`, the operator one of ``+ - * / mod``.
 
     Division is exact in the number of a pr-atom, elsewhere the integer division of ASP.
@@ -106,7 +106,7 @@ def _format_operand(expression: Expression) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class Literal(Node):
+class Literal(SyntaxNode):
     """`term relation value`, or its default negation. `p` is `p=true`, `-p` is `p=false`."""
 
     term: Term
@@ -119,7 +119,7 @@ class Literal(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison(Node):
+class ComparisonLiteral(SyntaxNode):
     """`left relation right` between expressions without attributes."""
 
     left: Expression
@@ -130,11 +130,14 @@ class Comparison(Node):
         return f"{self.left}{self.relation}{self.right}"
 
 
+BodyLiteral = Literal | ComparisonLiteral
+
+
 # sort expressions
 
 
 @dataclass(frozen=True, repr=False)
-class Interval(Node):
+class IntervalTerm(SyntaxNode):
     """`low..high`, including both ends."""
 
     low: int
@@ -145,7 +148,7 @@ class Interval(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class SortName(Node):
+class SortName(SyntaxNode):
     """`#name`: the members of a sort defined earlier."""
 
     name: str
@@ -155,29 +158,29 @@ class SortName(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class SortSet(Node):
+class SortSet(SyntaxNode):
     """`{elements}` within a sort expression."""
 
-    elements: tuple[Expression | Interval, ...]
+    elements: tuple[Expression | IntervalTerm, ...]
 
     def __str__(self) -> str:
         return f"{{{', '.join(map(str, self.elements))}}}"
 
 
 @dataclass(frozen=True, repr=False)
-class Connective(Node):
+class Connective(SyntaxNode):
     """`left & right` or `left | right` in the condition of a record sort."""
 
     operator: str
-    left: Comparison | Connective
-    right: Comparison | Connective
+    left: ComparisonLiteral | Connective
+    right: ComparisonLiteral | Connective
 
     def __str__(self) -> str:
         return f"({self.left} {self.operator} {self.right})"
 
 
 @dataclass(frozen=True, repr=False)
-class RecordSort(Node):
+class RecordSort(SyntaxNode):
     """`name(part(Variable), part) : condition`: records with arguments from the parts.
 
     variables: the variable of each part in the condition, None without one.
@@ -186,7 +189,7 @@ class RecordSort(Node):
     name: str
     parts: tuple[SortExpression, ...]
     variables: tuple[str | None, ...]
-    condition: Comparison | Connective | None = None
+    condition: ComparisonLiteral | Connective | None = None
 
     def __str__(self) -> str:
         pairs = zip(self.parts, self.variables, strict=True)
@@ -195,7 +198,7 @@ class RecordSort(Node):
 
 
 @dataclass(frozen=True, repr=False)
-class SortOperation(Node):
+class SortOperation(SyntaxNode):
     """`left operator right`: union `+`, difference `-` or intersection `*` of sorts."""
 
     operator: str
@@ -206,4 +209,4 @@ class SortOperation(Node):
         return f"({self.left}) {self.operator} ({self.right})"
 
 
-SortExpression = SortName | SortSet | RecordSort | SortOperation | Interval
+SortExpression = SortName | SortSet | RecordSort | SortOperation | IntervalTerm

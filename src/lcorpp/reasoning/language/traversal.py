@@ -8,7 +8,8 @@ from dataclasses import replace
 from lcorpp.reasoning.language.arithmetic import iter_variables
 from lcorpp.reasoning.language.syntax import (
     Body,
-    Comparison,
+    BodyLiteral,
+    ComparisonLiteral,
     CrRule,
     Expression,
     Intervention,
@@ -38,7 +39,7 @@ def get_body(statement: Rule | Selection | Probability) -> Body:
     return statement.condition if isinstance(statement, Probability) else statement.body
 
 
-def iter_expressions(body: Iterable[Literal | Comparison]) -> Iterator[Expression]:
+def iter_expressions(body: Iterable[BodyLiteral]) -> Iterator[Expression]:
     """Iterate over the expressions of a body, arguments of attributes included."""
     for literal in body:
         if isinstance(literal, Literal):
@@ -143,4 +144,4 @@ def _map_term(term: Term, rewrite: Rewrite) -> Term:
 
 
 def _map_body(body: Body, rewrite: Rewrite) -> Body:
-    return tuple(part if isinstance(part, Comparison) else rewrite(part) for part in body)
+    return tuple(part if isinstance(part, ComparisonLiteral) else rewrite(part) for part in body)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple, Protocol
 
-from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram, Literal
+from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.language.syntax import Probability, Selection, Statement
 from lcorpp.reasoning.transitions.rule_templates import ASSIGN, DERIVE, RANGE, SELECT, RuleTemplate
 
@@ -35,7 +35,7 @@ class GuardedClause(NamedTuple):
 
     bit: int
     clause: Clause
-    body: Sequence[Literal]
+    body: Sequence[GroundLiteral]
 
 
 class ConditionViolation(Exception):

@@ -19,7 +19,7 @@ from fractions import Fraction
 from typing import Any
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram, Literal
+from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.transitions.local_distribution import (
     ONE,
     ConditionViolation,
@@ -170,7 +170,7 @@ class RecursiveComponent:
                 if mask >> value & 1:
                     yield f"{name} :- h({term},{value})."
 
-    def _translate_body(self, body: Sequence[Literal], outcome_sets: dict[tuple[int, int], str]) -> str:
+    def _translate_body(self, body: Sequence[GroundLiteral], outcome_sets: dict[tuple[int, int], str]) -> str:
         parts = []
         for term, mask, negated in body:
             every_outcome = (1 << len(self.program.values[term]) + 1) - 1

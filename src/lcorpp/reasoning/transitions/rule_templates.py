@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram, Literal
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundLiteral, GroundProgram
 
 DERIVE, SELECT, RANGE, ASSIGN, FORBID = ClauseKind  # access to the members of an Enum is slow
 
@@ -68,7 +68,7 @@ class ClauseGroup:
     """
 
     clause: Clause
-    own_literals: Sequence[Literal]
+    own_literals: Sequence[GroundLiteral]
     always_true: bool = False
     satisfied_slot: int = NO_SLOT
     bodies: list[RankedBody] = field(default_factory=list)
@@ -212,9 +212,9 @@ def _create_parents(places: Mapping[int, tuple[int, int]]) -> list[Parent]:
 
 def _split_body(
     clause: Clause, places: Mapping[int, tuple[int, int]], outcomes: Sequence[int]
-) -> tuple[list[Literal], RankedBody]:
+) -> tuple[list[GroundLiteral], RankedBody]:
     """Split a body into literals about the component itself and conditions on earlier steps."""
-    own_literals: list[Literal] = []
+    own_literals: list[GroundLiteral] = []
     masks: dict[int, int] = {}
     for literal in clause.body:
         term = literal[0]

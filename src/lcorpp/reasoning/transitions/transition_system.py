@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, groupby
 
-from lcorpp.reasoning.gc_pause import gc_paused
+from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent
@@ -48,7 +48,7 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
     Args:
         queried: the terms whose outcomes queries read.
     """
-    with gc_paused():
+    with pause_gc():
         clauses, outcomes = simplify(program)
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
         components = order_components(clauses, outcomes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.factored.variables import AFTER, Variable, check_word
+from lcorpp.planning.factored.variables import AFTER, Variable, build_scope, check_word
 from lcorpp.planning.formats.numbers import is_count
 from lcorpp.planning.formats.pomdpx.document import Document, Element
 
@@ -26,7 +26,7 @@ _ATTRIBUTES = {
 class Declarations:
     """The variables that a ``<Variable>`` element declares.
 
-    states, actions, observations: the variables.
+    states, actions, observations: the variables. scope: all of them, by our names.
     names: name in the file -> our name; ``x'`` is x after an action.
     rewards: reward name -> its element.
 
@@ -44,26 +44,21 @@ class Declarations:
         )
         variables: dict[str, list[Variable]] = {kind: [] for kind in VALUE_PREFIXES}
         for child in children:
+            first, *others = (child.attributes[attribute] for attribute in _ATTRIBUTES[child.name][:2])
             if child.name == "RewardVar":
                 document.children(child, (), _ATTRIBUTES[child.name])
-                self.rewards[child.attributes["vname"]] = child
-            elif child.name == "StateVar":
-                before, after = child.attributes["vnamePrev"], child.attributes["vnameCurr"]
-                name = state_names[before]
-                self.names |= {before: name, after: name + AFTER}
-                variables[child.name].append(
-                    self._read_variable(child, name, observed=self._is_observed(child))
-                )
-            else:
-                name = child.attributes["vname"]
-                self.names[name] = name
-                variables[child.name].append(self._read_variable(child, name))
+                self.rewards[first] = child
+                continue
+            self.names[first] = state_names.get(first, first)
+            self.names |= dict.fromkeys(others, self.names[first] + AFTER)
+            variables[child.name].append(self._read_variable(child, self.names[first]))
         for kind, what in (("StateVar", "state"), ("ActionVar", "action")):
             if not variables[kind]:
                 raise document.error(element, f"a problem needs a variable for the {what}: <{kind}>")
         self.states, self.actions, self.observations = (
             tuple(variables[kind]) for kind in ("StateVar", "ActionVar", "ObsVar")
         )
+        self.scope = build_scope(self.states, self.actions, self.observations)
 
     def _check_names(self, children: Sequence[Element]) -> set[str]:
         """Return all names of the file; each is a single word and unique."""
@@ -82,25 +77,23 @@ class Declarations:
                 names.add(name)
         return names
 
-    def _read_variable(self, element: Element, name: str, *, observed: bool = False) -> Variable:
+    def _read_variable(self, element: Element, name: str) -> Variable:
         document = self.document
+        observed = element.name == "StateVar" and self._is_observed(element)
         document.children(element, ("ValueEnum", "NumValues"), _ATTRIBUTES[element.name])
         child = document.only_child(element, "ValueEnum", "NumValues")
         if child.name == "ValueEnum":
             values = document.words(child)
         else:
-            values = self._make_numbered_values(child, element.name)
+            word = document.word(child)
+            if not is_count(word) or len(word) > 9 or not 0 < int(word) <= MAX_COUNT:
+                message = f"expected a number of values from 1 to {MAX_COUNT}, found {word[:40]!r}"
+                raise document.error(child, message, 0)
+            values = [f"{VALUE_PREFIXES[element.name]}{i}" for i in range(int(word))]
         try:
             return Variable(name, tuple(values), observed)
         except ModelError as error:
             raise document.error(child, str(error)) from None
-
-    def _make_numbered_values(self, element: Element, kind: str) -> list[str]:
-        word = self.document.word(element)
-        if not is_count(word) or len(word) > 9 or not 0 < int(word) <= MAX_COUNT:
-            message = f"expected a number of values from 1 to {MAX_COUNT}, found {word[:40]!r}"
-            raise self.document.error(element, message, 0)
-        return [f"{VALUE_PREFIXES[kind]}{i}" for i in range(int(word))]
 
     def _is_observed(self, element: Element) -> bool:
         text = self.document.attribute(element, "fullyObs", "false")
