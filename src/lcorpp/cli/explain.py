@@ -59,8 +59,7 @@ def explain(
     The steps are label, evidence, posterior, prior, then every action with its observation and belief.
     The person is simulated; values that are not given are drawn. With --interactive you are the person.
     """
-    from lcorpp.cli.domain_output import print_domain
-    from lcorpp.cli.robot_output import print_classifier, print_solution
+    from lcorpp.cli.robot_output import print_classifier, print_domain, print_solution
     from lcorpp.domains import load_domain
     from lcorpp.experiments.setup import from_channel, make_robot, solve_domain
     from lcorpp.planning import Planner
@@ -140,7 +139,7 @@ def _simulate_case(
     """
     import numpy as np
 
-    from lcorpp.simulation.population import Population
+    from lcorpp.simulation.people import Population
     from lcorpp.simulation.simulated_classifier import NoisyChannel
     from lcorpp.simulation.world import SimulationModel
 

@@ -68,18 +68,17 @@ def learn(
     Each batch is written to --out when it is complete; Ctrl-C keeps the complete batches. With --store every
     decision survives any interruption, and the same command resumes the run.
     """
-    from lcorpp.cli.domain_output import print_domain
-    from lcorpp.cli.robot_output import print_solution
+    from lcorpp.cli.robot_output import print_domain, print_solution
     from lcorpp.domains import load_domain
     from lcorpp.experiments.active_learning import (
         ActiveLearningOptions,
-        make_initial_data,
         open_run_store,
         run_active_learning,
     )
     from lcorpp.experiments.classifier_training import find_storage_problem
     from lcorpp.experiments.results import FORMATS, write_batches
     from lcorpp.experiments.setup import TrainingOptions, solve_domain
+    from lcorpp.experiments.training_data import make_training_data
     from lcorpp.planning import Planner
 
     loaded = load_domain(domain, preset=preset)
@@ -108,7 +107,7 @@ def learn(
     print_domain(loaded)
     if problem is not None:
         console.print_note(f"the classifier will not be saved: {problem}")
-    initial = make_initial_data(loaded, chosen)
+    initial = make_training_data(loaded, training, seed)
     for text in initial.dataset.notes:
         console.print_note(text)
     written, has_complete_batch = None, False

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from lcorpp.experiments.setup import ClassifierOptions, TrainingOptions
 
 TRIALS = 5000
-"""Number of simulated people, if --trials does not give another one."""
+"""Number of simulated people without --trials."""
 
 
 def run(
@@ -26,13 +26,7 @@ def run(
     ] = None,
     trials: Annotated[
         int | None,
-        typer.Option(
-            "--trials",
-            min=1,
-            max=options.MAX_TRIALS,
-            show_default=str(TRIALS),
-            help="Number of simulated people.",
-        ),
+        typer.Option(min=1, max=options.MAX_TRIALS, help=f"Number of simulated people; {TRIALS} by default."),
     ] = None,
     seed: options.SeedOption = 0,
     classifier: Annotated[
@@ -84,8 +78,7 @@ def run(
     Trains or loads the classifier, solves the POMDP, simulates the strategies and prints their scores.
     Ctrl-C during the trials keeps those that are complete.
     """
-    from lcorpp.cli.domain_output import print_domain
-    from lcorpp.cli.robot_output import print_classifier, print_scores, print_solution
+    from lcorpp.cli.robot_output import print_classifier, print_domain, print_scores, print_solution
     from lcorpp.decision import strategies
     from lcorpp.domains import load_domain
     from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies

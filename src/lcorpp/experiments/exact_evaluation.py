@@ -14,7 +14,7 @@ import numpy as np
 
 from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
-from lcorpp.errors import DomainError
+from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.metrics import Scores, score_probabilities
 from lcorpp.reasoning import Enumeration
 from lcorpp.simulation.simulated_classifier import NoisyChannel
@@ -36,6 +36,9 @@ def evaluate_exactly(
     Raises:
         DomainError: the domain's `people.py` draws reactions, whose probabilities are unknown.
     """
+    check_type(domain, Domain, "the domain", DomainError)
+    check_type(robot, Robot, "the robot", DecisionError)
+    check_type(channel, NoisyChannel, "the channel", DecisionError)
     if domain.simulation.reaction is not None:
         raise DomainError(
             f"{domain.folder}: people.py draws reactions, so only simulated trials can score this domain"

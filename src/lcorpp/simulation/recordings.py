@@ -8,7 +8,7 @@ from lcorpp.domains import Domain
 from lcorpp.errors import DomainError
 from lcorpp.learning.data.tracks import COLUMNS, Recording, Track
 from lcorpp.reasoning import Reasoner
-from lcorpp.simulation.population import Person, Population
+from lcorpp.simulation.people import Person, Population
 
 PAPER_TRACKS, PAPER_POSITIVES = 2286, 63
 """The number of tracks in the paper's data set, and of those with the positive label."""

@@ -54,11 +54,8 @@ class RecurrentState:
         state.put(np.arange(old_size), self._state)
         self._state = state
         more = np.zeros((size - old_size, self._first.shape[1]))
-        self._first, self._previous = (
-            np.concatenate([self._first, more]),
-            np.concatenate([self._previous, more]),
-        )
-        self._new = np.concatenate([self._new, np.ones(size - old_size, dtype=np.bool_)])
+        self._first, self._previous = (np.append(a, more, axis=0) for a in (self._first, self._previous))
+        self._new = np.append(self._new, np.ones(len(more), dtype=np.bool_))
 
     def reset(self, slots: Slots) -> None:
         """As `StreamState.reset`."""
@@ -93,12 +90,8 @@ class ReplayedHistory:
     constant_cost = False
 
     def __init__(self, motion: Motion, later_steps: Any, min_points: int, window: int | None) -> None:
-        self._motion, self._later_steps, self._min_points, self._window = (
-            motion,
-            later_steps,
-            min_points,
-            window,
-        )
+        self._motion, self._later_steps = motion, later_steps
+        self._min_points, self._window = min_points, window
         self._points: list[deque[Array]] = []  # of each slot
 
     def grow(self, size: int) -> None:
@@ -120,17 +113,15 @@ class ReplayedHistory:
         for length, rows in rows_by_length.items():
             if length >= self._min_points:
                 tracks = np.array([self._points[slots[row]] for row in rows]).transpose(0, 2, 1)
-                probabilities[rows] = self._predict(self._motion.transform_points(tracks))
+                features = self._motion.transform_points(tracks)
+                try:
+                    probabilities[rows] = predict_proba(self._later_steps, features)
+                except DataError as error:
+                    raise DataError(
+                        f"{error}; the tracks had {length} points. A classifier of tracks of one length"
+                        " needs that length as `min_points` and as `window`"
+                    ) from None
         return probabilities
-
-    def _predict(self, tracks: Array) -> Array:
-        try:
-            return predict_proba(self._later_steps, tracks)
-        except DataError as error:
-            raise DataError(
-                f"{error}; the tracks had {tracks.shape[2]} points. A classifier of tracks of one length"
-                " needs that length as `min_points` and as `window`"
-            ) from None
 
 
 def make_state(pipeline: Any, min_points: int, window: int | None) -> tuple[Motion, StreamState]:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.notebook import html_table
+from lcorpp.planning.arguments import check_type
 from lcorpp.planning.belief import check_belief, format_belief
 from lcorpp.planning.evaluation.policy_evaluation import Evaluation, evaluate
 from lcorpp.planning.solution import Solution
@@ -103,6 +104,7 @@ def certificate(
         ModelError: `start` is not a distribution over the states, or an argument is out of range.
         PolicyError: the policy is for another model.
     """
+    check_type("solution", solution, Solution)
     pomdp, policy = solution.pomdp, solution.policy
     own = pomdp.start if solution.start is None else solution.start
     belief = check_belief(pomdp, own if start is None else start)
