@@ -43,8 +43,7 @@ def ask(
     why: Annotated[
         bool,
         typer.Option(
-            "--why",
-            help="Also: the answer without each condition, the most probable worlds, their rules.",
+            "--why", help="Also: the answer without each condition, the most probable worlds, their rules."
         ),
     ] = False,
 ) -> None:

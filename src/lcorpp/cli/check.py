@@ -26,8 +26,7 @@ AUTHORS_FILE = "interposx.csv"
 def check(
     path: Annotated[Path, typer.Argument(metavar="FILE|FOLDER", help=f"What to check: {KINDS}.")],
     model: Annotated[
-        Path | None,
-        typer.Option("--model", metavar="MODEL", help="The model that a policy belongs to."),
+        Path | None, typer.Option(metavar="MODEL", help="The model that a policy belongs to.")
     ] = None,
 ) -> None:
     """Check a file or a folder and print its content.

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from lcorpp.domains import Domain
     from lcorpp.experiments.metrics import Scores
-    from lcorpp.experiments.setup import ClassifierSetup
+    from lcorpp.experiments.setup import ClassifierSetup, TrainingOptions
     from lcorpp.learning import EvaluationReport
     from lcorpp.planning import Solution
     from lcorpp.values import Interval
@@ -26,6 +26,16 @@ def print_domain(domain: Domain) -> None:
     """Print the name, preset and description of a domain."""
     preset = f", preset {domain.preset}" if domain.preset else ""
     console.out.print(f"{domain.name}{preset}: {domain.description}", style="bold")
+
+
+def print_storage_problem(training: TrainingOptions) -> str | None:
+    """Print and return, before the training, why its classifier cannot be saved; None if it can."""
+    from lcorpp.experiments.classifier_training import find_storage_problem
+
+    problem = find_storage_problem(training)
+    if problem is not None:
+        console.print_note(f"the classifier will not be saved: {problem}")
+    return problem
 
 
 def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | None) -> None:

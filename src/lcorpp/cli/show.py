@@ -27,14 +27,12 @@ def show(
     states: Annotated[
         str | None,
         typer.Option(
-            "--states",
-            metavar="A,B[,C]",
-            help="Draw beliefs over these 2 or 3 states; by default all of a small model.",
+            metavar="A,B[,C]", help="Draw beliefs over these 2 or 3 states; by default all of a small model."
         ),
     ] = None,
     graph: Annotated[
         Path | None,
-        typer.Option("--graph", metavar="FILE", help="Draw the policy as a graph: .dot, .png, .svg or .pdf."),
+        typer.Option(metavar="FILE", help="Draw the policy as a graph: .dot, .png, .svg or .pdf."),
     ] = None,
     out: Annotated[
         Path | None,
@@ -58,7 +56,7 @@ def show(
     if out is not None:
         output_files.check_figure(out)
     if graph is not None:
-        output_files.check_figure(graph, ".dot")
+        output_files.check_figure(graph, also=[".dot"])
     pomdp, problem = model_files.read_model(model)
     if policy is None:
         _print_model(model, pomdp, problem)

@@ -24,13 +24,10 @@ MAX_NODES = 1000
 def simulate(
     model: model_files.ModelArgument,
     policy: Annotated[Path, typer.Argument(metavar="POLICY", help="A .policy, .xml or .alpha file for it.")],
-    trials: Annotated[
-        int, typer.Option("--trials", min=1, max=options.MAX_TRIALS, help="Number of episodes.")
-    ] = 100_000,
+    trials: Annotated[int, typer.Option(min=1, max=options.MAX_TRIALS, help="Number of episodes.")] = 100_000,
     steps: Annotated[
         int | None,
         typer.Option(
-            "--steps",
             min=1,
             max=options.MAX_STEPS,
             help="Maximum length of an episode; by default until the discount is 0.0001.",
@@ -38,7 +35,7 @@ def simulate(
     ] = None,
     seed: options.SeedOption = 0,
     trace: Annotated[
-        int, typer.Option("--trace", min=0, metavar="K", help="Print the first K episodes step by step.")
+        int, typer.Option(min=0, metavar="K", help="Print the first K episodes step by step.")
     ] = 0,
 ) -> None:
     """Simulate a policy and compare its mean reward with the bounds.
@@ -94,11 +91,7 @@ def _print_episode(pomdp: Pomdp, number: int, episode: Trace) -> None:
     ):
         total += discount * reward
         discount *= pomdp.discount
-        names = (
-            pomdp.states[episode.states[step]],
-            pomdp.actions[action],
-            pomdp.observations[observation],
-        )
+        names = (pomdp.states[episode.states[step]], pomdp.actions[action], pomdp.observations[observation])
         rows.append((str(step + 1), *names, f"{reward:g}", f"{total:.6g}"))
     typer.echo(f"episode {number}")
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

@@ -7,10 +7,6 @@ from lcorpp.values.confusion import (
     ConfusionMatrix as ConfusionMatrix,
 )
 from lcorpp.values.dataset import CHANNELS as CHANNELS, Dataset as Dataset, track_hash as track_hash
-from lcorpp.values.distribution import (
-    Distribution as Distribution,
-    Label as Label,
-    Likelihood as Likelihood,
-)
+from lcorpp.values.distribution import Distribution as Distribution, Label as Label, Likelihood as Likelihood
 from lcorpp.values.episode import Episode as Episode, Instance as Instance, Step as Step
 from lcorpp.values.interval import Interval as Interval
