@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 def __getattr__(name: str) -> Console:
     """Create `out` and `err` at their first use: rich takes longer to load than some commands to run."""
-    from rich.console import Console
-
     if name not in ("out", "err"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from rich.console import Console
+
     created = Console(stderr=name == "err", highlight=False)
     if not created.is_terminal:
         created.soft_wrap = True  # files and pipes get whole lines, terminals lines that break between words

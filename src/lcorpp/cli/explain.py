@@ -233,7 +233,7 @@ def _parse_class(domain: Domain, text: str, option: str = "--label") -> str:
     for class_name, label in domain.learning.label_of.items():
         if text in (label, class_name):
             return class_name
-    raise DomainError(f"{option} {text!r}: {expected_one_of(tuple(domain.learning.label_of.values()))}")
+    raise DomainError(f"{option} {text!r}: {expected_one_of(domain.learning.label_of.values())}")
 
 
 def _parse_likelihood(domain: Domain, pairs: list[str]) -> Likelihood:

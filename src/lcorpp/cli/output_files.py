@@ -7,9 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lcorpp.errors import FileError, expected_one_of
-
-FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
-"""The same as `lcorpp.plot_style.SUFFIXES`, without loading matplotlib."""
+from lcorpp.files import FIGURE_SUFFIXES
 
 
 def check_writable(path: Path) -> None:

@@ -53,9 +53,8 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
     table.padding = 0
     table.add_column("strategy", style="bold", min_width=len("strategy"))
     for name in ("F1", "precision", "recall", "accuracy", "cost", "return"):
-        table.add_column(
-            name, justify="right", min_width=len(name), overflow="fold"
-        )  # a narrow table breaks numbers instead
+        # in a narrow terminal numbers break, not names
+        table.add_column(name, justify="right", min_width=len(name), overflow="fold")
     for row in scores:
         digits = {"cost": 2, "return": 2}
         cells = (_format_interval(cell, digits.get(name, 3)) for name, cell in row.metrics.items())

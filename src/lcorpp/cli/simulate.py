@@ -71,13 +71,14 @@ def simulate(
 
 def _compare(result: SimulationResult, value: Evaluation) -> str | None:
     """Explain a mean outside of the bounds on the policy's value; None if it lies between them."""
-    if (
-        value.lower <= result.mean + result.truncation[1]
-        and result.mean + result.truncation[0] <= value.upper
-    ):
+    min_change, max_change = result.truncation
+
+    def overlaps(low: float, high: float) -> bool:
+        return value.lower <= high + max_change and low + min_change <= value.upper
+
+    if overlaps(result.mean, result.mean):
         return None
-    low, high = result.interval.low, result.interval.high
-    if value.lower <= high + result.truncation[1] and low + result.truncation[0] <= value.upper:
+    if overlaps(result.interval.low, result.interval.high):
         return "the mean differs from the policy's value by sampling error: the interval contains the value"
     return "the interval misses the policy's value, as one interval in 20 does by chance"
 

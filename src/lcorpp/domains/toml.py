@@ -84,9 +84,7 @@ class TomlTable:
         """Raise `DomainError` if the table has a key that was never accessed."""
         for key in self._table:
             if key not in self._accessed:
-                raise DomainError(
-                    f"{self.location(key)}: unknown key; {expected_one_of(list(self._accessed))}"
-                )
+                raise DomainError(f"{self.location(key)}: unknown key; {expected_one_of(self._accessed)}")
 
     def _get(
         self,
@@ -124,7 +122,7 @@ def read_domain_toml(path: Path, preset: str | None) -> tuple[TomlTable, str | N
     if preset is None:
         preset = next(iter(presets), None)
     elif preset not in presets:
-        raise DomainError(f"{path}: unknown preset {preset!r}; {expected_one_of(list(presets))}")
+        raise DomainError(f"{path}: unknown preset {preset!r}; {expected_one_of(presets)}")
     overrides = dict(presets.get(preset, {})) if preset else {}
     overrides.pop("description", None)
     return TomlTable(_merge(table, overrides), _KeyLines(str(path), text, preset)), preset

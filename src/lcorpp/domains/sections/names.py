@@ -24,8 +24,7 @@ def find_attribute_values(location: str, name: str, program: Program) -> tuple[s
     """
     if name not in program.attributes:
         raise DomainError(
-            f"{location}: {program.file} has no attribute {name!r};"
-            f" {expected_one_of(tuple(program.attributes))}"
+            f"{location}: {program.file} has no attribute {name!r}; {expected_one_of(program.attributes)}"
         )
     attribute = program.attributes[name]
     if attribute.arguments:
