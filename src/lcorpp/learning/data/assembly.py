@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from lcorpp.learning.data.csv_reader import Lines, RowBatch
-from lcorpp.learning.data.repairs import RepairLog, RowSource
+from lcorpp.learning.data.repairs import RowSource
 from lcorpp.values import Array
 
 
@@ -45,7 +45,7 @@ class TrackAssembler:
     """
 
     def __init__(
-        self, names: tuple[str, ...], words: tuple[str, ...] = (), scale: dict[str, float] | None = None
+        self, names: tuple[str, ...], words: tuple[str, ...], scale: Mapping[str, float] | None = None
     ) -> None:
         self._names, self._words, self._scale = names, words, scale or {}
         self._codes: dict[str, int] = {}
@@ -68,29 +68,24 @@ class TrackAssembler:
             self._pieces[code].append((batch.lines[rows], table[:, rows]))
             for word in self._words:
                 lines_of, texts = self._distinct_words[code][word], batch.texts[word]
-                for text in dict.fromkeys(texts[row] for row in rows.tolist()):
-                    if text not in lines_of:
-                        first = next(row for row in rows.tolist() if texts[row] == text)
-                        lines_of[text] = int(batch.lines[first])
+                for row in rows.tolist():
+                    if texts[row] not in lines_of:
+                        lines_of[texts[row]] = int(batch.lines[row])
 
-    def drop_cut_word(self, source: RowSource, repair_log: RepairLog) -> None:
+    def drop_cut_word(self, source: RowSource) -> None:
         """Drop the last row if the file ends in the middle of its label or group.
 
         Such a word appears once and is a prefix of the track's earlier word.
         """
         if not self._pieces:
             return
-        last = max((int(pieces[-1][0][-1]), code) for code, pieces in enumerate(self._pieces))
-        line, code = last
+        line, code = max((int(pieces[-1][0][-1]), code) for code, pieces in enumerate(self._pieces))
         for word, lines_of in self._distinct_words[code].items():
             for text, first in list(lines_of.items()):
                 whole = next((other for other in lines_of if other != text and other.startswith(text)), None)
                 if first == line and whole is not None:
                     message = f"the file ends in the middle of its last line: {word} {text!r} after {whole!r}"
-                    name = list(self._codes)[code]
-                    repair_log.repair_or_raise(
-                        "cut", source, line, message, "left out", field=word, track=name
-                    )
+                    source.repair_or_raise("cut", line, message, field=word, track=list(self._codes)[code])
                     del lines_of[text]
                     lines, table = self._pieces[code][-1]
                     self._pieces[code][-1] = lines[:-1], table[:, :-1]

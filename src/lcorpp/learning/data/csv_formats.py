@@ -16,7 +16,6 @@ from pathlib import Path
 
 from lcorpp.errors import FileError, ParseError, expected_one_of
 from lcorpp.files import open_text
-from lcorpp.learning.data.assembly import TrackAssembler
 from lcorpp.learning.data.csv_reader import CsvFile, column_of
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.tracks import COLUMNS, Track
@@ -44,12 +43,11 @@ def read_long_csv(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[
     cells = {name: cell for cell, name in enumerate(names) if name in LONG_COLUMNS}
     words = tuple(name for name in WORD_COLUMNS if name in cells)
     numbers = tuple(name for name in LONG_COLUMNS if name in cells and name not in ("track", *WORD_COLUMNS))
-    file = CsvFile(path, cells, len(names), numbers, header=1)
-    assembler = TrackAssembler(numbers[1:], words)
-    tracks = assemble_tracks(file, file.batches(options.repair_log, options.progress), assembler, options)
+    file = CsvFile(path, cells, len(names), numbers, options.repair_log, header=1)
+    tracks = assemble_tracks(file, file.batches(options.progress), options, numbers[1:], words)
     if not tracks and options.only is None and not options.repair_log.repairs:
         raise ParseError(str(path), 2, 1, f"no rows after the heading; expected {', '.join(names)}")
-    return tracks, (*note_unused_columns(names), *file.notes(options.repair_log))
+    return tracks, (*note_unused_columns(names), *file.notes())
 
 
 def read_atc(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
@@ -63,13 +61,13 @@ def read_atc(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, 
         ParseError: a row or a track has a fault whose repair was not requested.
     """
     numbers = tuple(name for name in ATC_COLUMNS if name != "track")
-    file = CsvFile(path, {name: cell for cell, name in enumerate(ATC_COLUMNS)}, len(ATC_COLUMNS), numbers)
+    cells = {name: cell for cell, name in enumerate(ATC_COLUMNS)}
+    file = CsvFile(path, cells, len(cells), numbers, options.repair_log)
     scale = dict.fromkeys(("x", "y", "z", "velocity"), MILLIMETRE)
-    assembler = TrackAssembler(numbers[1:], scale=scale)
-    tracks = assemble_tracks(file, file.batches(options.repair_log, options.progress), assembler, options)
+    tracks = assemble_tracks(file, file.batches(options.progress), options, numbers[1:], scale=scale)
     if not tracks and options.only is None and not options.repair_log.repairs:
         raise ParseError(str(path), 1, 1, f"the file is empty; expected rows of {', '.join(ATC_COLUMNS)}")
-    return tracks, file.notes(options.repair_log)
+    return tracks, file.notes()
 
 
 def note_unused_columns(names: list[str]) -> tuple[str, ...]:

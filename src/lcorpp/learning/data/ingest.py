@@ -10,7 +10,6 @@ import numpy as np
 from lcorpp.learning.data.assembly import TrackAssembler
 from lcorpp.learning.data.cleaning import MAX_GAP, split_tracks
 from lcorpp.learning.data.csv_reader import Progress, RowBatch
-from lcorpp.learning.data.labels import make_label_reader
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
 from lcorpp.learning.data.units import convert_to_metres
@@ -35,35 +34,38 @@ class ReadOptions:
 
 
 def assemble_tracks(
-    source: RowSource, batches: Iterable[RowBatch], assembler: TrackAssembler, options: ReadOptions
+    source: RowSource,
+    batches: Iterable[RowBatch],
+    options: ReadOptions,
+    names: tuple[str, ...],
+    words: tuple[str, ...] = (),
+    scale: Mapping[str, float] | None = None,
 ) -> list[Track]:
-    """Return the tracks in batches of rows, in metres; faults are repaired on request or are errors."""
+    """Return the tracks in batches of rows, in metres; faults are repaired on request or are errors.
+
+    Args:
+        names, words, scale: as in `TrackAssembler`.
+    """
+    assembler = TrackAssembler(names, words, scale)
     for batch in batches:
-        assembler.add(_select_rows(batch, source, options))
+        assembler.add(_select_rows(batch, source, options.only))
     if not source.ended:
-        assembler.drop_cut_word(source, options.repair_log)
-    class_of = make_label_reader(options.labels, source, options.repair_log)
-    tracks, lines = [], []
+        assembler.drop_cut_word(source)
+    tracks, lines = list[Track](), list[int]()
     for raw in assembler.iterate_tracks():
-        found = list(split_tracks(raw, source, options.repair_log, class_of=class_of, gap=options.gap))
-        tracks += found
-        lines += [int(raw.lines[0])] * len(found)
-    return convert_to_metres(tracks, lines, source, options.repair_log)
+        tracks += split_tracks(raw, source, labels=options.labels, gap=options.gap)
+        lines += [int(raw.lines[0])] * (len(tracks) - len(lines))
+    return convert_to_metres(tracks, lines, source)
 
 
-def _select_rows(batch: RowBatch, source: RowSource, options: ReadOptions) -> RowBatch:
+def _select_rows(batch: RowBatch, source: RowSource, only: Collection[str] | None) -> RowBatch:
     """Return the rows of a batch that have an id, restricted to the ids to read."""
     names = batch.texts["track"]
-    if "" in names:
-        for row, name in enumerate(names):
-            if not name:
-                line = int(batch.lines[row])
-                options.repair_log.repair_or_raise(
-                    "rows", source, line, "no track", "left out", field="track"
-                )
-    elif options.only is None:
+    if only is None and "" not in names:
         return batch
-    only = options.only
+    for row, name in enumerate(names):
+        if not name:
+            source.repair_or_raise("rows", int(batch.lines[row]), "no track", field="track")
     rows = [row for row, name in enumerate(names) if name and (only is None or name in only)]
     index = np.array(rows, dtype=np.intp)
     return RowBatch(

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from lcorpp.errors import DataError, FileError, expected_one_of
-from lcorpp.learning.data.assembly import TrackAssembler
 from lcorpp.learning.data.csv_formats import LONG_COLUMNS, REQUIRED, WORD_COLUMNS, note_unused_columns
 from lcorpp.learning.data.csv_reader import BATCH_LINES, Progress, RowBatch
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
+from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
 
 SUFFIXES = (".parquet", ".pq")
@@ -33,11 +33,11 @@ def import_pyarrow() -> Any:
     return pyarrow
 
 
-class ParquetFile:
+class ParquetFile(RowSource):
     """A Parquet file; its rows count from 1."""
 
-    def __init__(self, path: Path) -> None:
-        self.file, self.ended = str(path), True
+    def __init__(self, path: Path, repair_log: RepairLog) -> None:
+        super().__init__(path, repair_log)
         self._arrow = import_pyarrow()
         try:
             with open(path, "rb"):
@@ -116,14 +116,13 @@ def read_parquet(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[s
         DataError: it is not a Parquet file, a column is wrong, pyarrow is not installed, or a row or a track
             has a fault whose repair was not requested.
     """
-    file = ParquetFile(path)
+    file = ParquetFile(path, options.repair_log)
     words = tuple(name for name in WORD_COLUMNS if name in file.names)
     numbers = tuple(
         name for name in LONG_COLUMNS if name in file.names and name not in ("track", *WORD_COLUMNS)
     )
-    assembler = TrackAssembler(numbers[1:], words)
     batches = file.batches(numbers, ("track", *words), options.progress)
-    tracks = assemble_tracks(file, batches, assembler, options)
+    tracks = assemble_tracks(file, batches, options, numbers[1:], words)
     if not tracks and options.only is None and not options.repair_log.repairs:
         raise DataError(f"{path}: no rows")
     return tracks, note_unused_columns(file.names)

@@ -18,7 +18,6 @@ from lcorpp.learning.data.csv_formats import ATC_COLUMNS, REQUIRED, read_atc, re
 from lcorpp.learning.data.csv_reader import Progress
 from lcorpp.learning.data.ingest import ReadOptions
 from lcorpp.learning.data.labels import (
-    WholeFile,
     attach_labels,
     class_of_label,
     describe_unknown_label,
@@ -26,7 +25,7 @@ from lcorpp.learning.data.labels import (
 )
 from lcorpp.learning.data.npz import SUFFIX, load_dataset, to_recording
 from lcorpp.learning.data.parquet import SUFFIXES, read_parquet
-from lcorpp.learning.data.repairs import RepairLog
+from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.learning.data.units import convert_to_metres
 from lcorpp.learning.data.windows import INTERVAL, POINTS, to_dataset
@@ -139,7 +138,7 @@ def read_recording(
         reader = {"atc": read_atc, "long": read_long_csv, "parquet": read_parquet}[kind]
         tracks, notes = reader(file, options)
         if classes is not None:
-            labelled = attach_labels(tracks, classes, file, repair_log)
+            labelled = attach_labels(tracks, classes, RowSource(file, repair_log))
             missing = len(classes) - len({track.group for track in labelled})
             if missing:
                 notes = (*notes, f"{missing} of {len(classes)} ids of {label_file} have no tracks")
@@ -228,10 +227,10 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _convert_dataset_to_metres(dataset: Dataset, file: Path, repair_log: RepairLog) -> Dataset:
+def _convert_dataset_to_metres(dataset: Dataset, source: RowSource) -> Dataset:
     """Convert a stored data set to metres, like the tracks of a file."""
     tracks = to_recording(dataset).tracks
-    scaled = convert_to_metres(tracks, [1] * len(tracks), WholeFile(str(file)), repair_log)
+    scaled = convert_to_metres(tracks, [1] * len(tracks), source)
     if all(new is old for new, old in zip(scaled, tracks, strict=True)):
         return dataset
     rows = [np.stack([track.columns[name] for name in dataset.channels]) for track in scaled]
@@ -243,14 +242,15 @@ def _read_rectangular(
 ) -> Dataset:
     if kind == "authors":
         return read_authors(file, labels=labels or RAW_LABELS)
-    dataset = load_dataset(file) if kind == "npz" else read_store(file).dataset()
+    source = RowSource(file, repair_log)
     if kind == "npz":
-        dataset = _convert_dataset_to_metres(dataset, file, repair_log)
+        dataset = _convert_dataset_to_metres(load_dataset(file), source)
+    else:
+        dataset = read_store(file).dataset()
     classes = [class_of_label(word, labels) for word in dataset.labels]
     for case, (word, name) in enumerate(zip(dataset.labels, classes, strict=True)):
         if name is None:
             message = f"case {case} (counted from 0): {describe_unknown_label(word, labels)}"
-            track = dataset.groups[case]
-            repair_log.repair_or_raise("labels", WholeFile(str(file)), 1, message, "left out", track=track)
+            source.repair_or_raise("labels", 1, message, track=dataset.groups[case])
     known = [case for case, name in enumerate(classes) if name is not None]
     return replace(dataset.take(known), labels=tuple(str(classes[case]) for case in known))

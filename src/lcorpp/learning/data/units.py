@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.learning.data.repairs import RepairLog, RowSource
+from lcorpp.learning.data.repairs import RowSource
 from lcorpp.learning.data.tracks import Track
 from lcorpp.values import Array
 
@@ -22,9 +22,7 @@ FACTOR = 1000.0
 LENGTHS = ("x", "y", "z")
 
 
-def convert_to_metres(
-    tracks: Sequence[Track], first_lines: Sequence[int], source: RowSource, repair_log: RepairLog
-) -> list[Track]:
+def convert_to_metres(tracks: Sequence[Track], first_lines: Sequence[int], source: RowSource) -> list[Track]:
     """Convert the tracks of one file to metres and metres per second.
 
     If at least half of the tracks are too fast, all are converted, including those of people who stand;
@@ -63,9 +61,8 @@ def convert_to_metres(
         )
         if not human:
             raise source.error_at(first_lines[row], "x", f"track {track.id!r}: {message}")
-        repair_log.repair_or_raise(
+        source.repair_or_raise(
             "units",
-            source,
             first_lines[row],
             message,
             f"times {length_factor if length_factor != 1 else speed_factor:g}",
