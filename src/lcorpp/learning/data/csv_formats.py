@@ -41,8 +41,7 @@ def read_long_csv(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[
     """
     names = read_header(path)
     cells = {name: cell for cell, name in enumerate(names) if name in LONG_COLUMNS}
-    words = tuple(name for name in WORD_COLUMNS if name in cells)
-    numbers = tuple(name for name in LONG_COLUMNS if name in cells and name not in ("track", *WORD_COLUMNS))
+    numbers, words = find_columns(names)
     file = CsvFile(path, cells, len(names), numbers, options.repair_log, header=1)
     tracks = assemble_tracks(file, file.batches(options.progress), options, numbers[1:], words)
     if not tracks and options.only is None and not options.repair_log.repairs:
@@ -68,6 +67,12 @@ def read_atc(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, 
     if not tracks and options.only is None and not options.repair_log.repairs:
         raise ParseError(str(path), 1, 1, f"the file is empty; expected rows of {', '.join(ATC_COLUMNS)}")
     return tracks, file.notes()
+
+
+def find_columns(names: list[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the columns of numbers, time first, and those of words besides "track", among the given ones."""
+    numbers = tuple(name for name in LONG_COLUMNS if name in names and name not in ("track", *WORD_COLUMNS))
+    return numbers, tuple(name for name in WORD_COLUMNS if name in names)
 
 
 def note_unused_columns(names: list[str]) -> tuple[str, ...]:

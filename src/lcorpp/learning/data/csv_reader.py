@@ -162,14 +162,15 @@ class CsvFile(RowSource):
             cell = row[self._cells[name]]
             if not cell.strip():
                 row[self._cells[name]] = "nan"
-            elif not _is_number(cell):
+            elif not is_number(cell):
                 message = f"{cell!r} is not a number; expected the {name}{aside}"
                 self.repair_or_raise(reason, line, message, field=name)
                 return None
         return row
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Whether a cell is a decimal number."""
     try:
         float(cell)
     except ValueError:

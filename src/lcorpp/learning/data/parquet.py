@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lcorpp.errors import DataError, FileError, expected_one_of
-from lcorpp.learning.data.csv_formats import LONG_COLUMNS, REQUIRED, WORD_COLUMNS, note_unused_columns
+from lcorpp.learning.data.csv_formats import LONG_COLUMNS, REQUIRED, find_columns, note_unused_columns
 from lcorpp.learning.data.csv_reader import BATCH_LINES, Progress, RowBatch
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.repairs import RepairLog, RowSource
@@ -117,10 +117,7 @@ def read_parquet(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[s
             has a fault whose repair was not requested.
     """
     file = ParquetFile(path, options.repair_log)
-    words = tuple(name for name in WORD_COLUMNS if name in file.names)
-    numbers = tuple(
-        name for name in LONG_COLUMNS if name in file.names and name not in ("track", *WORD_COLUMNS)
-    )
+    numbers, words = find_columns(file.names)
     batches = file.batches(numbers, ("track", *words), options.progress)
     tracks = assemble_tracks(file, batches, options, numbers[1:], words)
     if not tracks and options.only is None and not options.repair_log.repairs:

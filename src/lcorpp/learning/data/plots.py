@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,16 +46,15 @@ def plot_tracks(recording: Recording, *, title: str = "", max_tracks: int = MAX_
     """
     if not recording.tracks:
         raise DataError(f"{recording.source or 'the recording'}: there are no tracks to draw")
-    names = sorted(set(recording.labels), key=lambda name: (name is None, name))
-    classes = [[track for track in recording.tracks if track.label == name] for name in names]
-    width = max(6.0, 3.8 * len(names))
-    panel = _height(recording.tracks, width / len(names))
+    classes = recording.by_class()
+    width = max(6.0, 3.8 * len(classes))
+    panel = _height(recording.tracks, width / len(classes))
     figure = Figure(figsize=(width, panel + SPEEDS_HEIGHT + 1.9), layout="constrained")
     parts: Any = figure.subfigures(2, 1, height_ratios=[panel + 0.8, SPEEDS_HEIGHT + 0.8])
     above, below = parts
     first: Axes | None = None
-    for column, (name, tracks) in enumerate(zip(names, classes, strict=True)):
-        axes = above.add_subplot(1, len(names), column + 1, sharex=first, sharey=first)
+    for column, (name, tracks) in enumerate(classes.items()):
+        axes = above.add_subplot(1, len(classes), column + 1, sharex=first, sharey=first)
         first = first or axes
         n_drawn = _draw_class(axes, tracks, _colour(column), max_tracks)
         count = f"{len(tracks)} tracks" if n_drawn == len(tracks) else f"{n_drawn} of {len(tracks)} tracks"
@@ -65,7 +64,7 @@ def plot_tracks(recording: Recording, *, title: str = "", max_tracks: int = MAX_
             axes.set_ylabel("y (m)")
         else:
             axes.tick_params(labelleft=False)
-    _draw_speeds(below.add_subplot(), names, classes)
+    _draw_speeds(below.add_subplot(), classes)
     if title:
         figure.suptitle(title, fontsize=11)
     return figure
@@ -96,8 +95,8 @@ def _draw_class(axes: Axes, tracks: Sequence[Track], colour: str, max_tracks: in
     return len(positions)
 
 
-def _draw_speeds(axes: Axes, names: Sequence[str | None], classes: Sequence[Sequence[Track]]) -> None:
-    for number, (name, tracks) in enumerate(zip(names, classes, strict=True)):
+def _draw_speeds(axes: Axes, classes: Mapping[str | None, Sequence[Track]]) -> None:
+    for number, (name, tracks) in enumerate(classes.items()):
         times, speeds = _speeds_before_end(tracks)
         if not len(times):
             continue
@@ -108,7 +107,7 @@ def _draw_speeds(axes: Axes, names: Sequence[str | None], classes: Sequence[Sequ
     axes.set(xlabel="seconds before the track ends", ylabel="speed (m/s)")
     axes.set_ylim(bottom=0)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(frameon=False, ncols=len(names), loc="lower left", bbox_to_anchor=(0, 1))
+        axes.legend(frameon=False, ncols=len(classes), loc="lower left", bbox_to_anchor=(0, 1))
     despine(axes)
 
 

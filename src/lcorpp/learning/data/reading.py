@@ -15,7 +15,7 @@ from lcorpp.files import open_text
 from lcorpp.learning.data.authors import read_authors
 from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.learning.data.csv_formats import ATC_COLUMNS, REQUIRED, read_atc, read_long_csv
-from lcorpp.learning.data.csv_reader import Progress
+from lcorpp.learning.data.csv_reader import Progress, is_number
 from lcorpp.learning.data.ingest import ReadOptions
 from lcorpp.learning.data.labels import (
     attach_labels,
@@ -195,14 +195,10 @@ def detect_format(path: str | Path) -> Format:
         if not text.strip():
             continue
         cells = _split_cells(text)
-        if cells is None or not all(_is_number(cell) for cell in cells):
-            return (
-                "atc"
-                if cells is not None and len(cells) == len(ATC_COLUMNS) and _is_number(cells[0])
-                else "long"
-            )
-        if len(cells) == len(ATC_COLUMNS):
+        if len(cells) == len(ATC_COLUMNS) and is_number(cells[0]):
             return "atc"
+        if not cells or not all(map(is_number, cells)):
+            return "long"
         hint = " (the authors' files are read as a folder)" if file.stem.startswith("interpos") else ""
         message = (
             f"{len(cells)} columns of numbers; expected a line that names {', '.join(REQUIRED)}, or the"
@@ -212,19 +208,11 @@ def detect_format(path: str | Path) -> Format:
     raise ParseError(str(path), 1, 1, f"the file is empty; expected a line that names {', '.join(REQUIRED)}")
 
 
-def _split_cells(text: str) -> list[str] | None:
+def _split_cells(text: str) -> list[str]:
     try:
-        return next(csv.reader([text], strict=True), None)
+        return next(csv.reader([text], strict=True), [])
     except csv.Error:
-        return None
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+        return []
 
 
 def _convert_dataset_to_metres(dataset: Dataset, source: RowSource) -> Dataset:

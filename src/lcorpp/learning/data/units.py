@@ -49,26 +49,22 @@ def convert_to_metres(tracks: Sequence[Track], first_lines: Sequence[int], sourc
         if length_factor == speed_factor == 1.0:
             scaled.append(track)
             continue
-        what = (
-            f"the median speed is {speed[row]:.3g} m/s"
-            if length_factor != 1
-            else f"the median velocity is {written[row]:.3g} m/s"
-        )
-        unit = "metres taken for millimetres" if length_factor > 1 else "millimetres taken for metres"
-        human = speed[row] * length_factor <= MAX_SPEED and written[row] * speed_factor <= MAX_SPEED
-        message = f"{what}, which no human has; " + (
-            f"it looks like {unit}" if human else "no unit of length explains it"
-        )
-        if not human:
+        what, value, field, factor = ("speed", speed[row], "x", length_factor)
+        if length_factor == 1:
+            what, value, field, factor = ("velocity", written[row], "velocity", speed_factor)
+        message = f"the median {what} is {value:.3g} m/s, which no human has; "
+        if speed[row] * length_factor > MAX_SPEED or written[row] * speed_factor > MAX_SPEED:
+            message += "no unit of length explains it"
             raise source.error_at(first_lines[row], "x", f"track {track.id!r}: {message}")
+        unit = "metres taken for millimetres" if length_factor > 1 else "millimetres taken for metres"
+        place = {"field": field, "track": track.id}
         source.repair_or_raise(
             "units",
             first_lines[row],
-            message,
-            f"times {length_factor if length_factor != 1 else speed_factor:g}",
-            field="x" if length_factor != 1 else "velocity",
-            track=track.id,
+            f"{message}it looks like {unit}",
+            f"times {factor:g}",
             rows=len(track),
+            **place,
         )
         factors = dict.fromkeys(LENGTHS, length_factor) | {"velocity": speed_factor}
         columns = {name: values * factors.get(name, 1.0) for name, values in track.columns.items()}
