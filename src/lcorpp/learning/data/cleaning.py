@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from lcorpp.learning.data.assembly import RawTrack
+from lcorpp.learning.data.csv_reader import Lines
 from lcorpp.learning.data.labels import class_of_label, describe_unknown_label
 from lcorpp.learning.data.repairs import RowSource
 from lcorpp.learning.data.tracks import MAX_NUMBER, Track
+from lcorpp.values import Array
 
 MAX_GAP = 5.0
 """Seconds without a sample after which an id denotes another person."""
@@ -19,19 +21,33 @@ MIN_RUN = 10
 """Minimum mean length of a run, in samples, at which decreasing times mean a new person, not disorder."""
 
 
+@dataclass(frozen=True, eq=False)
+class RawTrack:
+    """All rows of one id in the order of the file, unchecked.
+
+    lines: (rows,) line numbers. times: (rows,) seconds. columns: name -> (rows,).
+    words: "label" and "group", if the file has them -> each distinct word -> its first line.
+    """
+
+    id: str
+    lines: Lines
+    times: Array
+    columns: dict[str, Array]
+    words: dict[str, dict[str, int]]
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def take(self, rows: Lines | slice) -> RawTrack:
+        """Return the given rows, in their order."""
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        return RawTrack(self.id, self.lines[rows], self.times[rows], columns, self.words)
+
+
 def split_tracks(
     raw: RawTrack, source: RowSource, *, labels: Mapping[str, str] | None, gap: float
 ) -> Iterator[Track]:
-    """Yield the tracks among the rows of one id, in the order of time.
-
-    Args:
-        raw: the rows. source: their file, with the requested repairs.
-        labels: label in the file -> class; None takes the labels unchanged.
-        gap: maximum number of seconds between two samples of one person.
-
-    Raises:
-        ParseError, DataError: a fault whose repair was not requested.
-    """
+    """Yield the tracks among the rows of one id, in the order of time; labels, gap: as in `ReadOptions`."""
     words = _check_words(raw, source)
     if words is None:
         return

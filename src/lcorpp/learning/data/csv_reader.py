@@ -85,12 +85,7 @@ class CsvFile(RowSource):
         return ParseError(self.file, line, column_of(text, self._cells.get(field, 0)), message, text)
 
     def batches(self, progress: Progress | None = None) -> Iterator[RowBatch]:
-        """Yield all rows without blank lines.
-
-        Raises:
-            FileError: the file cannot be read, or is not UTF-8.
-            ParseError: a row cannot be parsed, and repair `rows` or `cut` was not requested.
-        """
+        """Yield all rows without blank lines; one that cannot be parsed needs the repair `rows` or `cut`."""
         size, read, number = os.path.getsize(self.file), 0, 1
         with open_text(self.file) as file:
             while lines := self._read_lines(file, number):
@@ -167,6 +162,14 @@ class CsvFile(RowSource):
                 self.repair_or_raise(reason, line, message, field=name)
                 return None
         return row
+
+
+def parse_line(file: str, line: int, text: str) -> list[str]:
+    """Return the stripped cells of a line of CSV, or raise a ParseError."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([text], strict=True), [])]
+    except csv.Error as error:
+        raise ParseError(file, line, 1, f"not a row of CSV ({error})", text) from None
 
 
 def is_number(cell: str) -> bool:

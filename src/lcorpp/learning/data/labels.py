@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,7 +9,7 @@ from pathlib import Path
 
 from lcorpp.errors import DataError, ParseError, expected_one_of
 from lcorpp.files import read_text
-from lcorpp.learning.data.csv_reader import column_of
+from lcorpp.learning.data.csv_reader import column_of, parse_line
 from lcorpp.learning.data.repairs import RowSource
 from lcorpp.learning.data.tracks import Track
 
@@ -52,10 +51,7 @@ def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> di
     classes: dict[str, str] = {}
     lines = read_text(path).splitlines()
     for number, text in enumerate(lines, start=1):
-        try:
-            row = [cell.strip() for cell in next(csv.reader([text], strict=True), [])]
-        except csv.Error as error:
-            raise ParseError(str(path), number, 1, f"not a row of CSV ({error})", text) from None
+        row = parse_line(str(path), number, text)
         if not row or (number == 1 and row[0].lower() in HEADINGS):
             continue
         if len(row) != 2 or not row[0]:
@@ -68,9 +64,8 @@ def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> di
                 str(path), number, column_of(text, 1), describe_unknown_label(word, labels), text
             )
         if classes.setdefault(name, label_class) != label_class:
-            message = (
-                f"id {name!r} is {label_class} here and {classes[name]} before; expected one label for an id"
-            )
+            labels_of_id = f"{label_class} here and {classes[name]} before"
+            message = f"id {name!r} is {labels_of_id}; expected one label for an id"
             raise ParseError(str(path), number, 1, message, text)
     if not classes:
         raise ParseError(str(path), 1, 1, "the file is empty; expected rows of an id and its label")
@@ -81,9 +76,6 @@ def attach_labels(tracks: list[Track], classes: Mapping[str, str], file: RowSour
     """Return the tracks whose ids have a class, with that class.
 
     Tracks of an id that several people had share one label: they are an error or are left out.
-
-    Raises:
-        DataError: a track has a label of its own, or an id was split and repair `labels` was not requested.
     """
     parts: dict[str, list[Track]] = {}
     for track in tracks:

@@ -33,16 +33,8 @@ def save_dataset(dataset: Dataset, path: str | Path) -> None:
     Raises:
         FileError: the file cannot be written.
     """
-    header = {
-        "format": FORMAT,
-        "version": VERSION,
-        "labels": dataset.labels,
-        "groups": dataset.groups,
-        "source": dataset.source,
-        "notes": dataset.notes,
-        "interval": dataset.interval,
-        "channels": dataset.channels,
-    }
+    fields = ("labels", "groups", "source", "notes", "interval", "channels")
+    header = {"format": FORMAT, "version": VERSION} | {name: getattr(dataset, name) for name in fields}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, dataset=np.array(json.dumps(header)), trajectories=dataset.trajectories)
     write_atomically(path, buffer.getvalue())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,14 +14,9 @@ from lcorpp.files import open_text
 from lcorpp.learning.data.authors import read_authors
 from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.learning.data.csv_formats import ATC_COLUMNS, REQUIRED, read_atc, read_long_csv
-from lcorpp.learning.data.csv_reader import Progress, is_number
+from lcorpp.learning.data.csv_reader import Progress, is_number, parse_line
 from lcorpp.learning.data.ingest import ReadOptions
-from lcorpp.learning.data.labels import (
-    attach_labels,
-    class_of_label,
-    describe_unknown_label,
-    read_labels,
-)
+from lcorpp.learning.data.labels import attach_labels, class_of_label, describe_unknown_label, read_labels
 from lcorpp.learning.data.npz import SUFFIX, load_dataset, to_recording
 from lcorpp.learning.data.parquet import SUFFIXES, read_parquet
 from lcorpp.learning.data.repairs import RepairLog, RowSource
@@ -76,13 +70,7 @@ def read_data(
             return whole
         interval, points = interval or whole.interval, points or whole.trajectories.shape[2]
     recording = read_recording(
-        path,
-        labels=labels,
-        label_file=label_file,
-        repair=repair,
-        robot=robot,
-        gap=gap,
-        progress=progress,
+        path, labels=labels, label_file=label_file, repair=repair, robot=robot, gap=gap, progress=progress
     )
     try:
         return to_dataset(
@@ -194,10 +182,13 @@ def detect_format(path: str | Path) -> Format:
     for number, text in enumerate(start.splitlines(), start=1):
         if not text.strip():
             continue
-        cells = _split_cells(text)
+        try:
+            cells = parse_line(str(path), number, text)
+        except ParseError:
+            return "long"  # its reader raises the same error
         if len(cells) == len(ATC_COLUMNS) and is_number(cells[0]):
             return "atc"
-        if not cells or not all(map(is_number, cells)):
+        if not all(map(is_number, cells)):
             return "long"
         hint = " (the authors' files are read as a folder)" if file.stem.startswith("interpos") else ""
         message = (
@@ -206,13 +197,6 @@ def detect_format(path: str | Path) -> Format:
         )
         raise ParseError(str(path), number, 1, message, text)
     raise ParseError(str(path), 1, 1, f"the file is empty; expected a line that names {', '.join(REQUIRED)}")
-
-
-def _split_cells(text: str) -> list[str]:
-    try:
-        return next(csv.reader([text], strict=True), [])
-    except csv.Error:
-        return []
 
 
 def _convert_dataset_to_metres(dataset: Dataset, source: RowSource) -> Dataset:

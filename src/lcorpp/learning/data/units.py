@@ -23,17 +23,10 @@ LENGTHS = ("x", "y", "z")
 
 
 def convert_to_metres(tracks: Sequence[Track], first_lines: Sequence[int], source: RowSource) -> list[Track]:
-    """Convert the tracks of one file to metres and metres per second.
+    """Convert the tracks of one file, which begin in `first_lines`, to metres and metres per second.
 
     If at least half of the tracks are too fast, all are converted, including those of people who stand;
-    otherwise only the tracks that are too fast.
-
-    Args:
-        first_lines: the line in the file where each track begins.
-
-    Raises:
-        ParseError, DataError: tracks have a wrong unit and repair `units` was not requested, or no factor of
-            1000 explains their speed.
+    otherwise only the tracks that are too fast. A speed that no factor of 1000 explains is an error.
     """
     if not tracks:
         return []
@@ -52,20 +45,13 @@ def convert_to_metres(tracks: Sequence[Track], first_lines: Sequence[int], sourc
         what, value, field, factor = ("speed", speed[row], "x", length_factor)
         if length_factor == 1:
             what, value, field, factor = ("velocity", written[row], "velocity", speed_factor)
-        message = f"the median {what} is {value:.3g} m/s, which no human has; "
+        fault, line = f"the median {what} is {value:.3g} m/s, which no human has", first_lines[row]
         if speed[row] * length_factor > MAX_SPEED or written[row] * speed_factor > MAX_SPEED:
-            message += "no unit of length explains it"
-            raise source.error_at(first_lines[row], "x", f"track {track.id!r}: {message}")
+            message = f"track {track.id!r}: {fault}; no unit of length explains it"
+            raise source.error_at(line, "x", message)
         unit = "metres taken for millimetres" if length_factor > 1 else "millimetres taken for metres"
-        place = {"field": field, "track": track.id}
-        source.repair_or_raise(
-            "units",
-            first_lines[row],
-            f"{message}it looks like {unit}",
-            f"times {factor:g}",
-            rows=len(track),
-            **place,
-        )
+        message, done = f"{fault}; it looks like {unit}", f"times {factor:g}"
+        source.repair_or_raise("units", line, message, done, field=field, track=track.id, rows=len(track))
         factors = dict.fromkeys(LENGTHS, length_factor) | {"velocity": speed_factor}
         columns = {name: values * factors.get(name, 1.0) for name, values in track.columns.items()}
         scaled.append(replace(track, columns=columns))
