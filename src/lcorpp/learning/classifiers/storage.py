@@ -28,6 +28,7 @@ from lcorpp.learning.classifiers.trained import TrainedClassifier
 from lcorpp.learning.evaluation.calibration import Calibration
 from lcorpp.learning.evaluation.thresholds import DecisionThreshold
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
+from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.learning.lstm import LstmClassifier
 from lcorpp.values import ConfusionMatrix
 
@@ -129,7 +130,6 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
 def _native_kinds() -> dict[str, Any]:
     """The natively stored steps by their name in files, which does not change with the class name."""
     from lcorpp.learning.classifiers.logistic import QuadraticLogistic
-    from lcorpp.learning.features.summaries import SummaryFeatures
 
     return {
         "Motion": Motion,
