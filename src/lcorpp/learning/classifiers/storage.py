@@ -154,11 +154,11 @@ def _load_step(step: dict[str, Any], arrays: dict[str, npt.NDArray[Any]]) -> Any
         return load_step(step["name"], own[SKOPS])
     if kind not in kinds:
         raise DataError(f"step of unknown kind {kind!r}; {expected_one_of(list(kinds))}")
-    current_names = {stored: name for name, stored in STORED_NAMES.get(kind, {}).items()}
     parameters = {  # JSON has no tuples
-        current_names.get(key, key): tuple(value) if isinstance(value, list) else value
-        for key, value in step["parameters"].items()
+        key: tuple(value) if isinstance(value, list) else value for key, value in step["parameters"].items()
     }
+    for name, stored in STORED_NAMES.get(kind, {}).items():
+        parameters[name] = parameters.pop(stored)
     return kinds[kind](**parameters).restore_arrays(own)
 
 
