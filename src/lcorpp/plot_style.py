@@ -7,7 +7,7 @@ import io
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -57,6 +57,11 @@ class Fill(NamedTuple):
         """Text colour that is readable on this fill."""
         red, green, blue = (int(self.colour[i : i + 2], 16) for i in (1, 3, 5))
         return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 110 else "white"
+
+    @property
+    def text_background(self) -> dict[str, Any] | None:
+        """Background of a text on this fill (`bbox` of matplotlib): its colour if it is hatched."""
+        return {"facecolor": self.colour, "linewidth": 0, "pad": 1.5} if self.hatch else None
 
 
 def with_style(draw: Callable[P, R]) -> Callable[P, R]:

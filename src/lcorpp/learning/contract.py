@@ -54,10 +54,14 @@ class SigmoidScores(ProbabilityClassifier):
 
     def predict_proba(self, X: npt.ArrayLike) -> Array:
         """(cases, K) numbers that increase with the scores, rows summing to 1, columns as `classes_`."""
-        scores = np.asarray(self.classifier_.decision_function(X), dtype=np.float64)
-        if scores.ndim == 1:
-            return np.stack([expit(-scores), expit(scores)], axis=1)
-        return np.asarray(softmax(scores, axis=1))
+        return to_probabilities(np.asarray(self.classifier_.decision_function(X), dtype=np.float64))
+
+
+def to_probabilities(scores: Array) -> Array:
+    """(cases, K) the sigmoid of scores (cases,), which are for the second of two classes, or a softmax."""
+    if scores.ndim == 1:
+        return np.stack([expit(-scores), expit(scores)], axis=1)
+    return np.asarray(softmax(scores, axis=1))
 
 
 def ensure_predict_proba(estimator: Any) -> Any:

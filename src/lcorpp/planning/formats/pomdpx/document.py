@@ -85,14 +85,10 @@ class Document:
         """Return a ParseError at an element, or at a word of its text."""
         return self.error_at(*element.position(word), message)
 
-    def children(
+    def check_children(
         self, element: Element, names: Sequence[str], attributes: Sequence[str] = ()
     ) -> list[Element]:
-        """Return the children of an element without text.
-
-        Raises:
-            ParseError: the element has text, or a child or an attribute with another name.
-        """
+        """Check that an element has no text and only these children and attributes; return the children."""
         self._check_attributes(element, attributes)
         if element.words():
             raise self.error(

@@ -14,8 +14,8 @@ from lcorpp.planning.factored.table import Table, format_row
 from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import ALL, EACH
 from lcorpp.planning.formats.numbers import ROW_TOLERANCE
+from lcorpp.planning.formats.pomdpx.declarations import Declarations
 from lcorpp.planning.formats.pomdpx.document import Document, Element
-from lcorpp.planning.formats.pomdpx.variables import Declarations
 from lcorpp.planning.pomdp import SUM_TOLERANCE
 from lcorpp.values import Array
 
@@ -47,7 +47,7 @@ def read_entries(function: Function, builder: TableBuilder) -> None:
     Raises:
         ParseError: an entry is malformed.
     """
-    for entry in function.declarations.document.children(function.parameter, ("Entry",), ("type",)):
+    for entry in function.declarations.document.check_children(function.parameter, ("Entry",), ("type",)):
         _read_entry(function, builder, entry)
 
 
@@ -55,7 +55,7 @@ def _read_entry(function: Function, builder: TableBuilder, entry: Element) -> No
     document = function.declarations.document
     # the documentation itself uses ProbTable for rewards in place of ValueTable
     titles = ("ProbTable",) if function.children else ("ValueTable", "ProbTable")
-    document.children(entry, ("Instance", *titles))
+    document.check_children(entry, ("Instance", *titles))
     instance, numbers = document.only_child(entry, "Instance"), document.only_child(entry, *titles)
     place = _read_place(function, instance)
     keyword = numbers.text.strip().lower()
