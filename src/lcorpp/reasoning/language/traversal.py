@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
-from lcorpp.reasoning.language.arithmetic import iter_variables
+from lcorpp.reasoning.language.arithmetic import find_variables
 from lcorpp.reasoning.language.syntax import (
     Body,
     BodyLiteral,
@@ -50,22 +50,18 @@ def iter_expressions(body: Iterable[BodyLiteral]) -> Iterator[Expression]:
 
 def list_expressions(statement: Rule | Selection | Probability) -> list[Expression]:
     """List the expressions of a statement without those of a dynamic range."""
-    expressions: list[Expression] = []
     if isinstance(statement, Rule):
-        expressions.extend(iter_expressions((statement.head,) if statement.head else ()))
+        expressions = list(iter_expressions((statement.head,) if statement.head else ()))
     else:
-        expressions.extend(
-            (*statement.term.arguments, *(statement.label.arguments if statement.label else ()))
-        )
+        expressions = [*statement.term.arguments, *(statement.label.arguments if statement.label else ())]
         if isinstance(statement, Probability):
             expressions.extend((statement.value, statement.number))
-    expressions.extend(iter_expressions(get_body(statement)))
-    return expressions
+    return [*expressions, *iter_expressions(get_body(statement))]
 
 
-def list_pr_variables(atom: Probability) -> list[str]:
-    """List the variables of a pr-atom in the order of the values in its instances."""
-    return sorted({v.name for expression in list_expressions(atom) for v in iter_variables(expression)})
+def list_variables(statement: Rule | Selection | Probability) -> list[str]:
+    """List the variables of a statement in the order of the values in its instances."""
+    return sorted(find_variables(*list_expressions(statement)))
 
 
 def iter_literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
