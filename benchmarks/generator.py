@@ -28,8 +28,8 @@ from scipy.stats import ks_2samp, t
 from lcorpp.domains import Domain, load_domain
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning import Validation, cross_validate, measure_leakage, paper_pipeline
+from lcorpp.simulation.people import SimulatedTrajectories, simulate_dataset
 from lcorpp.simulation.recordings import simulate_recording
-from lcorpp.simulation.trajectories import SimulatedTrajectories, simulate_dataset
 from lcorpp.values import Array, Dataset
 
 PAPER_EPOCHS = 300

@@ -29,7 +29,7 @@ from rich.console import Console
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning import fast_pipeline, paper_pipeline
 from lcorpp.learning.lstm.network import Weights
-from lcorpp.learning.lstm.trainer import EpochDraw, TrainingConfig, TrainingSet
+from lcorpp.learning.lstm.trainer import TrainingConfig, TrainingSet
 from lcorpp.learning.lstm.training import select_trainer
 from lcorpp.values import Dataset
 
@@ -183,8 +183,8 @@ def _epoch(*, compiled: bool) -> float:
     )
 
     def epoch() -> None:
-        draw = EpochDraw(rng.permutation(n), rng.random((n, UNITS), dtype=np.float32) < 1 - DROPOUT)
-        trainer.run_epoch(draw, np.full(n // BATCH, 1e-3))
+        mask = rng.random((n, UNITS), dtype=np.float32) < 1 - DROPOUT
+        trainer.run_epoch(rng.permutation(n), mask, np.full(n // BATCH, 1e-3))
 
     return min(_timed(epoch) for _ in range(6))
 

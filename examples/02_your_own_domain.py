@@ -6,8 +6,8 @@ The same from the command line: `lcorpp run examples/drinks`; `lcorpp check exam
 from pathlib import Path
 
 from lcorpp import STRATEGIES, Planner, Reasoner, Robot, load_domain, solve
-from lcorpp.experiments.exact_evaluation import evaluate_exactly
-from lcorpp.simulation.simulated_classifier import NoisyChannel
+from lcorpp.experiments import evaluate_exactly
+from lcorpp.simulation import NoisyChannel
 
 domain = load_domain(Path(__file__).parent / "drinks")
 reasoner = Reasoner(domain.program)

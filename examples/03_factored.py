@@ -4,8 +4,7 @@ It observes its own place, and hears the person, best from close by. Each table 
 exceptions: `*` is any value, `place` the value before an action and `place'` the value after it.
 """
 
-from lcorpp.planning import Factored, Pomdp, cpt, flatten, solve, update
-from lcorpp.planning.policy import Policy
+from lcorpp.planning import Factored, Policy, Pomdp, cpt, flatten, solve, update
 from lcorpp.values import Belief
 
 problem = Factored.of(

@@ -10,8 +10,7 @@ from sklearn.preprocessing import StandardScaler
 
 from lcorpp import Planner, Reasoner, Robot, load_domain, solve
 from lcorpp.decision import strategies
-from lcorpp.experiments.training_data import simulate_training_data
-from lcorpp.experiments.trials import Experiment, run_trials
+from lcorpp.experiments import Experiment, run_trials, simulate_training_data
 from lcorpp.learning import Motion, SummaryFeatures, build_report, train_and_validate
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,18 @@ def test_a_guide_is_true(
         elif kind not in ("sh", "text"):
             Path(note).write_text(text)
     assert values >= min_values
+
+
+def test_the_readme_s_tiger_can_be_pasted(tmp_path, monkeypatch, capsys):
+    page = (DOCS.parent / "README.md").read_text(encoding="utf-8")
+    copy, *commands = re.search(r"^```sh\n(sed .*?)^```$", page, re.MULTILINE | re.DOTALL)[1].splitlines()
+    (tmp_path / "docs").symlink_to(DOCS)
+    monkeypatch.chdir(tmp_path)
+    subprocess.run(copy, shell=True, check=True)
+    assert commands[0].startswith("lcorpp solve tiger.pomdp -o tiger.policy")
+    for command in commands:
+        run_command(command, monkeypatch, capsys)
+    assert {path.name for path in tmp_path.iterdir()} >= {"tiger.policy", "beliefs.png", "graph.png"}
 
 
 def run_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:

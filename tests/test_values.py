@@ -131,3 +131,11 @@ def test_repr_and_html_are_short_and_escaped():
     assert repr(values[0]) == "Distribution(a: 0.25, b: 0.75)"
     assert repr(values[3]) == "ConfusionMatrix(a: 3 of 4 correct, b: 2 of 2 correct)"
     assert repr(step) == "Step('ask', 'yes', belief [0.25, 0.75])"
+
+
+@pytest.mark.parametrize("trajectory", [None, "track", [0.0, 1.0], [["a"]], np.zeros((1, 2, 3))])
+def test_an_instance_needs_a_trajectory_of_two_dimensions(trajectory):
+    with pytest.raises(DataError, match=r"trajectory of an instance is .*channels, time points"):
+        Instance(trajectory, {})
+    with pytest.raises(DataError, match="context of an instance is None; expected attribute -> value"):
+        Instance(np.zeros((2, 3)), None)

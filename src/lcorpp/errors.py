@@ -5,7 +5,9 @@ Messages about bad input state the place, the fault and what was expected.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import reprlib
+from collections.abc import Collection
+from itertools import islice
 
 
 class LcorppError(Exception):
@@ -78,8 +80,16 @@ class DecisionError(LcorppError):
     """A decision that cannot be completed, e.g. because the policy never reports."""
 
 
-def expected_one_of(names: Sequence[str], limit: int = 12) -> str:
+def expected_one_of(names: Collection[str], limit: int = 12) -> str:
     """Return the end of a message: ``expected one of a, b, c``, with at most `limit` names."""
-    listed = ", ".join(str(name) for name in names[:limit])
+    listed = ", ".join(str(name) for name in islice(names, limit))
     more = f", ... ({len(names)} in all)" if len(names) > limit else ""
     return f"expected one of {listed}{more}" if names else "none is known"
+
+
+def check_type(value: object, expected: type | tuple[type, ...], what: str, error: type[LcorppError]) -> None:
+    """Raise `error` if an argument has another type; `what` describes the argument in the message."""
+    if not isinstance(value, expected):
+        kinds = expected if isinstance(expected, tuple) else (expected,)
+        names = " or ".join(kind.__name__ for kind in kinds if kind is not type(None))
+        raise error(f"{what} is {reprlib.repr(value)}; expected {names}")

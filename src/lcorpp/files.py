@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +10,9 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from lcorpp.errors import FileError
+
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+"""Supported formats of figures."""
 
 
 def read_text(path: str | Path) -> str:
@@ -101,19 +103,6 @@ def open_atomically(path: str | Path) -> Iterator[BinaryIO]:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
-
-
-def sync(file: int) -> None:
-    """Flush an open file (descriptor) to the disk.
-
-    Raises:
-        OSError: the disk failed; its content of the file is undefined.
-    """
-    os.fsync(file)
-    if sys.platform == "darwin":  # fsync leaves the data in the drive's cache
-        import fcntl
-
-        fcntl.fcntl(file, fcntl.F_FULLFSYNC)
 
 
 def sync_folder(path: str | Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.experiments.tables import COLUMNS
+from lcorpp.experiments.results import COLUMNS
 from lcorpp.planning import read_policy, read_pomdp
 
 ROOT = Path(__file__).parents[2]

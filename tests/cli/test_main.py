@@ -7,8 +7,11 @@ import sys
 import types
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from lcorpp.learning import Validation, build_report
+from lcorpp.values import ConfusionMatrix, Interval
 from tests.cli.test_bad_input import INTENTION, ROOMS, refused
 from tests.planning.models import shared_model
 
@@ -31,6 +34,23 @@ def test_every_command_has_short_help(lcorpp, command):
     ended = lcorpp(*command.split(), "-h")
     assert ended.code == 0
     assert "Show this message and exit." in ended.out
+
+
+def test_the_shell_completes_commands_and_options(lcorpp, monkeypatch):
+    assert "complete -o default -F _lcorpp_completion lcorpp" in lcorpp("--show-completion", "bash").out
+    monkeypatch.setenv("_LCORPP_COMPLETE", "complete_bash")
+    for words, index, expected in (
+        ("lcorpp s", "1", ["solve", "simulate", "show"]),
+        ("lcorpp run --st", "2", ["--strategy"]),
+    ):
+        monkeypatch.setenv("COMP_WORDS", words)
+        monkeypatch.setenv("COMP_CWORD", index)
+        assert lcorpp().out.split() == expected
+
+
+def test_run_states_its_default_number_of_trials(lcorpp):
+    out = " ".join(lcorpp("run", "-h").out.split())
+    assert "Number of simulated people; 5000 by default. [1<=x<=10000000]" in out
 
 
 def test_version(lcorpp):
@@ -204,6 +224,29 @@ def test_the_paper_s_trial(lcorpp):
     refused(lcorpp("explain", "--answers", "maybe"), "expected one of pos, neg, none")
     refused(lcorpp("explain", "--truth", "bored"), "expected one of interested, not_interested")
     refused(lcorpp("explain", "--truth", "interested", "--interactive"), "--interactive has none")
+
+
+def test_no_header_is_cut_at_80_columns(monkeypatch, capsys):
+    """Numbers of any width wrap instead, and so do the names of classes."""
+    from rich.console import Console
+
+    from lcorpp.cli import console, robot_output
+    from lcorpp.experiments.metrics import METRICS, Scores
+
+    monkeypatch.setattr(console, "out", Console(width=80, highlight=False), raising=False)
+    wide = [Interval(-12345.678, -23456.789, 98765.432)] * len(METRICS)
+    robot_output.print_scores([Scores("LCORPP", np.zeros((2, 3)), *wide, 1.0)], None, 5)
+    out = capsys.readouterr().out
+    header = out.splitlines()[2].split()
+    assert header == ["strategy", "F1", "precision", "recall", "accuracy", "cost", "return"]
+    assert "…" not in out
+    classes = ("interested_in_a_long_conversation", "prefers_not_to_be_disturbed_now", "third", "wish")
+    labels, folds = classes * 10, tuple(i % 5 for i in range(40))
+    confusion, p = ConfusionMatrix(classes, 10 * np.eye(4)), np.tile(0.7 * np.eye(4) + 0.075, (10, 1))
+    groups = tuple(map(str, range(40)))
+    validation = Validation(confusion, labels, p, None, folds, labels, groups)
+    console.out.print(robot_output._make_report_table(build_report(validation)))
+    assert "…" not in capsys.readouterr().out
 
 
 def test_the_table_fits_into_80_columns(lcorpp, monkeypatch):

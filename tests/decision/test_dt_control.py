@@ -84,3 +84,19 @@ def test_beliefs_of_an_episode_are_distributions():
     )
     for step in episode.steps:
         assert np.sum(step.belief) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("part", "wrong", "words"),
+    [
+        ("classifier", "lstm", "the classifier of a robot is 'lstm'; expected an object with classify"),
+        ("classifier", FakeClassifier, "expected an object with classify"),
+        ("reasoner", None, "the reasoner of a robot is None; expected an object with posterior"),
+        ("planner", FakeReasoner(), "expected an object with start, action, update"),
+        ("domain", "intention", "the domain of a robot is 'intention'; expected an object with target, val"),
+    ],
+)
+def test_a_wrong_part_is_rejected_at_once(part, wrong, words):
+    parts = {"classifier": FakeClassifier(), "reasoner": FakeReasoner(), "planner": FakePlanner()}
+    with pytest.raises(DecisionError, match=words):
+        Robot(**{**parts, "domain": FakeDomain(), part: wrong})

@@ -324,3 +324,8 @@ def test_repr_is_one_line():
     for section in (domain.reasoning, domain.learning, domain.planning, domain.simulation):
         assert "array" not in repr(section)
         assert "\n" not in repr(section)
+
+
+def test_a_domain_is_a_folder_or_a_name():
+    with pytest.raises(DomainError, match="the domain is 3; expected str or Path"):
+        load_domain(3)

@@ -6,9 +6,20 @@ import pytest
 
 from lcorpp.decision import strategies
 from lcorpp.domains import load_domain
-from lcorpp.errors import DomainError
-from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
-from lcorpp.experiments.setup import TrainingOptions
+from lcorpp.errors import DomainError, LcorppError
+from lcorpp.experiments import (
+    ComparisonOptions,
+    Experiment,
+    StoredOptions,
+    TrainingOptions,
+    compare_strategies,
+    evaluate_exactly,
+    load_trained,
+    run_active_learning,
+    run_trials,
+    simulate_training_data,
+    train_classifier,
+)
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 
@@ -29,3 +40,24 @@ def test_a_comparison_prints_nothing_and_returns_everything(capsys):
 def test_exact_scores_need_a_channel():
     with pytest.raises(DomainError, match="exact scores require the noisy channel"):
         compare_strategies(load_domain(ROOMS), ComparisonOptions(classifier=TrainingOptions(), trials=None))
+
+
+def test_arguments_of_another_type_are_rejected_at_once():
+    """The type is named before a file is read or a model is solved."""
+    domain, options = load_domain(ROOMS), ComparisonOptions()
+    calls = [
+        (lambda: compare_strategies("rooms", options), "the domain is 'rooms'; expected Domain"),
+        (lambda: compare_strategies(domain, {}), "`options` is {}; expected ComparisonOptions"),
+        (lambda: ComparisonOptions(strategies=("L",)), "a strategy is 'L'; expected Strategy"),
+        (lambda: ComparisonOptions(classifier="lstm"), "expected TrainingOptions or StoredOptions"),
+        (lambda: train_classifier(ROOMS, TrainingOptions()), "expected Domain"),
+        (lambda: load_trained(None, StoredOptions(ROOMS)), "the domain is None; expected Domain"),
+        (lambda: simulate_training_data("rooms", 0), "expected Domain"),
+        (lambda: next(run_active_learning("rooms", None, None, None)), "expected Domain"),
+        (lambda: evaluate_exactly(domain, domain, None, ()), "the robot is .*; expected Robot"),
+        (lambda: run_trials("rooms", 10), "the experiment is 'rooms'; expected Experiment"),
+        (lambda: Experiment(domain, None, None, None, (), 0), "the robot .* is None; expected Robot"),
+    ]
+    for call, words in calls:
+        with pytest.raises(LcorppError, match=words):
+            call()

@@ -13,6 +13,7 @@ from lcorpp.planning import (
     policy_graph,
     simulate,
     solve,
+    solve_finite_horizon_exact,
 )
 from tests.planning.factored.models import rover
 from tests.planning.models import TIGER
@@ -64,5 +65,11 @@ def test_repr_of_each_value_gives_sizes_and_names():
     assert repr(tiger) == "<Pomdp tiger.pomdp: 2 states, 3 actions, 2 observations, discount 0.95>"
     assert repr(tiger.observation) == "<SparseTables 3 x 2 x 2, 12 entries>"
     assert repr(solution).startswith("<Solution precision reached after ")
+    assert "value at the start in [" in repr(solution)
+    several = solve(tiger, [[0.5, 0.5], [1.0, 0.0]])
+    assert "value at the start with the widest gap (of 2) in [" in repr(several)
+    assert "2; bounds at the widest gap" in several._repr_html_()
+    finite = solve_finite_horizon_exact(tiger, 2, [[0.5, 0.5], [1.0, 0.0]])
+    assert "value of 2 steps from the start with the widest gap (of 2) in [" in repr(finite)
     assert repr(solution.policy).endswith("over 2 states, actions listen, open-left, open-right>")
     assert repr(graph) == "<PolicyGraph: 5 nodes, 10 edges, depth 2>"

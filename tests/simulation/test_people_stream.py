@@ -6,8 +6,8 @@ import numpy as np
 
 from lcorpp.domains import load_domain
 from lcorpp.learning.store import NewTrack, Store, TrackSchema
+from lcorpp.simulation.people import SimulatedTrajectories
 from lcorpp.simulation.people_stream import GROUP_SIZE, DecisionResult, PeopleStream
-from lcorpp.simulation.trajectories import SimulatedTrajectories
 from lcorpp.values import Episode
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"

@@ -14,6 +14,7 @@ def scripted(*lines: str):
 def test_actions_are_shown_and_answers_read():
     ask, shown = scripted("perhaps", "n", "ne")
     world = ConsoleWorld(("pos", "neg", "none"), ask=ask, show=shown.append)
+    assert repr(world) == "ConsoleWorld(observations: pos, neg, none)"
     assert world.act("greet") == "neg"
     world.report("report_interested")
     assert shown[0] == "The robot does: greet"

@@ -11,7 +11,6 @@ from lcorpp.cli import ask, check, data, explain, learn, run, show, simulate, so
 app = typer.Typer(
     name="lcorpp",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
@@ -36,7 +35,7 @@ def _print_version(requested: bool) -> None:
 
 
 @app.callback()
-def common(
+def lcorpp(
     version: Annotated[
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),

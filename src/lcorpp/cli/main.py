@@ -12,7 +12,7 @@ def main() -> None:
     try:
         from lcorpp.cli.app import app
 
-        app(standalone_mode=True)
+        app(prog_name="lcorpp")
     except LcorppError as error:
         print(f"lcorpp: {error}", file=sys.stderr)
         sys.exit(2)

@@ -1,4 +1,4 @@
-"""Output of a comparison: scores, the classifier with its error rates, and the solved POMDP."""
+"""Output of commands about a robot: its domain, classifier with error rates, solved POMDP, and scores."""
 
 from __future__ import annotations
 
@@ -11,14 +11,31 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+    from lcorpp.domains import Domain
     from lcorpp.experiments.metrics import Scores
-    from lcorpp.experiments.setup import ClassifierSetup
+    from lcorpp.experiments.setup import ClassifierSetup, TrainingOptions
     from lcorpp.learning import EvaluationReport
     from lcorpp.planning import Solution
     from lcorpp.values import Interval
 
 CONVERGED = "precision reached"
 """The reason of a solution whose bounds are as close as requested."""
+
+
+def print_domain(domain: Domain) -> None:
+    """Print the name, preset and description of a domain."""
+    preset = f", preset {domain.preset}" if domain.preset else ""
+    console.out.print(f"{domain.name}{preset}: {domain.description}", style="bold")
+
+
+def print_storage_problem(training: TrainingOptions) -> str | None:
+    """Print and return, before the training, why its classifier cannot be saved; None if it can."""
+    from lcorpp.experiments.classifier_training import find_storage_problem
+
+    problem = find_storage_problem(training)
+    if problem is not None:
+        console.print_note(f"the classifier will not be saved: {problem}")
+    return problem
 
 
 def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | None) -> None:
@@ -34,18 +51,14 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
     count = "exact values" if trials is None else f"{trials} trials, 95% intervals in brackets"
     table = Table(title=f"{count}; {metrics}", title_style="", title_justify="left", box=box.SIMPLE_HEAD)
     table.padding = 0
-    table.add_column("strategy", style="bold")
+    table.add_column("strategy", style="bold", min_width=len("strategy"))
     for name in ("F1", "precision", "recall", "accuracy", "cost", "return"):
-        table.add_column(name, justify="right")
+        # in a narrow terminal numbers break, not names
+        table.add_column(name, justify="right", min_width=len(name), overflow="fold")
     for row in scores:
-        table.add_row(
-            row.strategy,
-            *(
-                _format_interval(interval, 3)
-                for interval in (row.f1, row.precision, row.recall, row.accuracy)
-            ),
-            *(_format_interval(interval, 2) for interval in (row.cost, row.return_)),
-        )
+        digits = {"cost": 2, "return": 2}
+        cells = (_format_interval(cell, digits.get(name, 3)) for name, cell in row.metrics.items())
+        table.add_row(row.strategy, *cells)
     console.out.print(table)
 
 
@@ -54,10 +67,8 @@ def _format_interval(interval: Interval, digits: int) -> str:
     text = f"{interval.estimate:.{digits}f}"
     if interval.low == interval.high:
         return text
-    low, high = (
-        f"{end:.{digits - 1}f}".replace("0.", ".", 1) if 0 <= end < 1 else f"{end:.{digits - 1}f}"
-        for end in (interval.low, interval.high)
-    )
+    ends = (f"{end:.{digits - 1}f}" for end in (interval.low, interval.high))
+    low, high = (end.removeprefix("0") if end.startswith("0.") else end for end in ends)
     return f"{text}\n[dim]\\[{low}, {high}][/dim]"
 
 
@@ -112,23 +123,22 @@ def _make_report_table(report: EvaluationReport) -> Table:
     from rich import box
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column("class")
-    for one in report.classes:
-        table.add_column(one.name, justify="right")
+    table = Table("class", box=box.SIMPLE_HEAD)
+    classes = report.classes
+    for one in classes:
+        table.add_column(one.name, justify="right", overflow="fold")
     rows = {
-        "AUC": [str(one.auc) for one in report.classes],
-        "Brier score": [str(one.raw.brier) for one in report.classes],
-        "expected calibration error": [str(one.raw.ece) for one in report.classes],
-        "  after calibration": [str(one.calibrated.ece) for one in report.classes],
-        "  if perfectly calibrated": [f"{one.calibrated.ece_if_calibrated:.3f}" for one in report.classes],
+        "AUC": [str(one.auc) for one in classes],
+        "Brier score": [str(one.raw.brier) for one in classes],
+        "expected calibration error": [str(one.raw.ece) for one in classes],
+        "  after calibration": [str(one.calibrated.ece) for one in classes],
+        "  if perfectly calibrated": [f"{one.calibrated.ece_if_calibrated:.3f}" for one in classes],
     }
+    for choices in zip(*(one.thresholds for one in classes), strict=True):
+        rows[choices[0].label] = [f"{t.score:.3f} at threshold {t.probability:.3f}" for t in choices]
     for name, cells in rows.items():
         table.add_row(name, *(cell.replace("[", "\\[") for cell in cells))
-    for number, threshold in enumerate(report.classes[0].thresholds):
-        best = [one.thresholds[number] for one in report.classes]
-        table.add_row(threshold.label, *(f"{t.score:.3f} at threshold {t.probability:.3f}" for t in best))
-    prevalence = ", ".join(f"{one.name} {one.thresholds[0].prevalence:.3g}" for one in report.classes)
+    prevalence = ", ".join(f"{one.name} {one.thresholds[0].prevalence:.3g}" for one in classes)
     table.caption = f"best thresholds for the prevalence: {prevalence}"
     table.caption_justify = "left"
     return table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -13,11 +14,19 @@ MAX_STEPS = 500
 """Maximum number of actions in one decision; a longer one indicates a policy that never reports."""
 
 
+PARTS = {"classifier": Classifier, "reasoner": Reasoner, "planner": Planner, "domain": DomainInterface}
+MEMBERS = {part: [name for name in vars(protocol) if name[0] != "_"] for part, protocol in PARTS.items()}
+"""The methods and properties that each part of a robot needs: those of its protocol."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot:
     """The parts of a deciding robot.
 
     classifier: rho. reasoner: theta. planner: pi, with its model M. domain: translates between them.
+
+    Raises:
+        DecisionError: a part lacks a method of its protocol.
     """
 
     classifier: Classifier
@@ -25,9 +34,19 @@ class Robot:
     planner: Planner
     domain: DomainInterface
 
+    def __post_init__(self) -> None:
+        for part, members in MEMBERS.items():
+            value = getattr(self, part)
+            missing = [name for name in members if not hasattr(value, name)]
+            if missing or isinstance(value, type):
+                raise DecisionError(
+                    f"the {part} of a robot is {reprlib.repr(value)}; expected an object with"
+                    f" {', '.join(members)}"
+                )
+
     def __repr__(self) -> str:
-        parts = {"classifier": self.classifier, "reasoner": self.reasoner, "planner": self.planner}
-        names = ", ".join(f"{part}: {type(value).__name__}" for part, value in parts.items())
+        parts = ("classifier", "reasoner", "planner")
+        names = ", ".join(f"{part}: {type(getattr(self, part)).__name__}" for part in parts)
         return f"Robot({names}, target: {self.domain.target})"
 
 

@@ -11,7 +11,7 @@ from lcorpp.domains.sections.planning import read_planning
 from lcorpp.domains.sections.reasoning import read_reasoning
 from lcorpp.domains.sections.simulation import read_simulation
 from lcorpp.domains.toml import read_domain_toml
-from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.errors import DomainError, check_type, expected_one_of
 
 SHIPPED_FOLDER = Path(__file__).parent
 
@@ -33,6 +33,7 @@ def load_domain(name_or_folder: str | Path, *, preset: str | None = None) -> Dom
             names both places.
         ParseError, ProgramError, ModelError, FileError: a file of the folder is itself wrong.
     """
+    check_type(name_or_folder, (str, Path), "the domain", DomainError)
     folder = Path(name_or_folder)
     if not (folder / "domain.toml").is_file():
         if str(name_or_folder) not in list_domains():

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from lcorpp.decision import Batch, lcorpp
 from lcorpp.domains import Domain
-from lcorpp.experiments.estimators import FOLDS, make_estimator
+from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.metrics import Scores, score_decisions
-from lcorpp.experiments.progress import Progress, no_progress
 from lcorpp.experiments.run_store import RunStore
-from lcorpp.experiments.setup import PAPER_LEARNER, TrainingOptions
-from lcorpp.experiments.tables import METRICS, to_row
-from lcorpp.experiments.training_data import TrainingData, read_training_data, simulate_training_data
+from lcorpp.experiments.setup import ProgressDisplay, TrainingOptions, no_progress
+from lcorpp.experiments.training_data import FOLDS, TrainingData, make_estimator
 from lcorpp.learning import train_and_validate
 from lcorpp.protocols import Classifier, Planner
 from lcorpp.reasoning import Reasoner
@@ -37,7 +35,7 @@ class ActiveLearningOptions:
     seed: of all random numbers. jobs: processes for training.
     """
 
-    training: TrainingOptions = PAPER_LEARNER
+    training: TrainingOptions = field(default_factory=TrainingOptions)
     soft: bool = False
     batch_size: int = 100
     epsilon: float = 0.05
@@ -51,7 +49,7 @@ class BatchResult:
     """A batch with its scores.
 
     batch: the classifier, data set and confusion matrix after the training.
-    scores: of the batch's decisions; None for the initial training and for a batch of an earlier run.
+    scores: of the batch's decisions; None without decisions, and for a batch of an earlier run.
     rows: one table row per batch so far, of earlier runs too.
     resumed: whether an earlier run completed the batch.
     """
@@ -64,11 +62,9 @@ class BatchResult:
     def summary(self) -> str:
         """Return the size of the data set, the recall of each class and the scores in one line."""
         batch = self.batch
+        rates = np.diag(batch.confusion.probabilities)
         recall = ", ".join(
-            f"{name} {rate:.3f}"
-            for name, rate in zip(
-                batch.confusion.classes, np.diag(batch.confusion.probabilities), strict=True
-            )
+            f"{name} {rate:.3f}" for name, rate in zip(batch.confusion.classes, rates, strict=True)
         )
         text = f"{len(batch.dataset)} tracks; recall: {recall}; change {batch.change:.3f}"
         if self.scores is None:
@@ -78,14 +74,6 @@ class BatchResult:
 
     def __repr__(self) -> str:
         return f"<BatchResult {self.batch.number}: {self.summary()}>"
-
-
-def make_initial_data(domain: Domain, options: ActiveLearningOptions) -> TrainingData:
-    """Return the training data of the first classifier, recorded or simulated."""
-    training = options.training
-    if training.data is not None:
-        return read_training_data(domain, training.data, options.seed, features=training.features)
-    return simulate_training_data(domain, options.seed, tracks=training.tracks)
 
 
 def open_run_store(
@@ -114,26 +102,22 @@ def run_active_learning(
     options: ActiveLearningOptions,
     *,
     run_store: RunStore | None = None,
-    progress: Progress = no_progress,
+    progress: ProgressDisplay = no_progress,
 ) -> Iterator[BatchResult]:
     """Run Algorithm 1 and yield each batch after its training, the initial training first.
 
     Args:
+        data: see `make_training_data`.
         run_store: stores every decision and a checkpoint of every batch; a run of the same options resumes
             where the last one ended, and its first batch is the last completed one.
 
     Raises:
         DataError, DecisionError: an option is wrong; and whatever the robot's parts raise.
     """
-    training = options.training
-    estimator = make_estimator(
-        data,
-        training.learner,
-        epochs=training.epochs,
-        seed=options.seed,
-        device=training.device,
-        features=training.features,
-    )
+    check_type(domain, Domain, "the domain", DomainError)
+    check_type(data, TrainingData, "the initial data", DecisionError)
+    check_type(options, ActiveLearningOptions, "`options`", DecisionError)
+    estimator = make_estimator(data, options.training, options.seed)
 
     def train(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
         with progress(f"training on {len(dataset)} tracks", FOLDS + 1) as advance:
@@ -145,13 +129,13 @@ def run_active_learning(
     def make_reasoner(confusion: ConfusionMatrix) -> Reasoner:
         return Reasoner(domain.soft_program if options.soft else domain.program_for(confusion))
 
-    resume_point = run_store.resume(train) if run_store else None
-    stream = PeopleStream(
-        domain, data.trajectories, options.seed, position=run_store.n_people if run_store else 0
-    )
-    pending = [DecisionResult.from_stored(track) for track in run_store.pending] if run_store else []
-    results = [result for result in pending if result is not None]
-    rows: list[Row] = run_store.rows if run_store else []
+    dataset, resume_point, position = data.dataset, None, 0
+    results, rows = list[DecisionResult](), list[Row]()  # the decisions since the last batch; all batches
+    if run_store is not None:
+        resume_point = run_store.resume(train)
+        dataset, position, rows = run_store.dataset(), run_store.n_people, run_store.rows
+        results = [result for track in run_store.pending if (result := DecisionResult.from_stored(track))]
+    stream = PeopleStream(domain, data.trajectories, options.seed, position=position)
 
     def record(instance: Instance, episode: Episode) -> None:
         result = stream.result(episode)
@@ -161,7 +145,7 @@ def run_active_learning(
             run_store.append_decision(instance, episode, belief, result.to_extra())
 
     batches = lcorpp(
-        run_store.dataset() if run_store else data.dataset,
+        dataset,
         train=train,
         make_reasoner=make_reasoner,
         planner=planner,
@@ -172,15 +156,19 @@ def run_active_learning(
         listener=record,
         resume_point=resume_point,
     )
-    for position, batch in enumerate(batches):
-        resumed, scores = position == 0 and resume_point is not None, None
+    resumed = resume_point is not None  # true of the first batch only
+    for batch in batches:
+        scores = _score_batch(domain, results) if results and not resumed else None
         if not resumed:
-            scores = _score_batch(domain, results) if results else None
             results.clear()
-            rows.append(_make_batch_row(batch, scores))
+            row: Row = {"batch": batch.number, "tracks": len(batch.dataset), "change": batch.change}
+            if scores is not None:
+                row |= {name: interval.estimate for name, interval in scores.metrics.items()}
+            rows.append(row)
         if run_store is not None:
             run_store.save_checkpoint(batch, rows)
         yield BatchResult(batch, scores, tuple(rows), resumed)
+        resumed = False
         if batch.number >= options.max_batches:
             return
 
@@ -194,10 +182,3 @@ def _score_batch(domain: Domain, results: Sequence[DecisionResult]) -> Scores:
     cost = np.array([result.cost for result in results])
     return_ = np.array([result.return_ for result in results])
     return score_decisions("LCORPP", counts, cost, return_, values=values, positive=domain.learning.positive)
-
-
-def _make_batch_row(batch: Batch, scores: Scores | None) -> Row:
-    row: Row = {"batch": batch.number, "tracks": len(batch.dataset), "change": batch.change}
-    if scores is not None:
-        row |= {name: value for name, value in to_row(scores).items() if name in METRICS}
-    return row

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 from lcorpp.domains import Domain
-from lcorpp.errors import DataError
-from lcorpp.experiments.estimators import FOLDS, make_estimator
-from lcorpp.experiments.progress import Progress, no_progress
+from lcorpp.errors import DataError, DomainError, check_type
 from lcorpp.experiments.setup import (
     HARD_LABELS,
     ClassifierSetup,
     EvidenceOptions,
+    ProgressDisplay,
     StoredOptions,
     TrainingOptions,
     nest_rates,
+    no_progress,
 )
 from lcorpp.experiments.thresholds import (
     compute_class_prevalence,
@@ -25,7 +23,7 @@ from lcorpp.experiments.thresholds import (
     parse_goal,
     select_threshold,
 )
-from lcorpp.experiments.training_data import read_training_data, simulate_training_data
+from lcorpp.experiments.training_data import FOLDS, make_estimator, make_training_data, read_training_data
 from lcorpp.learning import (
     Motion,
     TrainedClassifier,
@@ -37,8 +35,8 @@ from lcorpp.learning import (
     train_and_validate,
 )
 from lcorpp.learning.classifiers.storage import check_storable
-from lcorpp.simulation.trajectories import SimulatedTrajectories, TrajectorySource
-from lcorpp.values import ConfusionMatrix, Dataset
+from lcorpp.simulation.people import SimulatedTrajectories, TrajectorySource
+from lcorpp.values import ConfusionMatrix
 
 
 def train_classifier(
@@ -48,7 +46,7 @@ def train_classifier(
     *,
     seed: int = 0,
     jobs: int = 1,
-    progress: Progress = no_progress,
+    progress: ProgressDisplay = no_progress,
 ) -> ClassifierSetup:
     """Train a classifier, cross-validate it and put its confusion matrix into the rules.
 
@@ -56,21 +54,11 @@ def train_classifier(
         DataError, FileError: an option or the data are wrong.
         DomainError: the domain cannot simulate trajectories.
     """
+    check_type(domain, Domain, "the domain", DomainError)
     goal = None if options.threshold is None else parse_goal(domain, options.threshold)
     learner(options.learner, epochs=options.epochs, device=options.device)  # reject options before the work
-    data = (
-        read_training_data(domain, options.data, seed, features=options.features)
-        if options.data
-        else simulate_training_data(domain, seed, tracks=options.tracks)
-    )
-    estimator = make_estimator(
-        data,
-        options.learner,
-        epochs=options.epochs,
-        seed=seed,
-        device=options.device,
-        features=options.features,
-    )
+    data = make_training_data(domain, options, seed)
+    estimator = make_estimator(data, options, seed)
     with progress(f"training and cross-validating {options.learner}", FOLDS + 1) as advance:
         trained, validation = train_and_validate(
             estimator, data.dataset, folds=FOLDS, seed=seed, jobs=jobs, progress=advance
@@ -90,8 +78,8 @@ def train_classifier(
         learner=options.learner,
         source=data.dataset.source,
     )
-    setup = _with_rates(domain, trained, validation.confusion, evidence, data.trajectories)
-    return replace(setup, n_tracks=len(data.dataset), report=report, notes=data.dataset.notes)
+    about = {"n_tracks": len(data.dataset), "report": report, "notes": data.dataset.notes}
+    return _make_setup(domain, trained, validation.confusion, evidence, data.trajectories, **about)
 
 
 def load_trained(
@@ -103,20 +91,27 @@ def load_trained(
         DataError, FileError: the file is no classifier of the domain's classes, or the recorded tracks have
             another interval or other channels than its training data.
     """
-    file = options.file
-    trained = load_classifier(file)
-    if trained.confusion is None or set(trained.confusion.classes) != set(domain.values):
-        classes = "unknown classes" if trained.confusion is None else ", ".join(trained.confusion.classes)
+    check_type(domain, Domain, "the domain", DomainError)
+    trained = load_classifier(options.file)
+    confusion = trained.confusion
+    if confusion is None or set(confusion.classes) != set(domain.values):
+        classes = "unknown classes" if confusion is None else ", ".join(confusion.classes)
         raise DataError(
-            f"{file}: the classifier's classes are {classes}; {domain.name} needs {', '.join(domain.values)}"
+            f"{options.file}: the classifier's classes are {classes}; {domain.name} needs"
+            f" {', '.join(domain.values)}"
         )
     if options.data is None:
-        return _with_rates(domain, trained, trained.confusion, evidence, SimulatedTrajectories.of(domain))
-    channels = getattr(trained.estimator.steps[0][1], "inputs", ("x", "y"))
-    recorded = read_training_data(domain, options.data, seed, features=channels)
-    _check_channels(file, trained, recorded.dataset)
-    setup = _with_rates(domain, trained, trained.confusion, evidence, recorded.trajectories)
-    return replace(setup, notes=recorded.dataset.notes)
+        return _make_setup(domain, trained, confusion, evidence, SimulatedTrajectories.of(domain))
+    motion = trained.estimator.steps[0][1]
+    recorded = read_training_data(domain, options.data, seed, features=getattr(motion, "inputs", ("x", "y")))
+    interval, channels = recorded.dataset.interval, recorded.dataset.channels
+    if isinstance(motion, Motion) and (motion.interval, tuple(motion.inputs)) != (interval, channels):
+        raise DataError(
+            f"{options.file}: trained on {', '.join(motion.inputs)} every {motion.interval:g} s;"
+            f" the data have {', '.join(channels)} every {interval:g} s"
+        )
+    notes = recorded.dataset.notes
+    return _make_setup(domain, trained, confusion, evidence, recorded.trajectories, notes=notes)
 
 
 def find_storage_problem(options: TrainingOptions) -> str | None:
@@ -128,33 +123,25 @@ def find_storage_problem(options: TrainingOptions) -> str | None:
     return None
 
 
-def _with_rates(
+def _make_setup(
     domain: Domain,
     trained: TrainedClassifier,
     confusion: ConfusionMatrix,
     evidence: EvidenceOptions,
     trajectories: TrajectorySource,
+    **about: Any,
 ) -> ClassifierSetup:
-    """Return the setup of a trained classifier: its rates become rules, or likelihoods replace its labels."""
-    smoothed = [[float(rate) for rate in row] for row in confusion.rates(evidence.smoothing)]
+    """Return the setup of a trained classifier: its rates become rules, or likelihoods replace its labels.
+
+    about: fields of `ClassifierSetup` that only some setups have.
+    """
+    rows = [[float(rate) for rate in row] for row in confusion.rates(evidence.smoothing)]
     return ClassifierSetup(
         trained.soft() if evidence.soft else trained,
         trajectories,
         domain.soft_program if evidence.soft else domain.program_for(confusion, evidence.smoothing),
-        nest_rates(confusion.classes, np.array(smoothed)),
+        nest_rates(confusion.classes, rows),
         estimate_rates(confusion, smoothing=evidence.smoothing),
         trained,
+        **about,
     )
-
-
-def _check_channels(file: Path, trained: TrainedClassifier, dataset: Dataset) -> None:
-    """Reject tracks whose interval or channels differ from those of the training data."""
-    first = trained.estimator.steps[0][1]
-    if isinstance(first, Motion) and (first.interval, tuple(first.inputs)) != (
-        dataset.interval,
-        dataset.channels,
-    ):
-        raise DataError(
-            f"{file}: trained on {', '.join(first.inputs)} every {first.interval:g} s; the data have"
-            f" {', '.join(dataset.channels)} every {dataset.interval:g} s"
-        )

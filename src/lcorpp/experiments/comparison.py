@@ -6,23 +6,25 @@ from dataclasses import dataclass
 
 from lcorpp.decision import STRATEGIES, Strategy
 from lcorpp.domains import Domain
-from lcorpp.errors import DomainError
+from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.exact_evaluation import evaluate_exactly
 from lcorpp.experiments.metrics import Scores, scores_to_html
-from lcorpp.experiments.progress import Progress, no_progress
 from lcorpp.experiments.setup import (
     HARD_LABELS,
     ClassifierOptions,
     ClassifierSetup,
     EvidenceOptions,
+    ProgressDisplay,
     StoredOptions,
+    TrainingOptions,
     from_channel,
     make_robot,
+    no_progress,
     solve_domain,
 )
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.planning import Planner, Policy, Solution
-from lcorpp.simulation.simulated_classifier import NoisyChannel
+from lcorpp.simulation import NoisyChannel
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,12 @@ class ComparisonOptions:
     trials: int | None = 5000
     seed: int = 0
     jobs: int = 1
+
+    def __post_init__(self) -> None:
+        for strategy in self.strategies:
+            check_type(strategy, Strategy, "a strategy", DecisionError)
+        kinds = (TrainingOptions, StoredOptions, type(None))
+        check_type(self.classifier, kinds, "the option `classifier`", DecisionError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,59 +80,58 @@ def compare_strategies(
     options: ComparisonOptions,
     *,
     policy: Policy | None = None,
-    progress: Progress = no_progress,
+    progress: ProgressDisplay = no_progress,
 ) -> Comparison:
-    """Set up the robot of a domain and score the strategies (section "Experimental Results").
+    """Set up the robot of a domain and score the strategies (section "Experimental Results" of the paper).
 
     Args:
         policy: a policy for the domain's POMDP; None solves it.
 
     Raises:
-        DomainError: exact scores of another classifier than the noisy channel; the domain has no noisy
-            channel or no trajectories.
+        DomainError: exact scores are requested of a classifier other than the noisy channel; the domain has
+            no noisy channel or no trajectories.
         DataError, FileError: the training options or files are wrong.
-        KeyboardInterrupt: an interrupt before the first trials were complete.
+        KeyboardInterrupt: an interrupt before the first trial was complete.
     """
+    check_type(domain, Domain, "the domain", DomainError)
+    check_type(options, ComparisonOptions, "`options`", DecisionError)
     if options.trials is None and options.classifier is not None:
         raise DomainError(
             "exact scores require the noisy channel: the error rates of a trained classifier are known from"
             " trials only"
         )
-    classifier = make_classifier(domain, options, progress)
-    solution = None
+    setup, solution = _make_classifier(domain, options, progress), None
     if policy is not None:
         planner = Planner(policy, domain.pomdp)
     else:
         with progress("solving the POMDP"):
             solution = solve_domain(domain)
         planner = Planner(solution)
-    robot = make_robot(domain, classifier, planner)
+    robot = make_robot(domain, setup, planner)
     if options.trials is None:
         channel = NoisyChannel.of(domain)
         with progress("enumerating people and answers"):
             exact_scores = evaluate_exactly(domain, robot, channel, options.strategies)
-        return Comparison(tuple(exact_scores), None, classifier, solution)
+        return Comparison(tuple(exact_scores), None, setup, solution)
     experiment = Experiment(
-        domain, robot, classifier.classifier, classifier.trajectories, options.strategies, options.seed
+        domain, robot, setup.classifier, setup.trajectories, options.strategies, options.seed
     )
     with progress("simulating trials", options.trials) as advance:
-        scores, done = run_trials(experiment, options.trials, jobs=options.jobs, progress=advance)
-    return Comparison(tuple(scores), done, classifier, solution)
+        scores, completed = run_trials(experiment, options.trials, jobs=options.jobs, progress=advance)
+    return Comparison(tuple(scores), completed, setup, solution)
 
 
-def make_classifier(domain: Domain, options: ComparisonOptions, progress: Progress) -> ClassifierSetup:
+def _make_classifier(
+    domain: Domain, options: ComparisonOptions, progress: ProgressDisplay
+) -> ClassifierSetup:
     """Train or load the classifier, or make the noisy channel, as the options require."""
     if options.classifier is None:
         return from_channel(domain)
-    from lcorpp.experiments.classifier_training import load_trained, train_classifier
+    from lcorpp.experiments.classifier_training import load_trained, train_classifier  # loads scikit-learn
 
+    evidence, seed = options.evidence, options.seed
     if isinstance(options.classifier, StoredOptions):
-        return load_trained(domain, options.classifier, options.evidence, seed=options.seed)
+        return load_trained(domain, options.classifier, evidence, seed=seed)
     return train_classifier(
-        domain,
-        options.classifier,
-        options.evidence,
-        seed=options.seed,
-        jobs=options.jobs,
-        progress=progress,
+        domain, options.classifier, evidence, seed=seed, jobs=options.jobs, progress=progress
     )

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from html import escape
 from statistics import NormalDist
 
 import numpy as np
 
+from lcorpp.notebook import html_table
 from lcorpp.values import Array, Interval
 
 Z95 = NormalDist().inv_cdf(0.975)
 """The 95 % interval of a standard normal variable is [-Z95, Z95]."""
+
+METRICS = ("f1", "precision", "recall", "accuracy", "cost", "return")
+"""The names of the scores in tables and files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +38,12 @@ class Scores:
     cost: Interval
     return_: Interval
     cost_sd: float
+
+    @property
+    def metrics(self) -> dict[str, Interval]:
+        """The scores by their names in tables, `METRICS`."""
+        scores = (self.f1, self.precision, self.recall, self.accuracy, self.cost, self.return_)
+        return dict(zip(METRICS, scores, strict=True))
 
     def __repr__(self) -> str:
         return (
@@ -62,15 +71,9 @@ def score_decisions(
     positives among all decisions that are positive or reported as positive, so its interval is the
     transformed Wilson interval of p. Cost and return have normal intervals of the mean.
     """
-    confusion = _score_classification(counts, values, positive, compute_wilson_interval)
-    return Scores(
-        strategy,
-        counts,
-        *confusion,
-        compute_mean_interval(cost),
-        compute_mean_interval(return_),
-        _compute_sd(cost),
-    )
+    shares = _score_classification(counts, values, positive, compute_wilson_interval)
+    means = compute_mean_interval(cost), compute_mean_interval(return_)
+    return Scores(strategy, counts, *shares, *means, _compute_sd(cost))
 
 
 def score_probabilities(
@@ -88,8 +91,10 @@ def score_probabilities(
     Args:
         joint: (V, V + 1) probability of true value i and reported value j.
     """
-    confusion = _score_classification(joint, values, positive, _make_exact_proportion)
-    return Scores(strategy, joint, *confusion, Interval.exact(cost), Interval.exact(return_), cost_sd)
+    shares = _score_classification(
+        joint, values, positive, lambda hits, total: Interval.exact(hits / total if total else 0.0)
+    )
+    return Scores(strategy, joint, *shares, Interval.exact(cost), Interval.exact(return_), cost_sd)
 
 
 def compute_wilson_interval(hits: float, total: float) -> Interval:
@@ -111,10 +116,6 @@ def compute_mean_interval(numbers: Array) -> Interval:
 
 def _compute_sd(numbers: Array) -> float:
     return float(np.std(numbers, ddof=1)) if len(numbers) > 1 else 0.0
-
-
-def _make_exact_proportion(hits: float, total: float) -> Interval:
-    return Interval.exact(hits / total if total else 0.0)
 
 
 def _score_classification(
@@ -144,22 +145,12 @@ def _score_classification(
 
 
 def _average_intervals(estimates: Sequence[Interval]) -> Interval:
-    return Interval(
-        float(np.mean([e.estimate for e in estimates])),
-        float(np.mean([e.low for e in estimates])),
-        float(np.mean([e.high for e in estimates])),
-    )
+    means = (np.mean([getattr(e, end) for e in estimates]) for end in ("estimate", "low", "high"))
+    return Interval(*map(float, means))
 
 
 def scores_to_html(scores: Sequence[Scores]) -> str:
     """Return the scores of several strategies as an HTML table, intervals included."""
-    names = ("strategy", "F1", "precision", "recall", "accuracy", "cost", "return")
-    head = "".join(f"<th>{name}</th>" for name in names)
-    rows = "".join(
-        f"<tr><th>{escape(row.strategy)}</th>"
-        + "".join(f"<td>{cell:.3f}</td>" for cell in (row.f1, row.precision, row.recall, row.accuracy))
-        + "".join(f"<td>{cell:.2f}</td>" for cell in (row.cost, row.return_))
-        + "</tr>"
-        for row in scores
-    )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+    digits = dict.fromkeys(METRICS, 3) | {"cost": 2, "return": 2}
+    rows = [(row.strategy, *(f"{row.metrics[name]:.{n}f}" for name, n in digits.items())) for row in scores]
+    return html_table(("strategy", "F1", *METRICS[1:]), rows)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import json
+import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lcorpp.errors import DataError
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions
+from lcorpp.experiments.metrics import METRICS, Scores
 from lcorpp.experiments.setup import StoredOptions, TrainingOptions
-from lcorpp.experiments.tables import COLUMNS, METRICS, to_row, write_csv, write_json
-from lcorpp.files import make_folder
+from lcorpp.files import make_folder, write_atomically
 from lcorpp.values import LAPLACE
 
 if TYPE_CHECKING:
@@ -21,6 +26,12 @@ if TYPE_CHECKING:
 
 FORMATS = ("png", "pdf")
 """The formats in which figures are written by default."""
+
+COLUMNS = ("strategy", *(f"{name}{end}" for name in METRICS for end in ("", "_low", "_high")))
+"""The columns of results.csv."""
+
+PACKAGES = ("lcorpp", "numpy", "scipy", "clingo", "scikit-learn", "torch")
+"""Packages that determine a result; their versions are in each JSON file."""
 
 
 @dataclass(frozen=True)
@@ -79,29 +90,28 @@ def write_comparison(
     Raises:
         FileError: a file cannot be written.
     """
-    from lcorpp.experiments.figures.files import write_figure
-    from lcorpp.experiments.figures.strategies import plot_strategies
+    from lcorpp.experiments.figures import plot_strategies, write_figure
 
     make_folder(folder)
     classifier = comparison.classifier
-    saved = save_if_trained(classifier.trained, folder)
+    saved = _save_if_trained(classifier.trained, folder)
     title = f"{configuration['domain']}, {configuration['classifier']}, {configuration['trials']} trials"
-    rows = [to_row(scores) for scores in comparison.scores]
-    write_csv(folder / "results.csv", COLUMNS, rows)
+    rows = [_make_row(scores) for scores in comparison.scores]
+    _write_csv(folder / "results.csv", COLUMNS, rows)
     detailed = [
         {**row, "cost_sd": scores.cost_sd, "counts": scores.counts.tolist()}
         for row, scores in zip(rows, comparison.scores, strict=True)
     ]
-    write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
+    _write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
     written = [folder / "results.csv", folder / "results.json"]
     written += write_figure(plot_strategies(comparison.scores, title), folder, "results", formats)
     if classifier.report is not None:
         from lcorpp.learning import plot_report, write_report
 
         written += write_report(classifier.report, folder)
-        for suffix in formats:
-            plot_report(classifier.report, folder / f"report.{suffix}")
-            written.append(folder / f"report.{suffix}")
+        for figure in [folder / f"report.{suffix}" for suffix in formats]:
+            plot_report(classifier.report, figure)
+            written.append(figure)
     return WrittenFiles((*written, *saved.paths), saved.problem)
 
 
@@ -114,27 +124,24 @@ def write_batches(
         FileError: a file cannot be written.
     """
     make_folder(folder)
-    write_csv(folder / "batches.csv", ("batch", "tracks", "change", *METRICS), result.rows)
-    write_json(folder / "batches.json", {"domain": domain_name, "batches": list(result.rows)})
-    saved = save_if_trained(result.batch.classifier, folder)
+    _write_csv(folder / "batches.csv", ("batch", "tracks", "change", *METRICS), result.rows)
+    _write_json(folder / "batches.json", {"domain": domain_name, "batches": list(result.rows)})
+    saved = _save_if_trained(result.batch.classifier, folder)
     written = [folder / "batches.csv", folder / "batches.json", *saved.paths]
     scored = [row for row in result.rows if "f1" in row]
     if scored:
-        from lcorpp.experiments.figures.augmentation import plot_augmentation
-        from lcorpp.experiments.figures.files import write_figure
+        from lcorpp.experiments.figures import plot_augmentation, write_figure
 
-        figure = plot_augmentation(
-            [int(row["batch"]) for row in scored],
-            [float(row["f1"]) for row in scored],
-            [float(row["change"]) for row in scored],
-        )
+        batches = [int(row["batch"]) for row in scored]
+        f1, change = ([float(row[name]) for row in scored] for name in ("f1", "change"))
+        figure = plot_augmentation(batches, f1, change)
         written += write_figure(figure, folder, "batches", formats)
     return WrittenFiles(tuple(written), saved.problem)
 
 
-def save_if_trained(classifier: Classifier | None, folder: Path) -> WrittenFiles:
+def _save_if_trained(classifier: Classifier | None, folder: Path) -> WrittenFiles:
     """Save a trained classifier as classifier.npz; others, and kinds that cannot be stored, are left out."""
-    if classifier is None:
+    if classifier is None:  # a noisy channel does without scikit-learn, which takes seconds to load
         return WrittenFiles(())
     from lcorpp.learning import SoftClassifier, TrainedClassifier, save_classifier
 
@@ -147,3 +154,31 @@ def save_if_trained(classifier: Classifier | None, folder: Path) -> WrittenFiles
     except DataError as error:
         return WrittenFiles((), str(error))
     return WrittenFiles((folder / "classifier.npz",))
+
+
+def _make_row(scores: Scores) -> dict[str, str | float]:
+    """Return the scores of a strategy as a row with the columns `COLUMNS`."""
+    cells: dict[str, str | float] = {"strategy": scores.strategy}
+    for name, interval in scores.metrics.items():
+        cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
+    return cells
+
+
+def _write_csv(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write a CSV file with a header."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_atomically(path, text.getvalue())
+
+
+def _write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a JSON file and add the versions of Python and of `PACKAGES`."""
+    versions = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = "not installed"
+    write_atomically(path, json.dumps({**content, "versions": versions}, indent=2) + "\n")

@@ -12,7 +12,6 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 from uuid import uuid4
 
@@ -83,8 +82,12 @@ class RunStore:
             self._checkpoint = self._read_checkpoint(snapshot)
             self._run = self._checkpoint.run if self._checkpoint else uuid4().hex[:12]
             self._number = self._checkpoint.number if self._checkpoint else 0
-            self.pending = tuple(stored for stored in snapshot if self._is_pending(stored))
-            self.n_people = 1 + max((_to_number(stored.extra.get("met")) for stored in snapshot), default=-1)
+            batch = self._run, self._number + 1
+            self.pending = tuple(
+                stored for stored in snapshot if (stored.extra.get("run"), stored.extra.get("batch")) == batch
+            )
+            met = [stored.extra.get("met") for stored in snapshot]
+            self.n_people = 1 + max((number for number in met if type(number) is int), default=-1)
         except BaseException:
             self.store.close()
             raise
@@ -99,9 +102,12 @@ class RunStore:
         """Batch results reported by the resumed run."""
         return list(self._checkpoint.rows) if self._checkpoint else []
 
-    def dataset(self) -> Dataset:
-        """The initial data and all labelled tracks of the store: Omega."""
-        return self._dataset_without(())
+    def dataset(self, without: Sequence[StoredTrack] = ()) -> Dataset:
+        """Return Omega: the initial data and the labelled tracks of the store, but for those in `without`."""
+        excluded = {track.id for track in without}
+        snapshot = self.store.snapshot()
+        added = snapshot.dataset([track for track in snapshot.select() if track.id not in excluded])
+        return self._initial.append(list(zip(added.trajectories, added.labels, strict=True)), added.groups)
 
     def resume(self, train: Train) -> ResumePoint | None:
         """Return the state in which the earlier run ended; None for a new run.
@@ -124,7 +130,7 @@ class RunStore:
             return ResumePoint(checkpoint.number, classifier, confusion, change, len(self.pending))
         trained = checkpoint.classifier
         if trained is None:
-            trained, _ = train(self._dataset_without(self.pending))
+            trained, _ = train(self.dataset(without=self.pending))
         return ResumePoint(
             checkpoint.number, trained, checkpoint.confusion, checkpoint.change, len(self.pending)
         )
@@ -143,17 +149,15 @@ class RunStore:
         Returns:
             The id of the track.
         """
-        about = {"run": self._run, "batch": self._number + 1, "met": self.n_people, **extra}
-        entry = NewTrack(
+        track = NewTrack(
             instance.trajectory,
             episode.report,
-            "robot",
-            belief,
-            instance.context,
+            belief=belief,
+            context=instance.context,
             id=f"{self._run}-{self.n_people}",
-            extra=about,
+            extra={"run": self._run, "batch": self._number + 1, "met": self.n_people, **extra},
         )
-        id = self.store.append(entry)
+        id = self.store.append(track)
         self.n_people += 1
         return id
 
@@ -200,31 +204,17 @@ class RunStore:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.close()
 
     @property
     def _file(self) -> Path:
         return self._folder / "checkpoint.json"
 
-    def _dataset_without(self, without: Sequence[StoredTrack]) -> Dataset:
-        """Return the initial data and the labelled tracks of the store, but for those in `without`."""
-        excluded = {track.id for track in without}
-        snapshot = self.store.snapshot()
-        added = snapshot.dataset([track for track in snapshot.select() if track.id not in excluded])
-        return self._initial.append(list(zip(added.trajectories, added.labels, strict=True)), added.groups)
-
-    def _is_pending(self, stored: StoredTrack) -> bool:
-        return stored.extra.get("run") == self._run and stored.extra.get("batch") == self._number + 1
-
     def _write_classifier(self, batch: Batch) -> dict[str, Any] | None:
         """Write the classifier to a file of a new name and describe it; None if its type cannot be stored."""
-        soft = isinstance(batch.classifier, SoftClassifier)
-        trained = (
-            batch.classifier.trained if isinstance(batch.classifier, SoftClassifier) else batch.classifier
-        )
+        classifier = batch.classifier
+        trained = classifier.trained if isinstance(classifier, SoftClassifier) else classifier
         if not isinstance(trained, TrainedClassifier):
             return None
         path = self._folder / f"classifier-{batch.number}-{uuid4().hex[:8]}.npz"
@@ -233,7 +223,7 @@ class RunStore:
         except DataError:
             return None  # it is trained again at the next start
         sync_folder(path)
-        return {"file": path.name, "crc32": zlib.crc32(read_bytes(path)), "soft": soft}
+        return {"file": path.name, "crc32": zlib.crc32(read_bytes(path)), "soft": trained is not classifier}
 
     def _read_checkpoint(self, snapshot: Snapshot) -> Checkpoint | None:
         """Return the checkpoint if it fits this store and these settings; otherwise note the reason."""
@@ -291,8 +281,3 @@ def _check_count(value: Any) -> int:
     if type(value) is not int or value < 0:
         raise ValueError(f"{value!r} is no number of batches or records")
     return value
-
-
-def _to_number(value: Any) -> int:
-    """Return a whole number as it is, -1 for anything else."""
-    return value if type(value) is int else -1

@@ -1,35 +1,51 @@
 """Composition of a run: the classifier with its error rates, the reasoner, the planner and the robot.
 
-Every function returns values and prints nothing.
 Classifiers that are trained or loaded come from `classifier_training`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from lcorpp.decision import Robot
 from lcorpp.domains import Domain
 from lcorpp.planning import Solution, solve
 from lcorpp.protocols import Planner
 from lcorpp.reasoning import Program, Reasoner
+from lcorpp.simulation.people import TrajectorySource
 from lcorpp.simulation.simulated_classifier import BatchClassifier, NoisyChannel
-from lcorpp.simulation.trajectories import TrajectorySource
-from lcorpp.values import JEFFREYS, Array
+from lcorpp.values import JEFFREYS
 
 if TYPE_CHECKING:  # scikit-learn takes seconds to load, and a noisy channel does without
     from lcorpp.learning import EvaluationReport, Rate, TrainedClassifier
+
+Advance = Callable[[int, int], None]
+"""A function that takes the completed and the total number of parts of a step."""
+
+
+class ProgressDisplay(Protocol):
+    """A display of one long step at a time, as a context: it yields an `Advance`."""
+
+    def __call__(self, title: str, total: int | None = None, /) -> AbstractContextManager[Advance]: ...
+
+
+@contextmanager
+def no_progress(title: str, total: int | None = None, /) -> Iterator[Advance]:
+    """Display nothing."""
+    yield lambda done, total: None
 
 
 @dataclass(frozen=True)
 class TrainingOptions:
     """Options for training a classifier.
 
-    learner: see `learner`. epochs: None takes the number that suits the data. device: "cpu" or "cuda".
+    learner: a name in `lcorpp.learning.learner`'s table, MODULE:FUNCTION or FILE.py:FUNCTION.
+    epochs: None takes the number that suits the data. device: "cpu" or "cuda".
     features: the classifier's features of the motion.
     threshold: the decision threshold of the positive class: a number, the name of a metric to optimise, or
         the costs of a miss and of a false alarm as MISS:ALARM; None predicts the most probable class.
@@ -46,10 +62,6 @@ class TrainingOptions:
     prevalence: float | None = None
     tracks: int | None = None
     data: Path | None = None
-
-
-PAPER_LEARNER = TrainingOptions()
-"""The paper's LSTM with the domain's numbers of tracks and epochs."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +129,9 @@ def from_channel(domain: Domain) -> ClassifierSetup:
         DomainError: the domain has no noisy channel.
     """
     channel = NoisyChannel.of(domain)
-    return ClassifierSetup(channel, channel, domain.program, nest_rates(domain.values, channel.rates))
+    return ClassifierSetup(
+        channel, channel, domain.program, nest_rates(domain.values, channel.rates.tolist())
+    )
 
 
 def solve_domain(domain: Domain) -> Solution:
@@ -130,9 +144,6 @@ def make_robot(domain: Domain, setup: ClassifierSetup, planner: Planner) -> Robo
     return Robot(setup.classifier, Reasoner(setup.program), planner, domain)
 
 
-def nest_rates(classes: Sequence[str], rates: Array) -> dict[str, dict[str, float]]:
+def nest_rates(classes: Sequence[str], rows: Iterable[Iterable[float]]) -> dict[str, dict[str, float]]:
     """Return rates (V, V) as true class -> predicted class -> probability."""
-    return {
-        actual: dict(zip(classes, row, strict=True))
-        for actual, row in zip(classes, rates.tolist(), strict=True)
-    }
+    return {actual: dict(zip(classes, row, strict=True)) for actual, row in zip(classes, rows, strict=True)}

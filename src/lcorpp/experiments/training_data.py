@@ -1,23 +1,28 @@
-"""Training data, simulated or recorded, with the source of the test trajectories."""
+"""Training data, simulated or recorded, with the source of the test trajectories and an estimator."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lcorpp.domains import Domain
-from lcorpp.errors import DataError
-from lcorpp.learning import format_leakage_warning, read_data, split
-from lcorpp.simulation.trajectories import (
+from lcorpp.errors import DataError, DomainError, check_type
+from lcorpp.experiments.setup import TrainingOptions
+from lcorpp.learning import format_leakage_warning, learner, read_data, split
+from lcorpp.simulation.people import (
     RecordedTrajectories,
     SimulatedTrajectories,
     TrajectorySource,
     simulate_dataset,
 )
 from lcorpp.values import Dataset
+
+FOLDS = 5
+"""Folds of every cross-validation."""
 
 PAPER_EPOCHS = 300
 """Epochs in the paper; right for a hundred recorded tracks, too many for simulated ones."""
@@ -35,6 +40,33 @@ class TrainingData:
     epochs: int
 
 
+def make_training_data(domain: Domain, options: TrainingOptions, seed: int) -> TrainingData:
+    """Return the training data that the options describe, recorded or simulated."""
+    if options.data is not None:
+        return read_training_data(domain, options.data, seed, features=options.features)
+    return simulate_training_data(domain, seed, tracks=options.tracks)
+
+
+def make_estimator(data: TrainingData, options: TrainingOptions, seed: int) -> Any:
+    """Return an unfitted estimator of a learner, for the interval and the channels of the training data.
+
+    Without a number of epochs, the learner "lstm" gets `data.epochs`, and any other its own default.
+
+    Raises:
+        DataError: as `learner`.
+    """
+    default_epochs = data.epochs if options.learner == "lstm" else None
+    return learner(
+        options.learner,
+        interval=data.dataset.interval,
+        inputs=data.dataset.channels,
+        features=options.features,
+        epochs=options.epochs or default_epochs,
+        seed=seed,
+        device=options.device,
+    )
+
+
 def simulate_training_data(domain: Domain, seed: int, *, tracks: int | None = None) -> TrainingData:
     """Simulate a training set; the trials simulate new trajectories.
 
@@ -44,13 +76,11 @@ def simulate_training_data(domain: Domain, seed: int, *, tracks: int | None = No
     Raises:
         DomainError: the domain has no `people.py` with a function `trajectories`.
     """
+    check_type(domain, Domain, "the domain", DomainError)
     source = SimulatedTrajectories.of(domain)
     rng = np.random.default_rng([seed, 0])
-    return TrainingData(
-        simulate_dataset(domain, source, tracks or domain.learning.tracks, rng),
-        source,
-        domain.learning.epochs,
-    )
+    dataset = simulate_dataset(domain, source, tracks or domain.learning.tracks, rng)
+    return TrainingData(dataset, source, domain.learning.epochs)
 
 
 def read_training_data(
@@ -60,15 +90,16 @@ def read_training_data(
 
     Args:
         path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz.
-        features: the classifier's features, see `Motion`. Columns that no feature needs are dropped, so that
+        features: the classifier's features, see `Motion`. Channels that no feature needs are dropped, so that
             the classifier also works where they are not measured.
 
     Raises:
         DataError: a class is none of the domain's values, x or y is missing, or there are too few tracks.
         FileError, ParseError: the data are missing or malformed.
     """
+    check_type(domain, Domain, "the domain", DomainError)
     labels = domain.learning.data_labels or {value: value for value in domain.values}
-    dataset = _select_columns(read_data(path, labels=labels), features)
+    dataset = _drop_unused_channels(read_data(path, labels=labels), features)
     try:
         train, test = split(dataset, seed=seed)
         leak = format_leakage_warning(train) if len(domain.values) == 2 else None
@@ -82,8 +113,8 @@ def read_training_data(
     return TrainingData(replace(train, notes=notes), RecordedTrajectories(domain.target, test), PAPER_EPOCHS)
 
 
-def _select_columns(dataset: Dataset, features: Sequence[str]) -> Dataset:
-    """Drop the columns that no feature is computed from."""
+def _drop_unused_channels(dataset: Dataset, features: Sequence[str]) -> Dataset:
+    """Return the data set with x, y and the channels that the features are computed from."""
     needed = {"x", "y", *features, *(["facing"] if "attention" in features else [])}
     indices = [index for index, name in enumerate(dataset.channels) if name in needed]
     names = tuple(dataset.channels[index] for index in indices)

@@ -4,24 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
 
 from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError
+from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.metrics import Scores, score_decisions
-from lcorpp.simulation.population import Population
+from lcorpp.simulation.people import Population, TrajectorySource
 from lcorpp.simulation.simulated_classifier import BatchClassifier
-from lcorpp.simulation.trajectories import TrajectorySource
 from lcorpp.simulation.world import SimulationModel
-from lcorpp.values import Array, Instance, Label
+from lcorpp.values import Instance, Label
 from lcorpp.workers import ignore_sigint
 
 CHUNK_SIZE = 100
 """Trials per chunk. Each chunk has its own random generator, so this number is part of every result."""
+
+Trials = np.ndarray[Any, np.dtype[np.void]]
+"""(n,) trials, each with these fields, one number for each of the k strategies:
+
+truth: index of the true value; -1 before the trial is complete. reported: (k,) index of the reported value,
+V for no report. cost, return_: (k,) as in `Scores`.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,19 +48,11 @@ class Experiment:
     strategies: tuple[Strategy, ...]
     seed: int
 
-
-@dataclass(frozen=True, eq=False)
-class TrialResults:
-    """The results of n trials of k strategies.
-
-    truth: (n,) index of the true value. reported: (k, n) index of the reported value, V for no report.
-    cost, return_: (k, n) as in `Scores`.
-    """
-
-    truth: np.ndarray
-    reported: np.ndarray
-    cost: Array
-    return_: Array
+    def __post_init__(self) -> None:
+        check_type(self.domain, Domain, "the domain of an experiment", DecisionError)
+        check_type(self.robot, Robot, "the robot of an experiment", DecisionError)
+        for strategy in self.strategies:
+            check_type(strategy, Strategy, "a strategy of an experiment", DecisionError)
 
 
 def run_trials(
@@ -70,89 +71,88 @@ def run_trials(
 
     Returns:
         The scores in the order of the strategies and the number of completed trials: fewer than `trials`
-        after an interrupt (Ctrl-C), which keeps the completed chunks.
+        after an interrupt (Ctrl-C), which keeps every trial that a process has completed.
 
     Raises:
         DecisionError: `trials` or `jobs` is less than one; and whatever the robot's parts raise.
-        KeyboardInterrupt: an interrupt before the first chunk was complete.
+        KeyboardInterrupt: an interrupt before the first trial was complete.
     """
+    check_type(experiment, Experiment, "the experiment", DecisionError)
     if trials < 1 or jobs < 1:
         raise DecisionError(f"trials and jobs must be at least 1, not {trials} and {jobs}")
-    sizes = [min(CHUNK_SIZE, trials - first) for first in range(0, trials, CHUNK_SIZE)]
-    completed: list[TrialResults] = []
-    try:
-        if jobs == 1 or len(sizes) == 1:
-            for number, size in enumerate(sizes):
-                completed.append(run_chunk(experiment, number, size))
-                progress(sum(len(chunk.truth) for chunk in completed), trials)
-        else:
-            work = (delayed(run_chunk)(experiment, number, size) for number, size in enumerate(sizes))
-            with ignore_sigint():
-                started = Parallel(n_jobs=jobs, return_as="generator")(work)
-            with closing(started) as chunks:
-                for chunk in chunks:
-                    completed.append(chunk)
-                    progress(sum(len(chunk.truth) for chunk in completed), trials)
-    except KeyboardInterrupt:
-        if not completed:
-            raise
-    results = TrialResults(
-        np.concatenate([chunk.truth for chunk in completed]),
-        np.concatenate([chunk.reported for chunk in completed], axis=1),
-        np.concatenate([chunk.cost for chunk in completed], axis=1),
-        np.concatenate([chunk.return_ for chunk in completed], axis=1),
-    )
-    return score_trials(experiment, results), len(results.truth)
+    k = (len(experiment.strategies),)
+    fields = [("truth", np.intp), ("reported", np.intp, k), ("cost", float, k), ("return_", float, k)]
+    results: Trials = np.full(trials, -1, np.dtype(fields))
+    with TemporaryDirectory(prefix="lcorpp-", ignore_cleanup_errors=True) as folder:
+        if jobs > 1 and trials > CHUNK_SIZE:  # the processes write into one file
+            results.tofile(file := Path(folder) / "trials")
+            results = np.memmap(file, results.dtype, "r+")
+        chunks = [results[first : first + CHUNK_SIZE] for first in range(0, trials, CHUNK_SIZE)]
+        done = 0
+        try:
+            if jobs == 1 or len(chunks) == 1:
+                for number, chunk in enumerate(chunks):
+                    done += run_chunk(experiment, number, chunk)
+                    progress(done, trials)
+            else:
+                work = (delayed(run_chunk)(experiment, number, chunk) for number, chunk in enumerate(chunks))
+                with ignore_sigint():
+                    started = Parallel(n_jobs=jobs, return_as="generator")(work)
+                with closing(started) as sizes:
+                    for size in sizes:
+                        done += size
+                        progress(done, trials)
+        except KeyboardInterrupt:
+            if (results["truth"] < 0).all():
+                raise
+        completed = np.array(results[results["truth"] >= 0])
+    return _score_trials(experiment, completed), len(completed)
 
 
-def run_chunk(experiment: Experiment, number: int, size: int) -> TrialResults:
-    """Simulate `size` trials; the experiment's seed and the chunk's number determine every random draw."""
+def run_chunk(experiment: Experiment, number: int, results: Trials) -> int:
+    """Simulate trials, write each into `results` when it is complete, and return their number.
+
+    The experiment's seed and the chunk's number determine every random draw.
+    """
     domain, strategies, model = experiment.domain, experiment.strategies, SimulationModel(experiment.domain)
     rng = np.random.default_rng([experiment.seed, number])
-    people = Population(domain).sample(size, rng)
+    people = Population(domain).sample(len(results), rng)
     tracks = experiment.trajectories.trajectories(people, rng)
-    labels: Sequence[Label | None] = [None] * size
+    labels: Sequence[Label | None] = [None] * len(people)
     if any(strategy.learns for strategy in strategies):
         labels = experiment.classifier.classify_many(tracks)
-    truth = np.array([domain.values.index(person[domain.target]) for person in people])
-    reported = np.empty((len(strategies), size), dtype=np.intp)
-    cost, return_ = np.empty((len(strategies), size)), np.empty((len(strategies), size))
-    for i, (person, track, label) in enumerate(zip(people, tracks, labels, strict=True)):
+    recall = PrecomputedLabel()
+    full = replace(experiment.robot, classifier=recall, domain=domain)
+    robots = [strategy.robot(full) for strategy in strategies]
+    for i, (person, track, recall.label) in enumerate(zip(people, tracks, labels, strict=True)):
         instance = Instance(track, {name: person[name] for name in domain.observed})
-        full = Robot(FixedLabel(label), experiment.robot.reasoner, experiment.robot.planner, domain)
-        for k, strategy in enumerate(strategies):
+        for k, robot in enumerate(robots):
             # every strategy gets the same answers: each has a new generator with the same seed
             world = model.make_world(person, np.random.default_rng([experiment.seed, number, i]))
-            report = dt_control(strategy.robot(full), instance, world).report
-            reported[k, i] = len(domain.values) if report is None else domain.values.index(report)
-            cost[k, i], return_[k, i] = world.cost, world.return_
-    return TrialResults(truth, reported, cost, return_)
+            report = dt_control(robot, instance, world).report
+            results["reported"][i, k] = len(domain.values) if report is None else domain.values.index(report)
+            results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_
+        results["truth"][i] = domain.values.index(person[domain.target])
+    return len(people)
 
 
-def score_trials(experiment: Experiment, results: TrialResults) -> list[Scores]:
+def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
     """Return the scores of each strategy, in the order of the experiment."""
     domain, scores = experiment.domain, []
     for k, strategy in enumerate(experiment.strategies):
         counts = np.zeros((len(domain.values), len(domain.values) + 1))
-        np.add.at(counts, (results.truth, results.reported[k]), 1)
-        scores.append(
-            score_decisions(
-                strategy.name,
-                counts,
-                results.cost[k],
-                results.return_[k],
-                values=domain.values,
-                positive=domain.learning.positive,
-            )
-        )
+        np.add.at(counts, (results["truth"], results["reported"][:, k]), 1)
+        cost, return_ = (np.ascontiguousarray(results[name][:, k]) for name in ("cost", "return_"))
+        values, positive = domain.values, domain.learning.positive
+        scores.append(score_decisions(strategy.name, counts, cost, return_, values=values, positive=positive))
     return scores
 
 
-@dataclass(frozen=True)
-class FixedLabel:
-    """A classifier that returns one precomputed label for every instance."""
+@dataclass
+class PrecomputedLabel:
+    """A classifier that returns the label of the current person, computed before with many others."""
 
-    label: Label | None
+    label: Label | None = None
 
     def classify(self, instance: Instance) -> Label | None:
         return self.label

@@ -6,6 +6,8 @@ time points). `SigmoidScores` wraps a classifier that has scores but no probabil
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Self
 
 import numpy as np
@@ -20,7 +22,16 @@ TOLERANCE = 1e-4
 """Maximal deviation of the sum of a distribution from 1: some classifiers compute in single precision."""
 
 
-class SigmoidScores(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
+class ProbabilityClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # has no types
+    """A classifier that predicts the most probable class."""
+
+    def predict(self, X: npt.ArrayLike) -> npt.NDArray[Any]:
+        """(cases,) the most probable of `classes_`; raises as `predict_proba`."""
+        best = self.predict_proba(X).argmax(axis=1)
+        return np.asarray(self.classes_[best])
+
+
+class SigmoidScores(ProbabilityClassifier):
     """Wrapper that turns the scores (`decision_function`) of a classifier into probabilities.
 
     The sigmoid of a score, or the softmax of several, keeps the order of the cases but is not calibrated;
@@ -43,14 +54,14 @@ class SigmoidScores(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # sc
 
     def predict_proba(self, X: npt.ArrayLike) -> Array:
         """(cases, K) numbers that increase with the scores, rows summing to 1, columns as `classes_`."""
-        scores = np.asarray(self.classifier_.decision_function(X), dtype=np.float64)
-        if scores.ndim == 1:
-            return np.stack([expit(-scores), expit(scores)], axis=1)
-        return np.asarray(softmax(scores, axis=1))
+        return to_probabilities(np.asarray(self.classifier_.decision_function(X), dtype=np.float64))
 
-    def predict(self, X: npt.ArrayLike) -> npt.NDArray[Any]:
-        """(cases,) the most probable of `classes_`."""
-        return np.asarray(self.classes_[self.predict_proba(X).argmax(axis=1)])
+
+def to_probabilities(scores: Array) -> Array:
+    """(cases, K) the sigmoid of scores (cases,), which are for the second of two classes, or a softmax."""
+    if scores.ndim == 1:
+        return np.stack([expit(-scores), expit(scores)], axis=1)
+    return np.asarray(softmax(scores, axis=1))
 
 
 def ensure_predict_proba(estimator: Any) -> Any:
@@ -59,12 +70,11 @@ def ensure_predict_proba(estimator: Any) -> Any:
     Raises:
         DataError: it has neither, or is not a classifier that can be cloned.
     """
-    for method in ("fit", "get_params"):
-        if isinstance(estimator, type) or not hasattr(estimator, method):
-            raise DataError(
-                f"{estimator!r} is no estimator; expected an object with fit, predict_proba and get_params,"
-                " as scikit-learn's classifiers have"
-            )
+    if isinstance(estimator, type) or not (hasattr(estimator, "fit") and hasattr(estimator, "get_params")):
+        raise DataError(
+            f"{estimator!r} is no estimator; expected an object with fit, predict_proba and get_params, as"
+            " scikit-learn's classifiers have"
+        )
     if hasattr(estimator, "predict_proba"):
         return estimator
     if hasattr(estimator, "decision_function"):
@@ -84,16 +94,10 @@ def fit_clone(estimator: Any, tracks: Array, labels: npt.ArrayLike) -> Any:
     Raises:
         DataError: cloning or fitting fails, or the fitted clone has no `classes_`.
     """
-    try:
+    with _report_failure(estimator, "clone"):
         trained = clone(estimator)
-    except (TypeError, RuntimeError) as error:  # a constructor that scikit-learn cannot repeat
-        raise _make_failure(estimator, "clone", error) from error
-    try:
+    with _report_failure(estimator, "fit"):
         trained.fit(tracks, labels)
-    except LcorppError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise _make_failure(estimator, "fit", error) from error
     classes = np.asarray(getattr(trained, "classes_", None))
     if classes.ndim != 1:
         raise DataError(f"{name_of(estimator)} has no classes_ after fit; expected a scikit-learn classifier")
@@ -108,12 +112,8 @@ def predict_proba(trained: Any, tracks: Array) -> Array:
     Raises:
         DataError: the classifier fails, or its result is not an array of distributions.
     """
-    try:
+    with _report_failure(trained, "predict_proba"):
         probabilities = np.asarray(trained.predict_proba(tracks), dtype=np.float64)
-    except LcorppError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise _make_failure(trained, "predict_proba", error) from error
     shape = (len(tracks), len(trained.classes_))
     if probabilities.shape != shape:
         raise DataError(
@@ -138,5 +138,14 @@ def name_of(estimator: Any) -> str:
     return name_of(estimator.classifier) if isinstance(estimator, SigmoidScores) else type(estimator).__name__
 
 
-def _make_failure(estimator: Any, method: str, error: BaseException) -> DataError:
-    return DataError(f"{name_of(estimator)} failed in {method}: {type(error).__name__}: {error}")
+@contextmanager
+def _report_failure(estimator: Any, method: str) -> Iterator[None]:
+    """Turn an exception of the user's code into a DataError of one line."""
+    try:
+        yield
+    except LcorppError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise DataError(
+            f"{name_of(estimator)} failed in {method}: {type(error).__name__}: {error}"
+        ) from error

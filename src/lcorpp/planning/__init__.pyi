@@ -15,7 +15,7 @@ from .factored.table import Table as Table
 from .factored.variables import Variable as Variable
 from .formats.alpha_file import read_alphas as read_alphas, write_alphas as write_alphas
 from .formats.policy_xml import read_policy as read_policy, write_policy as write_policy
-from .formats.pomdp.reader import parse_pomdp as parse_pomdp
+from .formats.pomdp.reader import parse_pomdp as parse_pomdp, read_pomdp as read_pomdp
 from .formats.pomdp.writer import format_pomdp as format_pomdp, write_pomdp as write_pomdp
 from .formats.pomdpx.reader import (
     parse_pomdpx as parse_pomdpx,
@@ -23,12 +23,10 @@ from .formats.pomdpx.reader import (
     read_pomdpx as read_pomdpx,
 )
 from .formats.pomdpx.writer import format_pomdpx as format_pomdpx, write_pomdpx as write_pomdpx
-from .formats.reading import read_pomdp as read_pomdp
 from .planner import Planner as Planner
+from .plots.belief_figures import draw_line as draw_line, draw_triangle as draw_triangle
 from .plots.bounds import draw_bounds as draw_bounds
 from .plots.policy_graph import draw_graph as draw_graph
-from .plots.three_states import draw_triangle as draw_triangle
-from .plots.two_states import draw_line as draw_line
 from .policy import AlphaVectors as AlphaVectors, Policy as Policy, UpperBound as UpperBound
 from .pomdp import Pomdp as Pomdp
 from .sarsop import solve as solve

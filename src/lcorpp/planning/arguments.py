@@ -1,6 +1,9 @@
-"""Checks of the arguments that solvers share."""
+"""Checks of the arguments that public functions share: types first, then ranges."""
 
 from __future__ import annotations
+
+from numbers import Real
+from reprlib import repr as shorten
 
 import numpy as np
 import numpy.typing as npt
@@ -11,12 +14,26 @@ from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array
 
 
-def check_limits(precision: float, time_limit: float) -> None:
-    """Reject a precision or a time limit that is not positive.
+def check_type(name: str, value: object, *kinds: type) -> None:
+    """Raise a ModelError that names an argument unless it has one of some types."""
+    if not isinstance(value, kinds):
+        expected = " or ".join("number" if kind is Real else kind.__name__ for kind in kinds)
+        raise ModelError(f"{name} must be a {expected}, not {shorten(value)} ({type(value).__name__})")
+
+
+def check_solver_arguments(
+    pomdp: object, precision: float, time_limit: float, callback: object = None
+) -> None:
+    """Check the arguments that all solvers have, except the start.
 
     Raises:
-        ModelError: one of them is not positive.
+        ModelError: an argument has a wrong type, or precision or time limit are not positive.
     """
+    check_type("pomdp", pomdp, Pomdp)
+    check_type("precision", precision, Real)
+    check_type("time limit", time_limit, Real)
+    if callback is not None and not callable(callback):
+        raise ModelError(f"callback must be a function, not {shorten(callback)}")
     if not precision > 0 or not time_limit > 0:
         raise ModelError(f"precision {precision} and time limit {time_limit} must be positive")
 
@@ -27,7 +44,10 @@ def check_starts(pomdp: Pomdp, start: npt.ArrayLike | None) -> Array:
     Raises:
         ModelError: a belief is not a distribution over the states, or there is none.
     """
-    beliefs = np.atleast_2d(np.asarray(pomdp.start if start is None else start))
+    try:
+        beliefs = np.atleast_2d(np.asarray(pomdp.start if start is None else start))
+    except ValueError:
+        raise ModelError(f"start must be one belief or several, not {shorten(start)}") from None
     if not len(beliefs):
         raise ModelError("there is no start belief")
     return np.array([check_belief(pomdp, belief) for belief in beliefs])
@@ -48,10 +68,11 @@ def check_discount(pomdp: Pomdp, discount: float | None) -> float:
     """Return the discount of a finite horizon, the model's own for None.
 
     Raises:
-        ModelError: it is not above 0 and at most 1.
+        ModelError: it is not a number above 0 and at most 1.
     """
     if discount is None:
         return pomdp.discount
+    check_type("discount", discount, Real)
     if not 0 < discount <= 1:
         raise ModelError(f"the discount of a finite horizon must be above 0 and at most 1, not {discount}")
     return float(discount)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import overload
 
 from lcorpp.errors import PolicyError
+from lcorpp.planning.arguments import check_type
 from lcorpp.planning.belief import update
 from lcorpp.planning.policy import Policy, check_same_model
 from lcorpp.planning.pomdp import Pomdp
@@ -12,7 +13,28 @@ from lcorpp.planning.solution import Solution
 from lcorpp.values import Belief
 
 
-class Planner:
+class ModelPlanner:
+    """The part that all planners of a known model share: its start belief, and the belief update by names."""
+
+    pomdp: Pomdp
+
+    @property
+    def start(self) -> Belief:
+        """(S,) the model's start belief."""
+        return self.pomdp.start
+
+    def update(self, belief: Belief, action: str, observation: str) -> Belief:
+        """Return the belief (S,) after a named action and observation.
+
+        Raises:
+            ModelError: a name is unknown.
+            ObservationError: the observation is impossible.
+        """
+        pomdp = self.pomdp
+        return update(pomdp, belief, pomdp.action_index(action), pomdp.observation_index(observation))
+
+
+class Planner(ModelPlanner):
     """pi of Algorithm 2 (`lcorpp.protocols.Planner`): actions and observations by name.
 
         Planner(solve(pomdp))
@@ -20,9 +42,10 @@ class Planner:
 
     Args:
         policy: a solution, which holds its model, or a policy alone.
-        pomdp: the model of a policy alone.
+        pomdp: the model of a policy alone; for a solution, an equal model may replace its own.
 
     Raises:
+        ModelError: an argument has a wrong type.
         PolicyError: the policy belongs to another model, or a policy alone has no model beside it.
     """
 
@@ -31,6 +54,7 @@ class Planner:
     @overload
     def __init__(self, policy: Policy, pomdp: Pomdp) -> None: ...
     def __init__(self, policy: Solution | Policy, pomdp: Pomdp | None = None) -> None:
+        check_type("policy", policy, Solution, Policy)
         if isinstance(policy, Solution):
             pomdp = pomdp or policy.pomdp
             policy = policy.policy
@@ -42,21 +66,6 @@ class Planner:
     def __repr__(self) -> str:
         return f"<Planner {self.policy!r}>"
 
-    @property
-    def start(self) -> Belief:
-        """(S,) the model's start belief."""
-        return self.pomdp.start
-
     def action(self, belief: Belief) -> str:
         """Return the name of the policy's action at a belief (S,)."""
         return self.pomdp.actions[self.policy.action(belief)]
-
-    def update(self, belief: Belief, action: str, observation: str) -> Belief:
-        """Return the belief (S,) after a named action and observation.
-
-        Raises:
-            ModelError: a name is unknown.
-            ObservationError: the observation is impossible.
-        """
-        pomdp = self.pomdp
-        return update(pomdp, belief, pomdp.action_index(action), pomdp.observation_index(observation))

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.notebook import html_table, join_some
+from lcorpp.planning.arguments import check_type
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import MAX_BYTES
 from lcorpp.values import Array, Belief, freeze
@@ -224,8 +225,11 @@ def check_same_model(pomdp: Pomdp, policy: Policy) -> None:
     """Reject a policy that belongs to another model.
 
     Raises:
+        ModelError: an argument has a wrong type.
         PolicyError: the names or the fingerprints differ.
     """
+    check_type("pomdp", pomdp, Pomdp)
+    check_type("policy", policy, Policy)
     if policy.state_names != pomdp.states or policy.action_names != pomdp.actions:
         raise PolicyError("the policy is for another model: its states or actions have other names")
     if policy.fingerprint and policy.fingerprint != pomdp.fingerprint:

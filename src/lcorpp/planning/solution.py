@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from time import monotonic
 
 from lcorpp.notebook import html_table
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.values import Belief
+from lcorpp.values import Array, Belief
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class Solution:
     beliefs: number of nodes of the belief tree.
     trials: number of sampled paths (trials) of SARSOP, of backups or steps of other solvers.
     start: (S,) the belief of `lower` and `upper`; the model's own when None.
+    start_count: number of start beliefs.
     """
 
     pomdp: Pomdp
@@ -52,6 +55,7 @@ class Solution:
     beliefs: int
     trials: int
     start: Belief | None = None
+    start_count: int = 1
 
     @property
     def vectors(self) -> int:
@@ -65,7 +69,7 @@ class Solution:
     def summary(self) -> str:
         """Return the result in one line of text."""
         return (
-            f"{self.reason} after {self.seconds:.2f} s: value at the start in"
+            f"{self.reason} after {self.seconds:.2f} s: value at {describe_start(self.start_count)} in"
             f" [{self.lower:.6g}, {self.upper:.6g}], {self.vectors} vectors, {self.beliefs} beliefs"
         )
 
@@ -79,6 +83,62 @@ class Solution:
             ("gap", f"{self.upper - self.lower:.3g}"),
             ("vectors", f"{self.vectors}"),
             ("beliefs", f"{self.beliefs}"),
+            ("start beliefs", f"{self.start_count}{'; bounds at the widest gap' * (self.start_count > 1)}"),
             ("search", f"{self.reason} after {self.seconds:.2f} s"),
         ]
         return html_table(("solution", self.pomdp.file), rows)
+
+
+def describe_start(count: int) -> str:
+    """Return the name of the belief to which reported bounds belong, of `count` start beliefs."""
+    return "the start" if count == 1 else f"the start with the widest gap (of {count})"
+
+
+class BoundsRecord:
+    """The bounds of a running search at its start beliefs.
+
+    widest: index of the start with the widest gap. lower, upper: the bounds there.
+    history: as in `Solution`.
+    """
+
+    def __init__(self, pomdp: Pomdp, starts: Sequence[Belief] | Array, began: float) -> None:
+        """
+        Args:
+            starts: N beliefs (S,).
+            began: start time on the monotonic clock.
+        """
+        self.pomdp, self.starts, self.began = pomdp, starts, began
+        self.history: list[tuple[float, float, float, int]] = []
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock seconds so far."""
+        return monotonic() - self.began
+
+    def update(self, lower: Array, upper: Array, vectors: int) -> None:
+        """Record the bounds (N,) at the starts; rounding may make them cross."""
+        self.widest = int((upper - lower).argmax())
+        self.lower = float(lower[self.widest])
+        self.upper = max(self.lower, float(upper[self.widest]))
+        if not self.history or (self.lower, self.upper) != self.history[-1][1:3]:
+            self.history.append((self.seconds, self.lower, self.upper, vectors))
+
+    def make_progress(self, *, vectors: int, beliefs: int, trials: int) -> Progress:
+        """Return the current state for a callback."""
+        return Progress(self.seconds, self.lower, self.upper, vectors, beliefs, trials)
+
+    def make_solution(self, policy: Policy, reason: str, *, beliefs: int, trials: int) -> Solution:
+        """Return the result with the bounds of the last update."""
+        return Solution(
+            pomdp=self.pomdp,
+            policy=policy,
+            lower=self.lower,
+            upper=self.upper,
+            seconds=self.seconds,
+            reason=reason,
+            history=tuple(self.history),
+            beliefs=beliefs,
+            trials=trials,
+            start=self.starts[self.widest],
+            start_count=len(self.starts),
+        )

@@ -224,6 +224,14 @@ class SparseTables:
         )
 
 
+def ragged_indices(begins: npt.NDArray[np.integer], sizes: npt.NDArray[np.integer]) -> Int64Array:
+    """Return the ranges begins[i] to begins[i] + sizes[i], one after the other."""
+    ends = np.cumsum(sizes)
+    total = int(ends[-1]) if len(ends) else 0
+    indices: Int64Array = np.arange(total, dtype=np.int64) + np.repeat(begins - (ends - sizes), sizes)
+    return indices
+
+
 def _freeze(array: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:
     array.setflags(write=False)
     return array

@@ -9,8 +9,7 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.learning.store import StoredTrack
-from lcorpp.simulation.population import Person, Population
-from lcorpp.simulation.trajectories import TrajectorySource
+from lcorpp.simulation.people import Person, Population, TrajectorySource
 from lcorpp.simulation.world import SimulatedWorld, SimulationModel
 from lcorpp.values import Array, Episode, Instance
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DomainError
-from lcorpp.simulation.population import Person
+from lcorpp.simulation.people import Person
 from lcorpp.values import Array, Instance, Label
 
 
@@ -51,11 +51,8 @@ class NoisyChannel:
                 f" {domain.learning.attribute!r} in the truth program"
             )
         labels = [domain.learning.label_of[value] for value in domain.values]
-        return cls(
-            domain.target,
-            domain.values,
-            np.array([[label_rates[value][label] for label in labels] for value in domain.values]),
-        )
+        rates = np.array([[label_rates[value][label] for label in labels] for value in domain.values])
+        return cls(domain.target, domain.values, rates)
 
     def trajectories(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
         """Draw the index of each person's predicted class: (people, 1, 1)."""

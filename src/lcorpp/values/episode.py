@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from lcorpp.errors import DataError
 from lcorpp.notebook import html_table, join_some
 from lcorpp.values.arrays import Array, Belief, freeze
 from lcorpp.values.distribution import Distribution, Label
@@ -17,13 +19,29 @@ class Instance:
 
     trajectory: (channels, time points) the motion, the classifier's input.
     context: the observed facts, P-log attribute -> value; beta of Algorithm 2.
+
+    Raises:
+        DataError: the trajectory is no array of that shape, or the context is no mapping.
     """
 
     trajectory: Array
     context: Mapping[str, str]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "trajectory", freeze(self.trajectory))
+        try:
+            trajectory = freeze(self.trajectory)
+        except (TypeError, ValueError):
+            trajectory = freeze(())
+        if trajectory.ndim != 2:
+            raise DataError(
+                f"the trajectory of an instance is {reprlib.repr(self.trajectory)}; expected numbers of shape"
+                " (channels, time points)"
+            )
+        if not isinstance(self.context, Mapping):
+            raise DataError(
+                f"the context of an instance is {reprlib.repr(self.context)}; expected attribute -> value"
+            )
+        object.__setattr__(self, "trajectory", trajectory)
         object.__setattr__(self, "context", MappingProxyType(dict(self.context)))
 
     def __repr__(self) -> str:
@@ -85,11 +103,9 @@ class Episode:
             ("evidence", evidence, ""),
             ("marginal", "" if self.marginal is None else repr(self.marginal), ""),
             ("prior", "", _describe_belief(self.prior)),
-            *(
-                (step.action, step.observation or "", _describe_belief(step.belief))
-                for step in self.steps[:SHOWN_STEPS]
-            ),
         ]
+        for step in self.steps[:SHOWN_STEPS]:
+            rows.append((step.action, step.observation or "", _describe_belief(step.belief)))
         if len(self.steps) > SHOWN_STEPS:
             rows.append(("...", f"{len(self.steps)} steps in all", ""))
         rows.append(("report", str(self.report), ""))

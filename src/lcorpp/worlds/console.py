@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from lcorpp.errors import DecisionError, expected_one_of
+from lcorpp.notebook import join_some
 
 
 class ConsoleWorld:
@@ -24,6 +25,9 @@ class ConsoleWorld:
         show: Callable[[str], None] = print,
     ) -> None:
         self._observations, self._ask, self._show = tuple(observations), ask, show
+
+    def __repr__(self) -> str:
+        return f"ConsoleWorld(observations: {join_some(self._observations)})"
 
     def act(self, action: str) -> str:
         """Show the action and read the observation; any unambiguous prefix is accepted."""

@@ -13,8 +13,8 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.learning import cross_validate, measure_leakage, paper_pipeline
+from lcorpp.simulation.people import SimulatedTrajectories, simulate_dataset
 from lcorpp.simulation.recordings import simulate_recording
-from lcorpp.simulation.trajectories import SimulatedTrajectories, simulate_dataset
 
 ROOT = Path(__file__).parents[3]
 REAL = ROOT / ".." / "shared" / "data" / "pedestrians"

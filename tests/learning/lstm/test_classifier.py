@@ -190,10 +190,10 @@ def test_interrupt_within_an_epoch(monkeypatch):
     x = tracks(6000, points=100)  # an epoch takes a second or more
     run_epoch, completed = CompiledTrainer.run_epoch, []
 
-    def interrupted(self, draw, rates):
+    def interrupted(self, *epoch):
         # started within the epoch, so that the signal cannot arrive before it, however busy the machine is
         threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
-        run_epoch(self, draw, rates)
+        run_epoch(self, *epoch)
         completed.append(True)
 
     monkeypatch.setattr(CompiledTrainer, "run_epoch", interrupted)

@@ -10,7 +10,7 @@ from lcorpp.errors import DataError
 from lcorpp.learning import LstmClassifier
 from lcorpp.learning.lstm import training
 from lcorpp.learning.lstm.network import NumpyNetwork, Weights
-from lcorpp.learning.lstm.training import EpochDraw, TrainingConfig, TrainingSet
+from lcorpp.learning.lstm.training import TrainingConfig, TrainingSet
 
 from .noise import labels, tracks
 
@@ -31,8 +31,8 @@ shapes = st.fixed_dictionaries(
 
 def task(
     *, channels: int, units: int, classes: int, cases: int, points: int, batch: int = 32, seed: int = 0
-) -> tuple[Weights, TrainingSet, TrainingConfig, EpochDraw, np.ndarray]:
-    """First weights, cases to learn, and what an epoch draws."""
+) -> tuple[Weights, TrainingSet, TrainingConfig, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Initial weights, training set, configuration, and the arguments of an epoch: order, mask and rates."""
     rng = np.random.default_rng(seed)
     start = Weights.initialize(channels, units, 1 if classes == 2 else classes, rng)
     given = TrainingSet(
@@ -44,27 +44,27 @@ def task(
     plan = TrainingConfig(
         units=units, dropout=0.25, epochs=1, batch_size=batch, learning_rate=0.01, schedule="constant"
     )
-    draw = EpochDraw(rng.permutation(cases), rng.random((cases, units)) < 0.75)
-    return start, given, plan, draw, rng.uniform(0.001, 0.01, size=-(-cases // batch))
+    order, mask = rng.permutation(cases), rng.random((cases, units)) < 0.75
+    return start, given, plan, (order, mask, rng.uniform(0.001, 0.01, size=-(-cases // batch)))
 
 
 @settings(max_examples=40)
 @given(shapes, st.integers(1, 70))
 def test_an_epoch_gives_the_weights_of_torch(shape, batch):
     torch_trainer = pytest.importorskip("lcorpp.learning.lstm.torch_trainer", exc_type=DataError)
-    start, cases, plan, draw, rates = task(**shape, batch=batch)
+    start, cases, plan, epoch = task(**shape, batch=batch)
     torch = torch_trainer.TorchTrainer(start, cases, plan, "cpu")
-    torch.run_epoch(draw, rates)
+    torch.run_epoch(*epoch)
     expected = torch.weights().arrays()
     for level in kernels.instruction_sets():
         ours = CompiledTrainer(start, cases, plan, instruction_set=level)
-        ours.run_epoch(draw, rates)
+        ours.run_epoch(*epoch)
         for name, weight in ours.weights().arrays().items():
             # Adam's first moves are of the size of the rate, whatever that of the gradient: where that is 0
             # but for rounding, any move is right.
             moved = np.abs(weight - expected[name])
             assert np.quantile(moved, 0.9) < 1e-5, (level, name)
-            assert moved.max() < 2 * rates.sum(), (level, name)
+            assert moved.max() < 2 * epoch[-1].sum(), (level, name)
 
 
 @settings(max_examples=40)
@@ -103,15 +103,15 @@ def test_trainings_by_kernels_and_torch_agree(monkeypatch):
 
 def test_long_tracks_with_vanishing_gradients():
     """Gradients below 1e-38 on their way back through 2000 time points are taken for 0, not waited for."""
-    start, cases, plan, draw, rates = task(channels=1, units=5, classes=2, cases=40, points=2000)
+    start, cases, plan, epoch = task(channels=1, units=5, classes=2, cases=40, points=2000)
     closed = start.arrays() | {"bias": np.where(np.arange(20) // 5 == 1, -3, 0)}
     trainer = CompiledTrainer(Weights(**closed), cases, plan)
-    trainer.run_epoch(draw, rates)
+    trainer.run_epoch(*epoch)
     assert all(np.isfinite(weight).all() for weight in trainer.weights().arrays().values())
 
 
 def test_kernels_reject_arrays_that_do_not_match():
-    start, cases, plan, draw, rates = task(channels=2, units=5, classes=2, cases=40, points=3)
+    start, cases, plan, (order, mask, rates) = task(channels=2, units=5, classes=2, cases=40, points=3)
     network = kernels.Network(**start.arrays())
     floats = {"dtype": np.float32}
     with pytest.raises(ValueError, match="the tracks have other channels"):
@@ -126,13 +126,12 @@ def test_kernels_reject_arrays_that_do_not_match():
         kernels.Network(**{**start.arrays(), "bias": np.zeros(3, **floats)})
     trainer = CompiledTrainer(start, cases, plan)
     for bad in (
-        EpochDraw(draw.order[1:], draw.dropout_mask),
-        EpochDraw(draw.order, draw.dropout_mask[:, 1:]),
-        EpochDraw(draw.order + 1, draw.dropout_mask),
+        (order[1:], mask, rates),
+        (order, mask[:, 1:], rates),
+        (order + 1, mask, rates),
+        (order, mask, rates[1:]),
     ):
         with pytest.raises(ValueError, match=r"order, dropout mask and rates|no such case"):
-            trainer.run_epoch(bad, rates)
-    with pytest.raises(ValueError, match="order, dropout mask and rates"):
-        trainer.run_epoch(draw, rates[1:])
+            trainer.run_epoch(*bad)
     with pytest.raises(ValueError, match="no such class"):
         CompiledTrainer(start, TrainingSet(cases.inputs, cases.targets + 2, cases.weights, 2), plan)

@@ -29,7 +29,7 @@ from lcorpp.decision import lcorpp
 from lcorpp.experiments.run_store import RunStore
 from lcorpp.learning import train_and_validate
 from lcorpp.learning.classifiers.registry import learner
-from lcorpp.learning.store import read_store, writing
+from lcorpp.learning.store import database, read_store
 from lcorpp.values import Dataset, Distribution, Episode, Instance
 from tests.decision.fakes import VALUES, FakeDomain, FakePlanner, FakeReasoner, FakeWorld
 
@@ -105,14 +105,14 @@ def run_and_kill(path: Path, lines: int, delay: float) -> list[str]:
     if child == 0:
         try:
             os.close(reader)
-            connect = writing.connect_writer
+            connect = database.connect
 
-            def connect_slowly(path: Path) -> sqlite3.Connection:
-                connection = connect(path)
+            def connect_slowly(*arguments) -> sqlite3.Connection:
+                connection = connect(*arguments)
                 connection.set_progress_handler(lambda: time.sleep(PAUSE), INSTRUCTIONS)
                 return connection
 
-            writing.connect_writer = connect_slowly
+            database.connect = connect_slowly
             run(path, lambda words: os.write(writer, f"{words}\n".encode()))
         except BaseException:
             traceback.print_exc()

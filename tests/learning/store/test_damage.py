@@ -71,10 +71,9 @@ def append_anew(path, rows):
 
 
 @settings(max_examples=80)
-@given(data=st.data())
-def test_any_flipped_byte_loses_few_records_and_is_reported(whole, path, data):
-    at = data.draw(st.integers(0, len(whole) - 1))
-    flip = data.draw(st.integers(1, 255))
+@given(at=st.integers(0, 2**20), flip=st.integers(1, 255))
+def test_any_flipped_byte_loses_few_records_and_is_reported(whole, path, at, flip):
+    at %= len(whole)
     write_file(path, whole[:at] + bytes([whole[at] ^ flip]) + whole[at + 1 :])
     try:
         rows, snapshot = read_rows(path)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from lcorpp.learning.streaming.track import Clock
+from lcorpp.learning.streaming.resampler import Clock
 
 
 def passed(*stamps: float) -> float:

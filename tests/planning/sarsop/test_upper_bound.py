@@ -12,7 +12,7 @@ from hypothesis import given, settings, strategies as st
 from lcorpp.planning import Pomdp, parse_pomdp
 from lcorpp.planning.sarsop.kernels import build_model
 from lcorpp.planning.sarsop.numpy_kernels import sawtooth
-from lcorpp.planning.sarsop.upper_bound import SawtoothBound
+from lcorpp.planning.upper_bounds import SawtoothBound
 from tests.planning.models import TIGER
 from tests.planning.sarsop.kernels import BOTH, close, make_tree, random_models, search
 
@@ -94,12 +94,12 @@ def test_nearly_equal_beliefs_share_a_node_but_not_its_bound(kernels):
 
 
 def test_removed_points_have_no_effect():
-    points = sawtooth.Points(4)
+    points = sawtooth.Points.empty(4)
     corners = np.full(4, 10.0)
     for stamp in range(40):
         inside = np.array([stamp % 4, (stamp + 1) % 4])
         inside.sort()
-        points.add(inside, np.array([0.5, 0.5]), float(stamp % 7), corners, stamp)
+        points = points.append(inside, np.array([0.5, 0.5]), float(stamp % 7), corners, stamp)
     belief = np.full((1, 4), 0.25)
     lowest = points.compute_correction(belief, 0)
     assert lowest == pytest.approx(-5)  # a point of value 0 has half of the belief
@@ -110,16 +110,16 @@ def test_removed_points_have_no_effect():
     assert not points.remove(77)
     before = points.compute_correction(belief, 0)
     assert before == pytest.approx(-0.5 * 9)
-    points.compact()
-    assert points.count == 34
+    points = points.compact()
+    assert len(points.stamps) == 34
     assert points.compute_correction(belief, 0) == before
     assert [points.get_point(k)[0] for k in range(3)] == [1, 2, 3]
-    points.refresh(np.full(4, 5.0))
+    points = points.lower_corners(np.full(4, 5.0))
     assert points.compute_correction(belief, 0) == pytest.approx(-0.5 * 4)
 
 
 def test_a_subnormal_weight_is_support():
     """1 / p overflows; the point must not count at beliefs without that state."""
-    points = sawtooth.Points(3)
-    points.add(np.array([0, 1]), np.array([1 - 1e-16, 1e-310]), 0.0, np.full(3, 10.0), 0)
+    points = sawtooth.Points.empty(3)
+    points = points.append(np.array([0, 1]), np.array([1 - 1e-16, 1e-310]), 0.0, np.full(3, 10.0), 0)
     assert points.compute_correction(np.array([[1.0, 0, 0], [0, 1, 0]]), 0).tolist() == [0, 0]

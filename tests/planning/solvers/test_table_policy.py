@@ -68,7 +68,7 @@ def test_qmdp_expects_information_for_free():
 def test_the_tables_of_the_tiger():
     """With observed tiger, the reward is 10 in every step: 200 in total; listening first costs 11."""
     qmdp = solve_qmdp(tiger)
-    assert qmdp.policy.upper_bound.table == pytest.approx(
+    assert qmdp.policy.upper_bound.vectors == pytest.approx(
         np.array([[189, 189], [90, 200], [200, 90]]), abs=1e-4
     )
     assert qmdp.upper == pytest.approx(189, abs=1e-4)
@@ -82,7 +82,7 @@ def test_qmdp_is_above_fib_and_that_above_the_truth(pomdp):
     # interrupted when the tables are complete, before the evaluation of the policies
     qmdp, fib = (solver(pomdp, precision=1e-3, callback=interrupt) for solver in (solve_qmdp, solve_fib))
     exact = solve_exact(pomdp, precision=1e-3, time_limit=0.2)
-    assert (qmdp.policy.upper_bound.table >= fib.policy.upper_bound.table - 1e-9).all()
+    assert (qmdp.policy.upper_bound.vectors >= fib.policy.upper_bound.vectors - 1e-9).all()
     for belief in (pomdp.start, *corners(pomdp)):
         seen, informed = qmdp.policy.upper_bound.value(belief), fib.policy.upper_bound.value(belief)
         assert seen >= informed - 1e-9

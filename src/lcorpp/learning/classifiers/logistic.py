@@ -7,12 +7,11 @@ from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import expit, softmax
-from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.linear_model import LogisticRegression
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
+from lcorpp.learning.contract import ProbabilityClassifier, to_probabilities
 from lcorpp.values import Array
 
 CLIP = 3.0
@@ -21,7 +20,7 @@ CLIP = 3.0
 MAX_ITERATIONS = 2000
 
 
-class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
+class QuadraticLogistic(ProbabilityClassifier):
     """Scikit-learn's logistic regression on standardised, clipped features and their squares.
 
     The squares let a medium value indicate one class and both extremes another. There are no products of two
@@ -67,13 +66,7 @@ class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  
         if features.ndim != 2 or features.shape[1] != len(self.mean_):
             raise DataError(f"trained on {len(self.mean_)} features, given shape {features.shape}")
         scores = self._add_squares(features) @ self.weights_.T + self.bias_
-        if len(self.classes_) == 2:
-            return np.concatenate([expit(-scores), expit(scores)], axis=1)
-        return np.asarray(softmax(scores, axis=1))
-
-    def predict(self, X: npt.ArrayLike) -> npt.NDArray[Any]:
-        """(cases,) the most probable of `classes_`."""
-        return np.asarray(self.classes_[self.predict_proba(X).argmax(axis=1)])
+        return to_probabilities(scores[:, 0] if len(self.classes_) == 2 else scores)
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
         """The fitted state, for `storage`."""
@@ -92,17 +85,14 @@ class QuadraticLogistic(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  
         Raises:
             DataError: the arrays do not match.
         """
-        classes, mean, scale = arrays["classes"], arrays["mean"], arrays["scale"]
-        weights, bias = arrays["weights"], arrays["bias"]
-        rows = 1 if len(classes) == 2 else len(classes)
+        classes, *others = (arrays[name] for name in ("classes", "mean", "scale", "weights", "bias"))
+        mean, scale, weights, bias = others
+        n, rows = mean.size, 1 if len(classes) == 2 else len(classes)
         if (
             classes.ndim != 1
             or len(classes) < 2
-            or mean.ndim != 1
-            or scale.shape != mean.shape
-            or weights.shape != (rows, 2 * len(mean))
-            or bias.shape != (rows,)
-            or not all(np.isfinite(array).all() for array in (mean, scale, weights, bias))
+            or [array.shape for array in others] != [(n,), (n,), (rows, 2 * n), (rows,)]
+            or not all(np.isfinite(array).all() for array in others)
             or not (scale > 0).all()
         ):
             raise DataError("a logistic regression needs finite weights, two per feature, and scales above 0")

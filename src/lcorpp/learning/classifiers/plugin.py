@@ -33,7 +33,12 @@ def load_learner_plugin(name: str, arguments: Mapping[str, Any], required: Colle
     place, _, function_name = name.rpartition(":")
     if not place or not function_name:
         raise DataError(f"learner {name!r}: expected MODULE:FUNCTION or FILE.py:FUNCTION")
-    module = _load_file(Path(place)) if place.endswith(".py") else _import_module(place)
+    if place.endswith(".py"):
+        path = Path(place)
+        module = load_file(path, f"lcorpp_learner_{path.stem}", DataError, importable=True)
+        register_pickle_by_value(module)  # worker processes cannot import it by name
+    else:
+        module = _import_module(place)
     function = getattr(module, function_name, None)
     if not callable(function):
         known = [key for key, value in vars(module).items() if callable(value) and not key.startswith("_")]
@@ -64,10 +69,3 @@ def _import_module(name: str) -> ModuleType:
         raise DataError(
             f"learner module {name!r} cannot be loaded: {type(error).__name__}: {error}"
         ) from error
-
-
-def _load_file(path: Path) -> ModuleType:
-    """Load a file as a module that is pickled by value: worker processes cannot import it by name."""
-    module = load_file(path, f"lcorpp_learner_{path.stem}", DataError, importable=True)
-    register_pickle_by_value(module)
-    return module

@@ -105,22 +105,19 @@ def _trees(step: Any) -> Iterable[Any]:
     """Yield the trees of a step, however deep."""
     if hasattr(step, "tree_"):
         yield step.tree_
-    inner = getattr(step, "estimators_", ())
-    for part in np.ravel(np.asarray(inner, dtype=object)) if len(inner) else ():
-        yield from _trees(part)
-    for attribute in ("classifier_", "estimator_", "estimator"):
-        part = getattr(step, attribute, None)
+    parts = [getattr(step, name, None) for name in ("classifier_", "estimator_", "estimator")]
+    parts += np.ravel(np.asarray(getattr(step, "estimators_", ()), dtype=object)).tolist()
+    for part in parts:
         if part is not None:
             yield from _trees(part)
 
 
 def _check_links(name: str, tree: Any) -> None:
     """Raise DataError if a link of a tree leads outside it or backwards."""
-    nodes = np.arange(tree.node_count)
+    nodes, split = np.arange(tree.node_count), tree.children_left != -1
+    is_valid = ((tree.feature[split] >= 0) & (tree.feature[split] < tree.n_features)).all()
     for children in (tree.children_left, tree.children_right):
         inner = children != -1
-        if not ((children[inner] > nodes[inner]) & (children[inner] < tree.node_count)).all():
-            raise DataError(f"step {name!r} cannot be loaded: a tree in it is damaged")
-    split = tree.children_left != -1
-    if not ((tree.feature[split] >= 0) & (tree.feature[split] < tree.n_features)).all():
+        is_valid &= ((children[inner] > nodes[inner]) & (children[inner] < tree.node_count)).all()
+    if not is_valid:
         raise DataError(f"step {name!r} cannot be loaded: a tree in it is damaged")

@@ -14,8 +14,6 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -30,11 +28,16 @@ from lcorpp.learning.classifiers.trained import TrainedClassifier
 from lcorpp.learning.evaluation.calibration import Calibration
 from lcorpp.learning.evaluation.thresholds import DecisionThreshold
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
+from lcorpp.learning.features.summaries import SummaryFeatures
+from lcorpp.learning.lstm import LstmClassifier
 from lcorpp.values import ConfusionMatrix
 
 FORMAT, VERSION = "lcorpp classifier", 2
 CALLBACK = "progress"
 """The parameter that is a function and is not stored."""
+
+STORED_NAMES = {"Motion": {"features": "channels"}, "QuadraticLogistic": {"C": "strength"}}
+"""Kind of step -> parameter -> its name in files, if it has another one there."""
 
 DAMAGED = (
     *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError),
@@ -42,14 +45,6 @@ DAMAGED = (
     *(SyntaxError, tokenize.TokenError),  # numpy parses array headers as Python
 )
 """What numpy, zipfile and json raise on invalid bytes."""
-
-
-@dataclass(frozen=True)
-class StepKind:
-    """A kind of step that is stored natively. stored_names: parameter -> its name in files, if different."""
-
-    type: Any
-    stored_names: Mapping[str, str] = field(default_factory=dict)
 
 
 def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
@@ -60,27 +55,25 @@ def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
             safely.
         FileError: the file cannot be written.
     """
-    if not isinstance(classifier.estimator, Pipeline):
-        raise DataError(f"only a pipeline can be stored, not {type(classifier.estimator).__name__}")
-    kinds = _step_kinds()
-    names = {kind.type: name for name, kind in kinds.items()}
+    kinds = _native_kinds()
+    names = {kind: name for name, kind in kinds.items()}
     steps: list[dict[str, Any]] = []
     arrays: dict[str, Any] = {}
-    for name, step in classifier.estimator.steps:
-        kind = names.get(type(step))
-        if kind is None:
-            steps.append({"name": name, "kind": SKOPS, "parameters": {}})
+    for name, step in _list_steps(classifier.estimator):
+        kind = names.get(type(step), SKOPS)
+        parameters: dict[str, Any] = {}
+        if kind == SKOPS:
             arrays[f"{name}/{SKOPS}"] = dump_step(name, step, tuple(kinds))
-            continue
-        stored_names = kinds[kind].stored_names
-        parameters = {
-            stored_names.get(key, key): value for key, value in step.get_params().items() if key != CALLBACK
-        }
+        else:
+            stored_names = STORED_NAMES.get(kind, {})
+            for key, value in step.get_params().items():
+                if key != CALLBACK:
+                    parameters[stored_names.get(key, key)] = value
+            try:
+                arrays.update({f"{name}/{key}": value for key, value in step.to_arrays().items()})
+            except (AttributeError, ValueError):  # scikit-learn's NotFittedError is both
+                raise DataError(f"step {name!r} is not trained; nothing to store") from None
         steps.append({"name": name, "kind": kind, "parameters": parameters})
-        try:
-            arrays.update({f"{name}/{key}": value for key, value in step.to_arrays().items()})
-        except (AttributeError, ValueError):  # scikit-learn's NotFittedError is both
-            raise DataError(f"step {name!r} is not trained; nothing to store") from None
     matrix, threshold = classifier.confusion, classifier.threshold
     header = {
         "format": FORMAT,
@@ -134,36 +127,39 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
         raise DataError(f"{path}: not a stored classifier, or a damaged one: {error}") from None
 
 
-def _step_kinds() -> dict[str, StepKind]:
+def _native_kinds() -> dict[str, Any]:
     """The natively stored steps by their name in files, which does not change with the class name."""
     from lcorpp.learning.classifiers.logistic import QuadraticLogistic
-    from lcorpp.learning.features.summaries import SummaryFeatures
-    from lcorpp.learning.lstm import LstmClassifier
 
     return {
-        "Motion": StepKind(Motion, {"features": "channels"}),
-        "Scaling": StepKind(ChannelStandardizer),
-        "LstmClassifier": StepKind(LstmClassifier),
-        "Summaries": StepKind(SummaryFeatures),
-        "QuadraticLogistic": StepKind(QuadraticLogistic, {"C": "strength"}),
+        "Motion": Motion,
+        "Scaling": ChannelStandardizer,
+        "LstmClassifier": LstmClassifier,
+        "Summaries": SummaryFeatures,
+        "QuadraticLogistic": QuadraticLogistic,
     }
+
+
+def _list_steps(estimator: Any) -> list[tuple[str, Any]]:
+    if not isinstance(estimator, Pipeline):
+        raise DataError(f"only a pipeline can be stored, not {type(estimator).__name__}")
+    return list(estimator.steps)
 
 
 def _load_step(step: dict[str, Any], arrays: dict[str, npt.NDArray[Any]]) -> Any:
-    kinds = _step_kinds()
+    kinds, kind = _native_kinds(), step["kind"]
     prefix = f"{step['name']}/"
     own = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
-    if step["kind"] == SKOPS:
+    if kind == SKOPS:
         return load_step(step["name"], own[SKOPS])
-    if step["kind"] not in kinds:
-        raise DataError(f"step of unknown kind {step['kind']!r}; {expected_one_of(list(kinds))}")
-    kind = kinds[step["kind"]]
-    current_names = {stored: name for name, stored in kind.stored_names.items()}
+    if kind not in kinds:
+        raise DataError(f"step of unknown kind {kind!r}; {expected_one_of(list(kinds))}")
     parameters = {  # JSON has no tuples
-        current_names.get(key, key): tuple(value) if isinstance(value, list) else value
-        for key, value in step["parameters"].items()
+        key: tuple(value) if isinstance(value, list) else value for key, value in step["parameters"].items()
     }
-    return kind.type(**parameters).restore_arrays(own)
+    for name, stored in STORED_NAMES.get(kind, {}).items():
+        parameters[name] = parameters.pop(stored)
+    return kinds[kind](**parameters).restore_arrays(own)
 
 
 def check_storable(estimator: Any) -> None:
@@ -172,10 +168,7 @@ def check_storable(estimator: Any) -> None:
     Raises:
         DataError: the estimator is no pipeline, or has a step that cannot be stored safely.
     """
-    if not isinstance(estimator, Pipeline):
-        raise DataError(f"only a pipeline can be stored, not {type(estimator).__name__}")
-    kinds = _step_kinds()
-    native = {kind.type for kind in kinds.values()}
-    for name, step in estimator.steps:
-        if type(step) not in native:
+    kinds = _native_kinds()
+    for name, step in _list_steps(estimator):
+        if type(step) not in kinds.values():
             dump_step(name, step, tuple(kinds))

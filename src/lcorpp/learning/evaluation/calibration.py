@@ -30,6 +30,9 @@ STARTS = ((0.0, 0.01), (1.0, 0.1))
 MIN_LAPSE, MAX_LAPSE_SUM = 1e-6, 0.9
 """The smallest lapse, so that no class becomes impossible, and the largest sum of lapses."""
 
+ARRAYS = ("offsets", "lapses", "shares")
+"""The fields of a calibration that are arrays (K,)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
@@ -55,7 +58,7 @@ class Calibration:
     shares: Array
 
     def __post_init__(self) -> None:
-        for name in ("offsets", "lapses", "shares"):
+        for name in ARRAYS:
             object.__setattr__(self, name, freeze(getattr(self, name)))
         k = len(self.classes)
         if k < 2 or any(part.shape != (k,) for part in (self.offsets, self.lapses, self.shares)):
@@ -69,12 +72,8 @@ class Calibration:
             raise DataError(f"the shares of a calibration sum to {self.shares.sum():g}, not 1")
 
     def __repr__(self) -> str:
-        parts = [
-            f"{name}: offset {offset:.3g}, lapse {lapse:.3g}, share {share:.3g}"
-            for name, offset, lapse, share in zip(
-                self.classes, self.offsets, self.lapses, self.shares, strict=True
-            )
-        ]
+        rows = zip(self.classes, self.offsets, self.lapses, self.shares, strict=True)
+        parts = [f"{name}: offset {o:.3g}, lapse {lapse:.3g}, share {s:.3g}" for name, o, lapse, s in rows]
         shown = parts if len(parts) <= 6 else [*parts[:6], f"and {len(parts) - 6} more classes"]
         return f"<Calibration: slope {self.slope:.3g}; {'; '.join(shown)}>"
 
@@ -85,18 +84,12 @@ class Calibration:
 
     def likelihoods(self, probabilities: Array) -> list[Likelihood]:
         """The likelihood of each case (cases, K): calibrated probabilities over class frequencies."""
-        weights = self.calibrate(probabilities) / self.shares
-        return [Likelihood(self.classes, row) for row in weights]
+        return [Likelihood(self.classes, row) for row in self.calibrate(probabilities) / self.shares]
 
     def to_json(self) -> dict[str, Any]:
         """Return the parameters as plain values."""
-        return {
-            "classes": list(self.classes),
-            "slope": self.slope,
-            "offsets": self.offsets.tolist(),
-            "lapses": self.lapses.tolist(),
-            "shares": self.shares.tolist(),
-        }
+        arrays = {name: getattr(self, name).tolist() for name in ARRAYS}
+        return {"classes": list(self.classes), "slope": self.slope, **arrays}
 
     @classmethod
     def from_json(cls, numbers: Mapping[str, Any]) -> Calibration:
@@ -106,8 +99,7 @@ class Calibration:
             DataError: the parameters do not match.
         """
         classes = tuple(str(name) for name in numbers["classes"])
-        offsets, lapses, shares = (np.array(numbers[name]) for name in ("offsets", "lapses", "shares"))
-        return cls(classes, float(numbers["slope"]), offsets, lapses, shares)
+        return cls(classes, float(numbers["slope"]), *(np.array(numbers[name]) for name in ARRAYS))
 
 
 def fit_calibration(classes: Sequence[str], probabilities: Array, labels: Sequence[str]) -> Calibration:
@@ -124,7 +116,13 @@ def fit_calibration(classes: Sequence[str], probabilities: Array, labels: Sequen
     (n + 1) / (n + K). The logarithm of the slope has a standard normal prior, which matters only for some ten
     cases.
     """
-    index = _find_class_indices(classes, labels)
+    columns = {name: column for column, name in enumerate(classes)}
+    if not len(labels):
+        raise DataError("no cases to calibrate on")
+    for name in labels:
+        if name not in columns:
+            raise DataError(f"a case is of class {name!r}; {expected_one_of(list(classes))}")
+    index = np.array([columns[name] for name in labels])
     k, cases = len(classes), len(index)
     counts = np.bincount(index, minlength=k).astype(np.float64)
     targets = ((np.eye(k) * counts[:, None] + 1) / (counts[:, None] + k))[index]
@@ -135,11 +133,8 @@ def fit_calibration(classes: Sequence[str], probabilities: Array, labels: Sequen
         curve = softmax(slope * logs + offsets, axis=1)
         calibrated = lapses + (1 - lapses.sum()) * curve
         by_probability = -targets / calibrated / cases
-        by_score = (
-            (1 - lapses.sum())
-            * curve
-            * (by_probability - (by_probability * curve).sum(axis=1, keepdims=True))
-        )
+        centred = by_probability - (by_probability * curve).sum(axis=1, keepdims=True)
+        by_score = (1 - lapses.sum()) * curve * centred
         by_lapse = by_probability.sum(axis=0) - (by_probability * curve).sum()
         by_slope = slope * float((by_score * logs).sum()) + parameters[0] / cases
         value = -(targets * np.log(calibrated)).sum() / cases + parameters[0] ** 2 / 2 / cases
@@ -147,10 +142,8 @@ def fit_calibration(classes: Sequence[str], probabilities: Array, labels: Sequen
 
     bounds = [(-5.0, 5.0), *[(None, None)] * (k - 1), *[(MIN_LAPSE, MAX_LAPSE_SUM / k)] * k]
     starts = [np.concatenate([[slope], np.zeros(k - 1), np.full(k, lapses / k)]) for slope, lapses in STARTS]
-    best = min(
-        (minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds) for start in starts),
-        key=lambda result: float(result.fun),
-    )
+    fits = [minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds) for start in starts]
+    best = min(fits, key=lambda result: float(result.fun))
     shares = (counts + 0.5) / (counts + 0.5).sum()
     return Calibration(tuple(classes), *_unpack_parameters(best.x, k), shares)
 
@@ -159,12 +152,11 @@ def cross_calibrate(validation: Validation) -> Array:
     """(cases, K) the out-of-fold probabilities, each fold calibrated by a fit to the other folds."""
     calibrated = np.empty_like(validation.probabilities)
     folds, labels = np.array(validation.folds), np.array(validation.labels)
+    given = validation.probabilities
     for fold in np.unique(folds):
         others = folds != fold
-        calibration = fit_calibration(
-            validation.classes, validation.probabilities[others], labels[others].tolist()
-        )
-        calibrated[~others] = calibration.calibrate(validation.probabilities[~others])
+        calibration = fit_calibration(validation.classes, given[others], labels[others].tolist())
+        calibrated[~others] = calibration.calibrate(given[~others])
     return calibrated
 
 
@@ -175,14 +167,3 @@ def _unpack_parameters(parameters: Array, k: int) -> tuple[float, Array, Array]:
 
 def _clip_and_log(probabilities: Array) -> Array:
     return np.log(np.clip(probabilities, MIN_PROBABILITY, 1 - MIN_PROBABILITY))
-
-
-def _find_class_indices(classes: Sequence[str], labels: Sequence[str]) -> np.ndarray:
-    """(cases,) the column of each label."""
-    columns = {name: column for column, name in enumerate(classes)}
-    if not len(labels):
-        raise DataError("no cases to calibrate on")
-    for name in labels:
-        if name not in columns:
-            raise DataError(f"a case is of class {name!r}; {expected_one_of(list(classes))}")
-    return np.array([columns[name] for name in labels], dtype=np.intp)

@@ -21,7 +21,6 @@ training cases, the landmarks).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +34,8 @@ from threadpoolctl import threadpool_limits
 from lcorpp.errors import DataError
 from lcorpp.learning.data.npz import to_recording
 from lcorpp.learning.data.tracks import Recording, Track
+from lcorpp.learning.evaluation.metrics import Flags
+from lcorpp.learning.evaluation.validation import Indices, find_test_folds
 from lcorpp.values import Array, Dataset, Interval
 
 MIN_SUSPICIOUS_AUC = 0.7
@@ -60,32 +61,17 @@ COLLINEARITY_FACTOR = 4  # rounding errors in the deviation of a point from the 
 CLOCK_DECIMALS = 9  # of a sampling feature: the rounding of a clock is not a trace
 MILLIMETRE = 1e-3
 
-SHORTCUT_FEATURES: Mapping[str, tuple[str, ...]] = {
-    "end position": ("x", "y"),
-    "duration": ("duration", "samples"),
-    "sampling": (
-        "mean interval",
-        "median interval",
-        "standard deviation of the interval",
-        "longest interval",
-        "fraction of collinear points",
-        "longest run of collinear points",
-        "fraction of repeated positions",
-        "fraction in whole millimetres",
-    ),
-}
-"""Shortcut -> names of its features, in the order of the arrays of `compute_shortcut_features`."""
+SHORTCUTS = ("end position", "duration", "sampling")
+"""The shortcuts by name; `compute_shortcut_features` describes their features."""
 
 Strings = npt.NDArray[np.str_]
-Indices = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class ShortcutScore:
     """How well one shortcut predicts the labels.
 
-    name: one of `SHORTCUT_FEATURES`.
+    name: one of `SHORTCUTS`.
     auc: area under the ROC curve, mean over splits, with a 95 % bootstrap confidence interval over groups; .5
         is chance, 1 a perfect leak; for more than two classes, the mean of each against the others.
     """
@@ -115,7 +101,7 @@ def measure_leakage(
         seed: seed of the splits, the landmarks and the confidence interval.
 
     Returns:
-        One score for every entry of `SHORTCUT_FEATURES`, in this order, also if it is at chance.
+        One score for every entry of `SHORTCUTS`, in this order, also if it is at chance.
 
     Raises:
         DataError: there are not two classes, each in two groups or more; a track has no label or position; or
@@ -134,7 +120,7 @@ def measure_leakage(
     with threadpool_limits(1):  # small matrices: threads on busy cores would only wait for each other
         return tuple(
             _measure_shortcut(name, np.stack([each[name] for each in features]), labels, groups, folds, seed)
-            for name in SHORTCUT_FEATURES
+            for name in SHORTCUTS
         )
 
 
@@ -147,9 +133,8 @@ def format_leakage_warning(data: Dataset | Recording) -> str | None:
     """
     if _find_missing_requirement(data) is not None:
         return None
-    suspicious = [
-        score for score in measure_leakage(data, n_splits=N_SPLITS_OF_WARNING) if score.is_suspicious
-    ]
+    scores = measure_leakage(data, n_splits=N_SPLITS_OF_WARNING)
+    suspicious = [score for score in scores if score.is_suspicious]
     if not suspicious:
         return None
     shortcuts = " and ".join(f"{score.name} alone (AUC {score.auc.estimate:.2f})" for score in suspicious)
@@ -161,36 +146,33 @@ def format_leakage_warning(data: Dataset | Recording) -> str | None:
 
 
 def compute_shortcut_features(track: Track) -> dict[str, Array]:
-    """Shortcut -> (features,), in the order of `SHORTCUT_FEATURES`, for one track of at least two samples."""
+    """Shortcut -> (features,) of one track of at least two samples.
+
+    End position: x and y. Duration: seconds and number of samples. Sampling: mean, median, standard deviation
+    and maximum of the interval; fraction and longest run of collinear points; fraction of repeated positions
+    and of positions in whole millimetres.
+    """
     positions, step = track.positions, np.diff(track.times)
     tolerance = max(float(np.abs(positions).max()), MILLIMETRE) * RELATIVE_TOLERANCE
     collinear = _find_collinear(track, tolerance)
     repeated = np.all(np.abs(np.diff(positions, axis=1)) <= tolerance, axis=0)
-    on_grid = np.all(
-        np.abs(positions / MILLIMETRE - np.round(positions / MILLIMETRE)) <= tolerance / MILLIMETRE, axis=0
-    )
-    sampling = (
-        *(step.mean(), np.median(step), step.std(), step.max()),
-        *(collinear.mean() if len(collinear) else 0.0, _measure_longest_run(collinear)),
-        *(repeated.mean(), on_grid.mean()),
-    )
+    grid = positions / MILLIMETRE
+    on_grid = np.all(np.abs(grid - np.round(grid)) <= tolerance / MILLIMETRE, axis=0)
+    intervals = [step.mean(), np.median(step), step.std(), step.max()]
+    collinearity = [collinear.mean() if len(collinear) else 0.0, _measure_longest_run(collinear)]
     return {
         "end position": positions[:, -1],
         "duration": np.array([track.duration, len(track)]),
-        "sampling": np.round(sampling, CLOCK_DECIMALS),
+        "sampling": np.round([*intervals, *collinearity, repeated.mean(), on_grid.mean()], CLOCK_DECIMALS),
     }
 
 
 def _find_collinear(track: Track, tolerance: float) -> Flags:
-    """(samples - 2,) whether each inner sample lies on the line between its neighbours, in place and time.
-
-    tolerance: rounding error of a position, in metres.
-    """
+    """(samples - 2,) whether each inner sample is on the line between its neighbours; tolerance: metres."""
     step = np.diff(track.times)
     velocity = np.diff(track.positions, axis=1) / step
     deviation = np.abs(np.diff(velocity, axis=1)) * np.minimum(step[1:], step[:-1])  # metres
-    collinear: Flags = np.all(deviation <= COLLINEARITY_FACTOR * tolerance, axis=0)
-    return collinear
+    return np.asarray(np.all(deviation <= COLLINEARITY_FACTOR * tolerance, axis=0))
 
 
 def _measure_longest_run(flags: Flags) -> float:
@@ -209,7 +191,7 @@ def _find_missing_requirement(data: Dataset | Recording) -> str | None:
         for track in data.tracks:
             if track.label is None:
                 return f"labels; track {track.id!r} has none"
-        labels = tuple(str(label) for label in data.labels)
+        labels = tuple(map(str, data.labels))
         groups = tuple(track.group for track in data.tracks)
     groups_of: dict[str, set[str]] = {}
     for label, group in zip(labels, groups, strict=True):
@@ -226,10 +208,7 @@ def _find_missing_requirement(data: Dataset | Recording) -> str | None:
 def _measure_shortcut(
     name: str, features: Array, labels: Strings, groups: Strings, folds: Indices, seed: int
 ) -> ShortcutScore:
-    """Measure how well features (cases, features) predict the labels.
-
-    labels, groups: (cases,). folds: (splits, cases) the test fold of each case.
-    """
+    """Measure how well features (cases, features) predict the labels; folds: (splits, cases) test folds."""
     features = features[:, np.ptp(features, axis=0) > 0]
     if not features.shape[1]:  # constant features predict nothing
         return ShortcutScore(name, Interval(0.5, 0.5, 0.5))
@@ -250,14 +229,9 @@ def _measure_shortcut(
 def _assign_folds(labels: Strings, groups: Strings, seed: int) -> Indices:
     """(cases,) the test fold of each case; folds are stratified and keep groups whole."""
     folds = min(MAX_FOLDS, *(len(set(groups[labels == name])) for name in np.unique(labels)))
-    fold_of = np.empty(len(labels), dtype=np.intp)
-    ungrouped = len(set(groups)) == len(groups)  # then the plain split is the same, and much faster
-    splitter = (StratifiedKFold if ungrouped else StratifiedGroupKFold)(
-        folds, shuffle=True, random_state=seed
-    )
-    for fold, (_, test) in enumerate(splitter.split(labels, labels, None if ungrouped else groups)):
-        fold_of[test] = fold
-    return fold_of
+    if len(set(groups)) == len(groups):  # then the plain split is the same, and much faster
+        return find_test_folds(StratifiedKFold(folds, shuffle=True, random_state=seed), labels, None)
+    return find_test_folds(StratifiedGroupKFold(folds, shuffle=True, random_state=seed), labels, groups)
 
 
 def _score_out_of_fold(features: Array, labels: Strings, fold_of: Indices, seed: int) -> Array:
@@ -294,15 +268,13 @@ def _score_by_kernel_ridge(train: Array, truth: Array, test: Array, rng: np.rand
     left = to_train.T @ (weights[:, None] * to_train) + RIDGE_PENALTY * inner
     right = to_train.T @ (weights[:, None] * (truth - 1 / classes))
     coefficients = scipy.linalg.solve(left, right, assume_a="pos")
-    scores: Array = _average_kernels(test, landmarks, scale) @ coefficients
-    return scores
+    return np.asarray(_average_kernels(test, landmarks, scale) @ coefficients)
 
 
 def _average_kernels(cases: Array, landmarks: Array, scale: float) -> Array:
     """(cases, landmarks) mean of Gaussian kernels of all `KERNEL_WIDTHS`; scale: a squared distance."""
     squared_distances = cdist(cases, landmarks, "sqeuclidean") / (2 * scale)
-    kernel: Array = np.mean([np.exp(-squared_distances / width**2) for width in KERNEL_WIDTHS], axis=0)
-    return kernel
+    return np.asarray(np.mean([np.exp(-squared_distances / width**2) for width in KERNEL_WIDTHS], axis=0))
 
 
 def _compute_mean_auc(scores: Array, truth: Flags) -> float:
@@ -310,9 +282,8 @@ def _compute_mean_auc(scores: Array, truth: Flags) -> float:
 
     For two classes the second one suffices: the two scores of a case sum to 0.
     """
-    columns = [1] if truth.shape[1] == 2 else range(truth.shape[1])
     areas = []
-    for column in columns:
+    for column in [1] if truth.shape[1] == 2 else range(truth.shape[1]):
         positive = truth[:, column]
         p, n = int(positive.sum()), int((~positive).sum())
         ranks = rankdata(scores[:, :, column], axis=1)[:, positive].sum(axis=1)

@@ -26,6 +26,8 @@ from lcorpp.learning.evaluation.validation import Rate, Validation
 from lcorpp.notebook import html_table
 from lcorpp.values import Array, Interval
 
+NAN = float("nan")
+
 
 @dataclass(frozen=True, eq=False)
 class ProbabilityQuality:
@@ -117,11 +119,16 @@ class EvaluationReport:
             (
                 row.class_name,
                 row.quantity,
-                str(row.interval) if row.has_interval else f"{row.interval.estimate:.3f}",
+                f"{row.interval if row.has_interval else row.interval.estimate:.3f}",
             )
             for row in self.rows()
         ]
         return html_table(("class", "quantity", "value [95 % interval]"), body, caption=self.title)
+
+    @property
+    def is_binary(self) -> bool:
+        """Whether there are two classes, so that `classes` contains the positive one only."""
+        return len(self.classes) == 1
 
     @property
     def title(self) -> str:
@@ -140,15 +147,12 @@ class EvaluationReport:
             for suffix, quality in (("", one.raw), (", calibrated", one.calibrated)):
                 yield Row(one.name, f"Brier score{suffix}", quality.brier)
                 yield Row(one.name, f"expected calibration error{suffix}", quality.ece)
-                yield Row(
-                    one.name,
-                    f"expected calibration error if perfectly calibrated{suffix}",
-                    _make_point_interval(quality.ece_if_calibrated),
-                )
+                if_calibrated = f"expected calibration error if perfectly calibrated{suffix}"
+                yield Row(one.name, if_calibrated, Interval(quality.ece_if_calibrated, NAN, NAN))
             for choice in one.thresholds:
                 best = f"{choice.label} at prevalence {choice.prevalence:.3g}"
-                yield Row(one.name, f"threshold for {best}", _make_point_interval(choice.probability))
-                yield Row(one.name, best, _make_point_interval(choice.score))
+                yield Row(one.name, f"threshold for {best}", Interval(choice.probability, NAN, NAN))
+                yield Row(one.name, best, Interval(choice.score, NAN, NAN))
 
 
 def build_report(
@@ -183,7 +187,7 @@ def build_report(
         raise DataError(f"the prevalence of {missing[0]} is missing; expected {', '.join(reported)}")
     weights = cluster_bootstrap_weights(validation.groups)
     calibrated = cross_calibrate(validation)
-    goals: list[str | tuple[float, float]] = [*GOALS, *([costs] if costs else [])]
+    goals: list[str | tuple[float, float]] = [*GOALS, costs] if costs else [*GOALS]
     parts = []
     for name in reported:
         column, flags = classes.index(name), labels == name
@@ -233,7 +237,3 @@ def _bootstrap(
 ) -> Interval:
     once = np.ones((1, len(scores)))
     return bootstrap_interval(float(metric(scores, positive, once)[0]), metric(scores, positive, weights))
-
-
-def _make_point_interval(value: float) -> Interval:
-    return Interval(value, float("nan"), float("nan"))

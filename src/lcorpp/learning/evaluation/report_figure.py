@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -46,64 +47,65 @@ def plot_report(report: EvaluationReport, path: str | Path) -> None:
 
 def _draw_confusion(axes: Axes, report: EvaluationReport) -> None:
     values = np.array([[rate.value for rate in row] for row in report.rates])
-    axes.imshow(values, cmap="Blues", vmin=0, vmax=1.3, aspect="auto")
+    axes.imshow(values, cmap="Blues", vmin=0, vmax=1.3, aspect="auto")  # never so dark as to hide the text
     for i, row in enumerate(report.rates):
         for j, rate in enumerate(row):
-            text = f"{rate.count}\n{rate.interval:.2f}"
             colour = "white" if rate.value > 0.8 else INK
-            axes.text(j, i, text, ha="center", va="center", color=colour)
-    names = [row[0].true for row in report.rates]
-    axes.set_xticks(range(len(names)), [wrap_text(name, 16) for name in names])
-    axes.set_yticks(range(len(names)), [wrap_text(name, 16) for name in names])
+            axes.text(j, i, f"{rate.count}\n{rate.interval:.2f}", ha="center", va="center", color=colour)
+    names = [wrap_text(row[0].true, 16) for row in report.rates]
+    axes.set_xticks(range(len(names)), names)
+    axes.set_yticks(range(len(names)), names)
     axes.set(xlabel="predicted class", ylabel="true class", title=f"accuracy {report.accuracy}")
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
 
 
-def _draw_roc(axes: Axes, report: EvaluationReport) -> None:
+def _draw_unit_square(axes: Axes, *, xlabel: str, ylabel: str, title: str) -> None:
+    """Draw the axes of two numbers between 0 and 1, and the diagonal."""
     axes.plot([0, 1], [0, 1], color=MUTED, linewidth=1, linestyle=":")
-    for number, one in enumerate(report.classes):
-        colour = BLUE if len(report.classes) == 1 else COLOURS[number % len(COLOURS)]
-        axes.plot(one.roc[0], one.roc[1], color=colour, label=f"{one.name}: AUC {one.auc}")
-        for point, text in _threshold_marks(one.thresholds).items() if len(report.classes) == 1 else ():
-            axes.plot(*point, "o", color=ORANGE, markersize=5)
-            axes.annotate(text, point, xytext=(6, -9), textcoords="offset points", fontsize=8)
-    axes.set(xlabel="false positive rate", ylabel="true positive rate", title="ROC curve")
-    axes.set(xlim=(-0.01, 1.01), ylim=(-0.01, 1.01))
-    axes.legend(loc="lower right", frameon=False)
+    axes.set(xlabel=xlabel, ylabel=ylabel, title=title, xlim=(-0.01, 1.01), ylim=(-0.01, 1.01))
     despine(axes)
 
 
-def _threshold_marks(choices: Sequence[ThresholdChoice]) -> dict[tuple[float, float], str]:
-    """Point of the ROC curve -> text with the goals whose threshold lies there."""
-    goals: dict[tuple[float, float], list[str]] = {}
+def _draw_roc(axes: Axes, report: EvaluationReport) -> None:
+    _draw_unit_square(axes, xlabel="false positive rate", ylabel="true positive rate", title="ROC curve")
+    colours = cycle([BLUE] if report.is_binary else COLOURS)
+    for evaluation, colour in zip(report.classes, colours, strict=False):
+        axes.plot(*evaluation.roc, color=colour, label=f"{evaluation.name}: AUC {evaluation.auc}")
+    if report.is_binary:
+        _mark_thresholds(axes, report.classes[0].thresholds)
+    axes.legend(loc="lower right", frameon=False)
+
+
+def _mark_thresholds(axes: Axes, choices: Sequence[ThresholdChoice]) -> None:
+    """Mark each chosen point of the ROC curve with the goals whose threshold lies there."""
+    choices_at: dict[tuple[float, float], list[ThresholdChoice]] = {}
     for choice in choices:
-        goals.setdefault((choice.fpr, choice.tpr), []).append(choice.goal)
-    first = {(choice.fpr, choice.tpr): choice.probability for choice in reversed(choices)}
-    return {point: f"{', '.join(names)}: threshold {first[point]:.2f}" for point, names in goals.items()}
+        choices_at.setdefault((choice.fpr, choice.tpr), []).append(choice)
+    for point, chosen in choices_at.items():
+        text = f"{', '.join(choice.goal for choice in chosen)}: threshold {chosen[0].probability:.2f}"
+        axes.plot(*point, "o", color=ORANGE, markersize=5)
+        axes.annotate(text, point, xytext=(6, -9), textcoords="offset points", fontsize=8)
 
 
 def _draw_reliability(axes: Axes, report: EvaluationReport) -> None:
-    axes.plot([0, 1], [0, 1], color=MUTED, linewidth=1, linestyle=":")
-    single = len(report.classes) == 1
-    for number, one in enumerate(report.classes):
-        if single:
-            _draw_bins(axes, f"raw: ECE {one.raw.ece}", BLUE, one.raw.reliability)
-            _draw_bins(axes, f"calibrated: ECE {one.calibrated.ece}", ORANGE, one.calibrated.reliability)
-        else:
-            label = f"{one.name}: ECE {one.calibrated.ece}"
-            _draw_bins(axes, label, COLOURS[number % len(COLOURS)], one.calibrated.reliability)
-    title = "reliability diagram" if single else "reliability diagram, calibrated"
-    axes.set(xlabel="mean predicted probability", ylabel="observed frequency", title=title)
-    axes.set(xlim=(-0.01, 1.01), ylim=(-0.01, 1.01))
+    title = "reliability diagram" if report.is_binary else "reliability diagram, calibrated"
+    _draw_unit_square(axes, xlabel="mean predicted probability", ylabel="observed frequency", title=title)
+    if report.is_binary:
+        raw, calibrated = report.classes[0].raw, report.classes[0].calibrated
+        _draw_bins(axes, f"raw: ECE {raw.ece}", BLUE, raw.reliability)
+        _draw_bins(axes, f"calibrated: ECE {calibrated.ece}", ORANGE, calibrated.reliability)
+    else:
+        for evaluation, colour in zip(report.classes, cycle(COLOURS), strict=False):
+            quality = evaluation.calibrated
+            _draw_bins(axes, f"{evaluation.name}: ECE {quality.ece}", colour, quality.reliability)
     axes.legend(loc="upper left", frameon=False)
-    despine(axes)
 
 
 def _draw_bins(axes: Axes, label: str, colour: str, bins: tuple[ReliabilityBin, ...]) -> None:
-    predicted = np.array([part.predicted for part in bins])
-    observed = np.array([part.observed.estimate for part in bins])
-    ends = np.array([[part.observed.low for part in bins], [part.observed.high for part in bins]])
+    predicted, intervals = [each.predicted for each in bins], [each.observed for each in bins]
+    observed = np.array([interval.estimate for interval in intervals])
+    ends = np.array([[interval.low for interval in intervals], [interval.high for interval in intervals]])
     errors = np.abs(ends - observed)
     axes.errorbar(
         predicted, observed, yerr=errors, color=colour, marker="o", markersize=4, capsize=2, label=label
@@ -111,17 +113,17 @@ def _draw_bins(axes: Axes, label: str, colour: str, bins: tuple[ReliabilityBin, 
 
 
 def _draw_scores(axes: Axes, report: EvaluationReport) -> None:
-    if len(report.classes) == 1:
-        one = report.classes[0]
-        groups = [(one.name, ORANGE, one.positive), ("others", BLUE, ~one.positive)]
-        for name, colour, rows in groups:
-            _draw_histogram(axes, one.raw.scores[rows], name, colour)
-        for choice in one.thresholds:
+    if report.is_binary:
+        (evaluation,) = report.classes
+        scores, positive, name = evaluation.raw.scores, evaluation.positive, evaluation.name
+        _draw_histogram(axes, scores[positive], name, ORANGE)
+        _draw_histogram(axes, scores[~positive], "others", BLUE)
+        for choice in evaluation.thresholds:
             axes.axvline(choice.probability, color=INK, linewidth=0.8, linestyle="--")
-        axes.set(xlabel=f"predicted probability of {one.name}, raw")
+        axes.set(xlabel=f"predicted probability of {name}, raw")
     else:
-        for number, one in enumerate(report.classes):
-            _draw_histogram(axes, one.raw.scores[one.positive], one.name, COLOURS[number % len(COLOURS)])
+        for each, colour in zip(report.classes, cycle(COLOURS), strict=False):
+            _draw_histogram(axes, each.raw.scores[each.positive], each.name, colour)
         axes.set(xlabel="predicted probability of the true class, raw")
     axes.set(ylabel="fraction of the true class", title="scores")
     axes.legend(frameon=False)
@@ -130,6 +132,7 @@ def _draw_scores(axes: Axes, report: EvaluationReport) -> None:
 
 
 def _draw_histogram(axes: Axes, scores: Array, label: str, colour: str) -> None:
-    edges, weights = np.linspace(0, 1, 26).tolist(), np.full(len(scores), 1 / max(len(scores), 1))
+    edges = np.linspace(0, 1, 26).tolist()
+    weights = np.full(len(scores), 1 / max(len(scores), 1))
     axes.hist(scores, edges, weights=weights, histtype="stepfilled", alpha=0.35, color=colour, label=label)
     axes.hist(scores, edges, weights=weights, histtype="step", color=colour)

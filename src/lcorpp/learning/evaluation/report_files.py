@@ -12,6 +12,7 @@ from typing import Any
 
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning.evaluation.report import EvaluationReport, ProbabilityQuality
+from lcorpp.learning.evaluation.validation import Rate
 from lcorpp.values import Interval
 
 COLUMNS = ("class", "quantity", "value", "low", "high")
@@ -49,27 +50,14 @@ def as_json(report: EvaluationReport) -> dict[str, Any]:
         "people": report.people,
         "folds": report.folds,
         "accuracy": _interval_as_json(report.accuracy),
-        "confusion": [
-            [
-                {
-                    "true": rate.true,
-                    "predicted": rate.predicted,
-                    "count": rate.count,
-                    "cases": rate.cases,
-                    **_interval_as_json(rate.interval),
-                }
-                for rate in row
-            ]
-            for row in report.rates
-        ],
+        "confusion": [[_rate_as_json(rate) for rate in row] for row in report.rates],
         "classes": {
             one.name: {
                 "cases": one.cases,
                 "auc": _interval_as_json(one.auc),
-                "roc": {
-                    "false_positive_rate": one.roc[0].tolist(),
-                    "true_positive_rate": one.roc[1].tolist(),
-                },
+                "roc": dict(
+                    zip(("false_positive_rate", "true_positive_rate"), one.roc.tolist(), strict=True)
+                ),
                 "raw": _quality_as_json(one.raw),
                 "calibrated": _quality_as_json(one.calibrated),
                 "thresholds": [asdict(choice) for choice in one.thresholds],
@@ -127,6 +115,11 @@ def _format_csv(report: EvaluationReport) -> str:
         ends = (row.interval.low, row.interval.high) if row.has_interval else ("", "")
         writer.writerow((row.class_name, row.quantity, row.interval.estimate, *ends))
     return text.getvalue()
+
+
+def _rate_as_json(rate: Rate) -> dict[str, Any]:
+    names = ("true", "predicted", "count", "cases")
+    return {**{name: getattr(rate, name) for name in names}, **_interval_as_json(rate.interval)}
 
 
 def _quality_as_json(quality: ProbabilityQuality) -> dict[str, Any]:

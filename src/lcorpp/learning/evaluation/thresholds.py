@@ -51,30 +51,16 @@ def apply_threshold(
     return [threshold.name if is_positive else classes[1 - column] for is_positive in positive.tolist()]
 
 
-@dataclass(frozen=True)
-class RocPoints:
-    """Points of a ROC curve, each field (thresholds,): true positive rate and false positive rate."""
-
-    tpr: Array
-    fpr: Array
-
-
 UTILITY_TOLERANCE = 1e-12
 """Utilities that differ by less are treated as equal."""
 
-Goal = Callable[[RocPoints, float], Array]
-"""Utility (thresholds,) of points of the ROC curve at a prevalence; higher is better."""
-
-
-def _f1(roc: RocPoints, prevalence: float) -> Array:
-    predicted = prevalence * roc.tpr + (1 - prevalence) * roc.fpr
-    return np.asarray(2 * prevalence * roc.tpr / (predicted + prevalence))
-
+Goal = Callable[[Array, Array, float], Array]
+"""Utility (thresholds,) of true and false positive rates (thresholds,) at a prevalence; higher is better."""
 
 GOALS: Mapping[str, Goal] = {
-    "accuracy": lambda roc, prevalence: prevalence * roc.tpr + (1 - prevalence) * (1 - roc.fpr),
-    "f1": _f1,
-    "youden": lambda roc, prevalence: roc.tpr - roc.fpr,
+    "accuracy": lambda tpr, fpr, p: p * tpr + (1 - p) * (1 - fpr),
+    "f1": lambda tpr, fpr, p: 2 * p * tpr / (p * tpr + (1 - p) * fpr + p),
+    "youden": lambda tpr, fpr, p: tpr - fpr,
 }
 """The goals of a threshold by name; Youden's J (Cancer 3, 1950) does not depend on the prevalence."""
 
@@ -110,30 +96,22 @@ class ThresholdChoice:
         return -self.out_of_fold if self.goal == "cost" else self.out_of_fold
 
 
-def cost_goal(missed: float, false_alarm: float) -> Goal:
-    """Return the goal of least mean cost, given the costs of a false negative and of a false positive.
+def resolve_goal(goal: str | tuple[float, float]) -> tuple[str, Goal]:
+    """Return name and utility function of a goal, given by name or as costs of a miss and of a false alarm.
 
     Raises:
-        DataError: a cost is negative, or neither is above 0.
+        DataError: the goal is unknown, or a cost is negative, or both are 0.
     """
+    if isinstance(goal, str):
+        if goal not in GOALS:
+            raise DataError(f"unknown goal {goal!r}; {expected_one_of([*GOALS])} or two costs")
+        return goal, GOALS[goal]
+    missed, false_alarm = goal
     if not (0 <= missed < np.inf and 0 <= false_alarm < np.inf and missed + false_alarm > 0):
         raise DataError(
             f"the costs are {missed} and {false_alarm}; expected numbers of at least 0, not both 0"
         )
-    return lambda roc, p: -(p * (1 - roc.tpr) * missed + (1 - p) * roc.fpr * false_alarm)
-
-
-def resolve_goal(goal: str | tuple[float, float]) -> tuple[str, Goal]:
-    """Return name and utility function of a goal, given by name or as two costs.
-
-    Raises:
-        DataError: the goal is unknown, or the costs are invalid.
-    """
-    if not isinstance(goal, str):
-        return "cost", cost_goal(*goal)
-    if goal not in GOALS:
-        raise DataError(f"unknown goal {goal!r}; {expected_one_of([*GOALS])} or two costs")
-    return goal, GOALS[goal]
+    return "cost", lambda tpr, fpr, p: -(p * (1 - tpr) * missed + (1 - p) * fpr * false_alarm)
 
 
 def choose_threshold(
@@ -164,7 +142,7 @@ def choose_threshold(
     if positive.all() or not positive.any():
         raise DataError("a threshold needs positive and negative cases")
     best, in_sample = _find_best(scores, positive, prevalence, utility)
-    roc = _compute_roc_points(scores, positive, np.array([best]))
+    tpr, fpr = _compute_rates(scores, positive, np.array([best]))
     predicted = np.zeros(len(scores), dtype=bool)
     held_out = np.array(folds)
     for fold in np.unique(held_out):
@@ -172,31 +150,25 @@ def choose_threshold(
         has_both = positive[rest].any() and not positive[rest].all()
         fold_best = _find_best(scores[rest], positive[rest], prevalence, utility)[0] if has_both else best
         predicted[~rest] = scores[~rest] >= fold_best
-    out_of_fold = RocPoints(np.array([predicted[positive].mean()]), np.array([predicted[~positive].mean()]))
-    return ThresholdChoice(
-        name,
-        prevalence,
-        best,
-        in_sample,
-        float(utility(out_of_fold, prevalence)[0]),
-        float(roc.tpr[0]),
-        float(roc.fpr[0]),
-    )
+    new_tpr, new_fpr = (np.array([predicted[cases].mean()]) for cases in (positive, ~positive))
+    out_of_fold = float(utility(new_tpr, new_fpr, prevalence)[0])
+    return ThresholdChoice(name, prevalence, best, in_sample, out_of_fold, float(tpr[0]), float(fpr[0]))
 
 
 def _find_best(scores: Array, positive: Flags, prevalence: float, utility: Goal) -> tuple[float, float]:
     """Find the best threshold and its utility; candidates lie halfway between two scores, and at the ends."""
     distinct = np.unique(scores)
     candidates = np.concatenate([[0.0], (distinct[1:] + distinct[:-1]) / 2, [np.nextafter(1.0, 2.0)]])
-    values = utility(_compute_roc_points(scores, positive, candidates), prevalence)
+    values = utility(*_compute_rates(scores, positive, candidates), prevalence)
     best = np.flatnonzero(values >= values.max() - UTILITY_TOLERANCE)
     chosen = best[np.argmin(np.abs(candidates[best] - 0.5))]
     return float(candidates[chosen]), float(values[chosen])
 
 
-def _compute_roc_points(scores: Array, positive: Flags, thresholds: Array) -> RocPoints:
-    positives, negatives = np.sort(scores[positive]), np.sort(scores[~positive])
-    return RocPoints(
-        1 - np.searchsorted(positives, thresholds, side="left") / len(positives),
-        1 - np.searchsorted(negatives, thresholds, side="left") / len(negatives),
+def _compute_rates(scores: Array, positive: Flags, thresholds: Array) -> tuple[Array, Array]:
+    """True and false positive rate (thresholds,) of each threshold."""
+    true, false = (
+        1 - np.searchsorted(np.sort(scores[cases]), thresholds, side="left") / np.count_nonzero(cases)
+        for cases in (positive, ~positive)
     )
+    return true, false

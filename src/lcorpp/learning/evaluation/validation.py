@@ -27,6 +27,9 @@ Progress = Callable[[int, int], None]
 
 Indices = npt.NDArray[np.intp]
 
+WHOLE = -1
+"""The part of the work that trains on all cases; the others are the numbers of the folds."""
+
 
 @dataclass(frozen=True)
 class Rate:
@@ -102,8 +105,7 @@ class Validation:
 
     def with_predictions(self, predictions: Sequence[str]) -> Validation:
         """Return a copy with other predicted classes (cases,), e.g. by another decision threshold."""
-        counts = confusion_matrix(self.labels, list(predictions), labels=list(self.classes))
-        confusion = ConfusionMatrix(self.classes, counts.astype(np.float64))
+        confusion = _count_confusion(self.classes, self.labels, predictions)
         return replace(self, confusion=confusion, predictions=tuple(predictions))
 
 
@@ -118,22 +120,16 @@ def estimate_rates(
         level: the posterior probability of the interval.
         smoothing: of the counts: `JEFFREYS` gives Jeffreys' interval, `LAPLACE` that of a uniform prior.
     """
-    rates = []
-    for true, counts in zip(confusion.classes, confusion.counts.astype(int).tolist(), strict=True):
-        cases = sum(counts)
-        rates.append(
-            tuple(
-                Rate(
-                    true,
-                    predicted,
-                    count,
-                    cases,
-                    jeffreys_interval(count, cases, level=level, smoothing=float(smoothing)),
-                )
-                for predicted, count in zip(confusion.classes, counts, strict=True)
-            )
-        )
-    return tuple(rates)
+    names, counts = confusion.classes, confusion.counts.astype(int).tolist()
+
+    def rate(true: str, predicted: str, count: int, cases: int) -> Rate:
+        interval = jeffreys_interval(count, cases, level=level, smoothing=float(smoothing))
+        return Rate(true, predicted, count, cases, interval)
+
+    return tuple(
+        tuple(rate(true, predicted, count, sum(row)) for predicted, count in zip(names, row, strict=True))
+        for true, row in zip(names, counts, strict=True)
+    )
 
 
 def cross_validate(
@@ -182,52 +178,51 @@ def fit_and_validate(
     check_trainable(dataset, folds=folds)
     labels = np.array(dataset.labels)
     classes = np.unique(labels)
-    fold_of = _assign_folds(dataset, labels, folds, seed)
-    all_cases = np.arange(len(dataset))
-    parts: list[tuple[int, Indices, Indices]] = [
-        (fold, all_cases[fold_of != fold], all_cases[fold_of == fold]) for fold in range(folds)
-    ]
-    if whole:
-        parts.insert(0, (-1, all_cases, all_cases[:0]))  # the longest part first, for load balancing
-
+    fold_of = assign_folds(dataset, folds, seed)
+    parts = [WHOLE, *range(folds)] if whole else list(range(folds))  # the longest first, to balance the load
     quiet = _clone_without_progress(ensure_predict_proba(estimator))
     work = (
-        joblib.delayed(_train_and_predict)(quiet, dataset.trajectories, labels, classes, fold, train, test)
-        for fold, train, test in parts
+        joblib.delayed(_train_and_predict)(quiet, dataset.trajectories, labels, fold_of, part)
+        for part in parts
     )
     final = None
     probabilities = np.empty((len(dataset), len(classes)))
     with joblib.parallel_config(backend="loky", n_jobs=min(jobs, len(parts)), inner_max_num_threads=1):
         with ignore_sigint():
             results = joblib.Parallel(return_as="generator_unordered")(work)
-        for done, (fold, trained, predicted) in enumerate(results, start=1):
-            if fold < 0:
-                final = trained
+        for done, (part, result) in enumerate(results, start=1):
+            if part == WHOLE:
+                final = result
             else:
-                probabilities[fold_of == fold] = predicted
+                probabilities[fold_of == part] = result
             if progress is not None:
                 progress(done, len(parts))
 
-    predictions = classes[probabilities.argmax(axis=1)]
-    counts = confusion_matrix(labels, predictions, labels=classes).astype(np.float64)
+    predictions = tuple(classes[probabilities.argmax(axis=1)].tolist())
+    confusion = _count_confusion(tuple(classes.tolist()), dataset.labels, predictions)
     auc = float(roc_auc_score(labels == classes[1], probabilities[:, 1])) if len(classes) == 2 else None
+    held_out = tuple(fold_of.tolist())
     return final, Validation(
-        ConfusionMatrix(tuple(classes.tolist()), counts),
-        tuple(predictions.tolist()),
-        probabilities,
-        auc,
-        tuple(fold_of.tolist()),
-        dataset.labels,
-        dataset.groups,
+        confusion, predictions, probabilities, auc, held_out, dataset.labels, dataset.groups
     )
 
 
-def _assign_folds(dataset: Dataset, labels: npt.NDArray[np.str_], folds: int, seed: int) -> Indices:
-    """(cases,) the fold in which each case is held out."""
-    fold_of = np.empty(len(dataset), dtype=np.intp)
+def _count_confusion(
+    classes: tuple[str, ...], labels: Sequence[str], predictions: Sequence[str]
+) -> ConfusionMatrix:
+    counts = confusion_matrix(labels, predictions, labels=classes)
+    return ConfusionMatrix(classes, counts.astype(np.float64))
+
+
+def assign_folds(dataset: Dataset, folds: int, seed: int) -> Indices:
+    """(cases,) the fold in which each case is held out; the folds are stratified and keep groups whole.
+
+    Raises:
+        DataError: the other folds lack a class.
+    """
+    labels = np.array(dataset.labels)
     splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed)
-    for fold, (_, test) in enumerate(splitter.split(labels, labels, np.array(dataset.groups))):
-        fold_of[test] = fold
+    fold_of = find_test_folds(splitter, labels, np.array(dataset.groups))
     for fold in range(folds):
         missing = sorted(set(dataset.labels) - set(labels[fold_of != fold].tolist()))
         if missing:  # possible if a group has cases of several classes
@@ -237,31 +232,34 @@ def _assign_folds(dataset: Dataset, labels: npt.NDArray[np.str_], folds: int, se
     return fold_of
 
 
+def find_test_folds(
+    splitter: Any, labels: npt.NDArray[np.str_], groups: npt.NDArray[np.str_] | None
+) -> Indices:
+    """(cases,) the fold of a scikit-learn splitter in which each case is held out."""
+    fold_of = np.empty(len(labels), dtype=np.intp)
+    for fold, (_, test) in enumerate(splitter.split(labels, labels, groups)):
+        fold_of[test] = fold
+    return fold_of
+
+
 def _clone_without_progress(estimator: Any) -> Any:
     """Clone the estimator without its progress callbacks, which may not be picklable."""
-    names = [name for name in estimator.get_params() if name.split("__")[-1] == "progress"]
-    callbacks = {name: estimator.get_params()[name] for name in names}
-    if not any(value is not None for value in callbacks.values()):
+    parameters = estimator.get_params()
+    callbacks = {name: value for name, value in parameters.items() if name.split("__")[-1] == "progress"}
+    if all(value is None for value in callbacks.values()):
         return clone(estimator)
     try:
-        return clone(estimator.set_params(**dict.fromkeys(names)))
+        return clone(estimator.set_params(**dict.fromkeys(callbacks)))
     finally:
         estimator.set_params(**callbacks)
 
 
 def _train_and_predict(
-    estimator: Any,
-    tracks: Array,
-    labels: npt.NDArray[np.str_],
-    classes: npt.NDArray[np.str_],
-    fold: int,
-    train: Indices,
-    test: Indices,
-) -> tuple[int, Any, Array | None]:
-    """Train on some cases; return the predictions for the test cases, or the classifier if there are none."""
+    estimator: Any, tracks: Array, labels: npt.NDArray[np.str_], fold_of: Indices, part: int
+) -> tuple[int, Any]:
+    """Train without a fold; return its number and the predictions for it, or for `WHOLE` the classifier."""
+    train, classes = fold_of != part, np.unique(labels).tolist()
     trained = fit_clone(estimator, tracks[train], labels[train])
-    if trained.classes_.tolist() != classes.tolist():
-        raise DataError(f"the classifier learnt {trained.classes_.tolist()}, not {classes.tolist()}")
-    if not len(test):
-        return fold, trained, None
-    return fold, None, predict_proba(trained, tracks[test])
+    if trained.classes_.tolist() != classes:
+        raise DataError(f"the classifier learnt {trained.classes_.tolist()}, not {classes}")
+    return part, trained if part == WHOLE else predict_proba(trained, tracks[~train])

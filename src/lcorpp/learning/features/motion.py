@@ -110,10 +110,9 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
             DataError: X is not of shape (cases, inputs, samples), not finite, or has fewer than two points.
         """
         check_is_fitted(self, "rows_")
-        tracks = _check_channels(X, len(self.inputs))
-        return self.transform_points(
-            interpolate(tracks, self._compute_interpolation_weights(tracks.shape[2]), self.angles)
-        )
+        tracks = check_tracks(X, len(self.inputs))
+        weights = self._compute_interpolation_weights(tracks.shape[2])
+        return self.transform_points(interpolate(tracks, weights, self.angles))
 
     def transform_stamped(self, times: npt.ArrayLike, values: npt.ArrayLike) -> Array:
         """(1, len(rows_), points) the motion features of one track with a time stamp for each sample.
@@ -147,10 +146,8 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
             previous: (..., inputs, points) the predecessor of each point, or a first point itself.
             first: (..., inputs, points or 1) the first point of each track.
         """
-        return compute_features(
-            self.features,
-            TrackPoints(points, previous, first, inputs=self.inputs, robot=self.robot, rate=self.rate),
-        )
+        track_points = TrackPoints(points, previous, first, self.inputs, self.robot, self.rate)
+        return compute_features(self.features, track_points)
 
     @property
     def angles(self) -> tuple[int, ...]:
@@ -182,9 +179,8 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
             raise DataError(f"the robot's pose is {self.robot}; expected x, y and heading, finite")
 
     def _compute_interpolation_weights(self, samples: int) -> InterpolationWeights:
-        weights = compute_interpolation_weights(
-            np.arange(samples, dtype=np.float64) * self.interval, self.rate
-        )
+        elapsed = np.arange(samples, dtype=np.float64) * self.interval
+        weights = compute_interpolation_weights(elapsed, self.rate)
         if len(weights[0]) < 2:
             raise DataError(
                 f"{samples} time points {self.interval:g} s apart last {(samples - 1) * self.interval:.3g} s;"
@@ -214,7 +210,7 @@ class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc
             DataError: X does not have that shape, is not finite, or has other channels than the training
                 data.
         """
-        return self.standardize(_check_channels(X, len(self.mean_)))
+        return self.standardize(check_tracks(X, len(self.mean_)))
 
     def standardize(self, tracks: Array) -> Array:
         """`tracks` (..., channels, time points), standardized; the input is not checked."""
@@ -230,26 +226,10 @@ class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc
         Raises:
             DataError: the arrays do not match.
         """
-        self.mean_, self.scale_ = arrays["mean"], arrays["scale"]
-        if (
-            self.mean_.ndim != 1
-            or self.mean_.shape != self.scale_.shape
-            or not np.all(self.scale_ > 0)
-            or not np.all(np.isfinite([self.mean_, self.scale_]))
-        ):
+        mean, scale = self.mean_, self.scale_ = arrays["mean"], arrays["scale"]
+        is_valid = mean.ndim == 1 and mean.shape == scale.shape and np.isfinite([mean, scale]).all()
+        if not is_valid or not (scale > 0).all():
             raise DataError(
                 "standardization needs a finite mean and a positive standard deviation per channel"
             )
         return self
-
-
-def _check_channels(X: Any, channels: int) -> Array:
-    """Return X as an array (cases, channels, time points).
-
-    Raises:
-        DataError: X does not have that shape, is not finite, or has another number of channels.
-    """
-    tracks = check_tracks(X)
-    if tracks.shape[1] != channels:
-        raise DataError(f"trained on tracks of {channels} channels, given {tracks.shape[1]}")
-    return tracks

@@ -23,6 +23,7 @@ ANGLES = ("heading", "facing")
 """The inputs that are angles, in radians, anticlockwise from the x axis of the tracks."""
 
 
+@dataclass(eq=False)
 class TrackPoints:
     """Consecutive points of tracks in the robot's frame.
 
@@ -32,23 +33,12 @@ class TrackPoints:
         second.
     """
 
-    def __init__(
-        self,
-        points: Array,
-        previous: Array,
-        first: Array,
-        *,
-        inputs: Sequence[str],
-        robot: Pose,
-        rate: float,
-    ) -> None:
-        self.points, self.previous, self.first = points, previous, first
-        self.robot, self.rate = robot, rate
-        self._row = {name: index for index, name in enumerate(inputs)}
-
-    def find_input(self, name: str) -> Array | None:
-        """(..., points) the input of this name; None if it is not measured."""
-        return self.points[..., self._row[name], :] if name in self._row else None
+    points: Array
+    previous: Array
+    first: Array
+    inputs: Sequence[str]
+    robot: Pose
+    rate: float
 
     @cached_property
     def displacement(self) -> Array:
@@ -63,36 +53,35 @@ class TrackPoints:
     @cached_property
     def position(self) -> Array:
         """(2, ..., points) position relative to the robot: metres ahead of it and to its left."""
-        x, y = (self.points[..., self._row[name], :] for name in ("x", "y"))
-        return self._rotate(x - self.robot[0], y - self.robot[1])
+        return self._rotate(self._find("x") - self.robot[0], self._find("y") - self.robot[1])
 
     @property
     def heading(self) -> Array:
         """(2, ..., points) direction of motion: measured, else that of the increment."""
-        angle = self.find_input("heading")
-        return _normalize(self.increment) if angle is None else self._direction(angle)
+        measured = "heading" in self.inputs
+        return self._compute_direction("heading") if measured else _normalize(self.increment)
 
     @property
     def facing(self) -> Array:
         """(2, ..., points) measured direction of the body or head."""
-        angle = self.find_input("facing")
-        assert angle is not None  # `check_features`
-        return self._direction(angle)
+        return self._compute_direction("facing")
 
     @property
     def velocity(self) -> Array:
         """(1, ..., points) speed, m/s: measured, else length of the increment times the rate."""
-        speed = self.find_input("velocity")
-        return (np.hypot(*self.increment) * self.rate if speed is None else speed)[None]
+        measured = "velocity" in self.inputs
+        return (self._find("velocity") if measured else np.hypot(*self.increment) * self.rate)[None]
+
+    def _find(self, name: str) -> Array:
+        """(..., points) the input of this name."""
+        return self.points[..., self.inputs.index(name), :]
 
     def _compute_vector_from(self, other: Array) -> Array:
-        x, y = self._row["x"], self._row["y"]
-        return self._rotate(
-            self.points[..., x, :] - other[..., x, :], self.points[..., y, :] - other[..., y, :]
-        )
+        rows = [self.inputs.index("x"), self.inputs.index("y")]
+        return self._rotate(*(self.points[..., row, :] - other[..., row, :] for row in rows))
 
-    def _direction(self, angle: Array) -> Array:
-        relative = angle - self.robot[2]
+    def _compute_direction(self, name: str) -> Array:
+        relative = self._find(name) - self.robot[2]
         return np.stack([np.cos(relative), np.sin(relative)])
 
     def _rotate(self, x: Array, y: Array) -> Array:
@@ -105,20 +94,13 @@ class TrackPoints:
 class MotionFeature:
     """One feature of motion.
 
-    rows: the names of its numbers.
-    compute: points -> (rows, ..., points).
+    compute: points -> (rows, ..., points): one row, or cosine and sine of a direction.
     needs: alternative sets of inputs; the feature needs all inputs of one of them.
     """
 
-    rows: tuple[str, ...]
     compute: Callable[[TrackPoints], Array]
-    needs: tuple[frozenset[str], ...]
-
-
-def _make_direction_feature(
-    name: str, compute: Callable[[TrackPoints], Array], *needs: set[str]
-) -> MotionFeature:
-    return MotionFeature((f"{name}_cos", f"{name}_sin"), compute, tuple(map(frozenset, needs)))
+    needs: tuple[set[str], ...]
+    is_direction: bool = False
 
 
 def _normalize(vector: Array) -> Array:
@@ -134,22 +116,22 @@ def _rotate_relative(direction: Array, reference: Array) -> Array:
     return np.stack([rx * dx + ry * dy, rx * dy - ry * dx])
 
 
-_XY = frozenset({"x", "y"})
+_XY = {"x", "y"}
 
 MOTION_FEATURES = {
-    "x": MotionFeature(("x",), lambda p: p.displacement[:1], (_XY,)),
-    "y": MotionFeature(("y",), lambda p: p.displacement[1:], (_XY,)),
-    "velocity": MotionFeature(("velocity",), lambda p: p.velocity, (frozenset({"velocity"}), _XY)),
-    "heading": _make_direction_feature("heading", lambda p: p.heading, {"heading"}, {"x", "y"}),
-    "facing": _make_direction_feature("facing", lambda p: p.facing, {"facing"}),
-    "approach": _make_direction_feature(
-        "approach", lambda p: _rotate_relative(p.heading, _normalize(-p.position)), {"x", "y"}
+    "x": MotionFeature(lambda p: p.displacement[:1], (_XY,)),
+    "y": MotionFeature(lambda p: p.displacement[1:], (_XY,)),
+    "velocity": MotionFeature(lambda p: p.velocity, ({"velocity"}, _XY)),
+    "heading": MotionFeature(lambda p: p.heading, ({"heading"}, _XY), is_direction=True),
+    "facing": MotionFeature(lambda p: p.facing, ({"facing"},), is_direction=True),
+    "approach": MotionFeature(
+        lambda p: _rotate_relative(p.heading, _normalize(-p.position)), (_XY,), is_direction=True
     ),
-    "attention": _make_direction_feature(
-        "attention", lambda p: _rotate_relative(p.facing, _normalize(-p.position)), {"x", "y", "facing"}
+    "attention": MotionFeature(
+        lambda p: _rotate_relative(p.facing, _normalize(-p.position)), ({*_XY, "facing"},), is_direction=True
     ),
-    "distance": MotionFeature(("distance",), lambda p: np.hypot(*p.position)[None], (_XY,)),
-    "bearing": _make_direction_feature("bearing", lambda p: _normalize(p.position), {"x", "y"}),
+    "distance": MotionFeature(lambda p: np.hypot(*p.position)[None], (_XY,)),
+    "bearing": MotionFeature(lambda p: _normalize(p.position), (_XY,), is_direction=True),
 }
 """The motion features by name; the docstring of `Motion` describes each."""
 
@@ -181,7 +163,10 @@ def check_features(features: Sequence[str], inputs: Sequence[str]) -> None:
 
 def list_feature_rows(features: Sequence[str]) -> tuple[str, ...]:
     """The names of the numbers that the features consist of, in order."""
-    return tuple(row for name in features for row in MOTION_FEATURES[name].rows)
+    rows: list[str] = []
+    for name in features:
+        rows += [f"{name}_cos", f"{name}_sin"] if MOTION_FEATURES[name].is_direction else [name]
+    return tuple(rows)
 
 
 def compute_features(features: Sequence[str], points: TrackPoints) -> Array:

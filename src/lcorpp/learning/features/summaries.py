@@ -21,7 +21,6 @@ SEGMENTS = 4
 MIN_SPEED = 0.1
 """m/s; below this speed a direction is noise, and the person counts as not turning."""
 
-
 STANDING_SPEED = 2 * MIN_SPEED
 """m/s; below this speed the person counts as standing still."""
 
@@ -102,8 +101,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
 def _compute_turning(velocity: Array, speed: Array) -> Array:
     """(cases, points - 1) change of direction of velocity (cases, 2, points - 1); 0 while standing."""
     heading = np.arctan2(velocity[:, 1], velocity[:, 0])
-    change = np.diff(heading, axis=1, prepend=heading[:, :1])
-    change = (change + np.pi) % (2 * np.pi) - np.pi
+    change = (np.diff(heading, axis=1, prepend=heading[:, :1]) + np.pi) % (2 * np.pi) - np.pi
     moving = np.minimum(speed, np.concatenate([speed[:, :1], speed[:, :-1]], axis=1)) > MIN_SPEED
     return np.where(moving, change, 0.0)
 

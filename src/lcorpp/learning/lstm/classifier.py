@@ -9,10 +9,10 @@ from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
-from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.exceptions import NotFittedError
 
 from lcorpp.errors import DataError, expected_one_of
+from lcorpp.learning.contract import ProbabilityClassifier
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.lstm.network import Floats, Weights
 from lcorpp.learning.lstm.trainer import TrainingConfig, TrainingSet
@@ -61,7 +61,7 @@ class LstmState:
         self.hidden[index], self.cell[index] = state.hidden, state.cell
 
 
-class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
+class LstmClassifier(ProbabilityClassifier):
     """LSTM, dropout on its last output, one dense layer; a scikit-learn classifier.
 
     Two classes share one sigmoid unit and binary cross-entropy, more have a softmax and cross-entropy. The
@@ -156,18 +156,10 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             NotFittedError: before `fit`.
         """
         weights = self._require_weights()
-        inputs = _to_inputs(check_tracks(X))
-        _check_channels(inputs.shape[2], weights)
-        network = weights.network
+        inputs = _to_inputs(check_tracks(X, weights.channels))
         starts = range(0, len(inputs), _PREDICTION_BATCH)
-        return _to_probabilities(
-            np.concatenate([network.scores(inputs[start : start + _PREDICTION_BATCH]) for start in starts])
-        )
-
-    def predict(self, X: npt.ArrayLike) -> npt.NDArray[Any]:
-        """(cases,) the most probable of `classes_`; raises as `predict_proba`."""
-        best = self.predict_proba(X).argmax(axis=1)
-        return np.asarray(self.classes_[best])
+        scores = [weights.network.scores(inputs[start : start + _PREDICTION_BATCH]) for start in starts]
+        return _to_probabilities(np.concatenate(scores))
 
     def begin(self, n: int = 1) -> LstmState:
         """Return the state before the first time point of n tracks, for `advance`.
@@ -204,7 +196,8 @@ class LstmClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
                 f"expected points of shape ({len(state)}, {weights.channels}), one for each track,"
                 f" not {given.shape}"
             )
-        _check_channels(given.shape[1], weights)
+        if given.shape[1] != weights.channels:
+            raise DataError(f"trained on tracks of {weights.channels} channels, given {given.shape[1]}")
         if not np.abs(given).max(initial=0.0) <= _MAX_INPUT:  # true also for NaN
             track, channel = (int(i) for i in np.argwhere(~(np.abs(given) <= _MAX_INPUT))[0])
             raise DataError(
@@ -263,11 +256,6 @@ def _to_inputs(tracks: Array) -> Floats:
     if np.abs(tracks).max() > _MAX_INPUT:
         raise DataError(f"a track has numbers above {_MAX_INPUT:g}, too large for the LSTM; scale the tracks")
     return np.ascontiguousarray(tracks.transpose(0, 2, 1), dtype=np.float32)
-
-
-def _check_channels(channels: int, weights: Weights) -> None:
-    if channels != weights.channels:
-        raise DataError(f"trained on tracks of {weights.channels} channels, given {channels}")
 
 
 def _to_probabilities(scores: Floats) -> Array:

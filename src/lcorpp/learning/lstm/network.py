@@ -16,7 +16,10 @@ Floats = npt.NDArray[np.float32]
 
 
 class Network(Protocol):
-    """The forward pass. All arrays are float32 and contiguous in C order."""
+    """An LSTM with fixed weights. Its scores are logits: the inputs of the sigmoid or the softmax.
+
+    All arrays are float32 and contiguous in C order.
+    """
 
     def scores(self, tracks: Floats, /) -> Floats:
         """(n, O) the scores after the last time point of tracks (n, time points, C)."""
@@ -32,8 +35,8 @@ class Network(Protocol):
 class Weights:
     """The weights of an LSTM of U units over C channels with O outputs, all float32 and read-only.
 
-    The 4 U rows are the input, forget, cell and output gates, U rows each. O is 1 for two classes, else the
-    number of classes.
+    The 4 U rows are U input gates, U forget gates, U candidates of the cells and U output gates. O is 1 for
+    two classes, else the number of classes.
 
     inputs: (4 U, C).
     recurrent: (4 U, U).
@@ -53,6 +56,8 @@ class Weights:
             copy = np.array(weight, dtype=np.float32, order="C")
             copy.setflags(write=False)
             object.__setattr__(self, name, copy)
+        if [weight.ndim for weight in self.arrays().values()] != [2, 2, 1, 2, 1]:
+            raise DataError("the weights of an LSTM are matrices, its biases vectors")
         units, outputs = self.units, len(self.dense)
         expected = {
             "inputs": (4 * units, self.channels),
@@ -73,12 +78,12 @@ class Weights:
     @classmethod
     def initialize(cls, channels: int, units: int, outputs: int, rng: np.random.Generator) -> Self:
         """Draw initial weights as Keras does: Glorot, orthogonal recurrent weights, forget bias 1."""
-        bias = np.zeros(4 * units)
+        bias = np.zeros(4 * units, dtype=np.float32)
         bias[units : 2 * units] = 1.0
         return cls(
             _glorot(4 * units, channels, rng),
             _orthogonal(4 * units, units, rng),
-            bias.astype(np.float32),
+            bias,
             _glorot(outputs, units, rng),
             np.zeros(outputs, dtype=np.float32),
         )
@@ -93,8 +98,6 @@ class Weights:
         names = {field.name for field in fields(cls)}
         if set(arrays) != names:
             raise DataError(f"an LSTM has the weights {', '.join(sorted(names))}, not {sorted(arrays)}")
-        if any(arrays[name].ndim != 1 + (name not in ("bias", "dense_bias")) for name in names):
-            raise DataError("the weights of an LSTM are matrices, its biases vectors")
         return cls(**arrays)
 
     def arrays(self) -> dict[str, Floats]:
@@ -115,12 +118,11 @@ class Weights:
     def network(self) -> Network:
         """The forward pass with these weights."""
         kernels = load_kernels()
-        kind = NumpyNetwork if kernels is None else kernels.Network
-        network: Network = kind(**self.arrays())
+        network: Network = (kernels.Network if kernels else NumpyNetwork)(**self.arrays())
         return network
 
-    def __getstate__(self) -> dict[str, Floats]:
-        return self.arrays()  # without the cached network
+    def __reduce__(self) -> tuple[type[Self], tuple[Floats, ...]]:
+        return type(self), tuple(self.arrays().values())  # without the cached network
 
 
 class NumpyNetwork:
@@ -150,7 +152,7 @@ class NumpyNetwork:
         gates = np.concatenate([points, hidden], axis=1) @ self._gate_weights
         gates += self._bias
         candidate = np.tanh(gates[:, 2 * U : 3 * U])
-        gates *= np.float32(0.5)  # sigmoid(x) = (1 + tanh(x / 2)) / 2
+        gates *= np.float32(0.5)  # sigmoid(x) = (1 + tanh(x / 2)) / 2; the candidates' columns are not used
         np.tanh(gates, out=gates)
         gates += np.float32(1)
         gates *= np.float32(0.5)

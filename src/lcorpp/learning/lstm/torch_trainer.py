@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import DataError
 from lcorpp.learning.lstm.network import Weights
-from lcorpp.learning.lstm.trainer import EpochDraw, TrainingConfig, TrainingSet
+from lcorpp.learning.lstm.trainer import Flags, Indices, TrainingConfig, TrainingSet
 from lcorpp.values import Array
 
 try:
@@ -29,15 +29,21 @@ except ModuleNotFoundError:
 
 
 class TorchTrainer:
-    """A `Trainer` with the gradients of torch."""
+    """A `Trainer` with the gradients of torch.
+
+    Raises:
+        DataError: the device is "cuda", and torch sees no GPU.
+    """
 
     def __init__(
         self, start: Weights, training_set: TrainingSet, config: TrainingConfig, device: str
     ) -> None:
+        if device == "cuda" and not torch.cuda.is_available():
+            raise DataError("device 'cuda' is not available here: torch sees no GPU; expected cpu")
         self._config, self._device, self._binary = config, device, training_set.classes == 2
         # Created on "meta", so that torch's global random state is not used.
-        self._lstm = nn.LSTM(start.channels, start.units, batch_first=True, device="meta")
-        self._lstm = self._lstm.to_empty(device=device)
+        lstm = nn.LSTM(start.channels, start.units, batch_first=True, device="meta")
+        self._lstm = lstm.to_empty(device=device)
         self._lstm.bias_hh_l0.requires_grad_(False).zero_()  # torch has two biases; one is enough
         self._lstm.weight_ih_l0.data.copy_(_tensor(start.inputs))
         self._lstm.weight_hh_l0.data.copy_(_tensor(start.recurrent))
@@ -46,21 +52,18 @@ class TorchTrainer:
         self._dense_bias = _tensor(start.dense_bias).to(device).requires_grad_()
         self._adam = _Adam(self._parameters())
         self._inputs = _tensor(training_set.inputs).to(device)
-        self._targets = _tensor(training_set.targets).to(
-            device, torch.float32 if self._binary else torch.int64
-        )
+        kind = torch.float32 if self._binary else torch.int64
+        self._targets = _tensor(training_set.targets).to(device, kind)
         self._weights = _tensor(training_set.weights).to(device)
 
-    def run_epoch(self, draw: EpochDraw, rates: Array) -> None:
+    def run_epoch(self, order: Indices, dropout_mask: Flags, rates: Array) -> None:
         """As `Trainer.run_epoch`."""
+        size = self._config.batch_size
         with _one_thread():
-            order = torch.from_numpy(draw.order).to(self._device)
-            masks = torch.from_numpy(draw.dropout_mask) / (1 - self._config.dropout)
-            masks = masks.to(self._device, torch.float32)
-            batches = zip(
-                order.split(self._config.batch_size), masks.split(self._config.batch_size), rates, strict=True
-            )
-            for rows, mask, rate in batches:
+            rows_of = torch.from_numpy(order).to(self._device).split(size)
+            masks = torch.from_numpy(dropout_mask) / (1 - self._config.dropout)
+            masks_of = masks.to(self._device, torch.float32).split(size)
+            for rows, mask, rate in zip(rows_of, masks_of, rates, strict=True):
                 for parameter in self._parameters():
                     parameter.grad = None
                 self._loss(rows, mask).backward()
@@ -77,13 +80,11 @@ class TorchTrainer:
 
     def _loss(self, rows: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         last = self._lstm(self._inputs[rows])[0][:, -1]
-        scores = functional.linear(last * mask, self._dense, self._dense_bias)
+        scores, targets = functional.linear(last * mask, self._dense, self._dense_bias), self._targets[rows]
         if self._binary:
-            losses = functional.binary_cross_entropy_with_logits(
-                scores[:, 0], self._targets[rows], reduction="none"
-            )
+            losses = functional.binary_cross_entropy_with_logits(scores[:, 0], targets, reduction="none")
         else:
-            losses = functional.cross_entropy(scores, self._targets[rows], reduction="none")
+            losses = functional.cross_entropy(scores, targets, reduction="none")
         return (losses * self._weights[rows]).mean()
 
 
@@ -109,16 +110,6 @@ class _Adam:
             first.lerp_(gradient, 0.1)
             second.mul_(0.999).addcmul_(gradient, gradient, value=0.001)
             parameter.addcdiv_(first, (second.sqrt() / correction).add_(1e-8), value=-size)
-
-
-def check_cuda() -> None:
-    """Check that torch can use a GPU.
-
-    Raises:
-        DataError: it cannot.
-    """
-    if not torch.cuda.is_available():
-        raise DataError("device 'cuda' is not available here: torch sees no GPU; expected cpu")
 
 
 def _tensor(array: npt.NDArray[Any]) -> torch.Tensor:

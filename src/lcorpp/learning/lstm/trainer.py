@@ -11,15 +11,16 @@ import numpy.typing as npt
 from lcorpp.learning.lstm.network import Floats, Weights, load_kernels
 from lcorpp.values import Array
 
+Indices = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
-    """The training data.
+    """The training data, n cases.
 
-    inputs: (n, time points, channels) float32.
-    targets: (n,) int32, the class of each case, 0 to classes - 1.
-    weights: (n,) float32, the weight of each case in the loss.
-    classes: K.
+    inputs: (n, time points, channels). targets: (n,) the class of each case, 0 to classes - 1.
+    weights: (n,) the weight of each case in the loss.
     """
 
     inputs: Floats
@@ -43,23 +44,15 @@ class TrainingConfig:
     schedule: str
 
 
-@dataclass(frozen=True, eq=False)
-class EpochDraw:
-    """The random draws of one epoch over n cases.
-
-    order: (n,) int64 order of the cases.
-    dropout_mask: (n, units) which outputs of the LSTM are kept, in that order.
-    """
-
-    order: npt.NDArray[np.int64]
-    dropout_mask: npt.NDArray[np.bool_]
-
-
 class Trainer(Protocol):
     """The state of a training: current weights and the moments of Adam."""
 
-    def run_epoch(self, draw: EpochDraw, rates: Array) -> None:
-        """Train on all cases once. rates: (batches,) the learning rate of each update."""
+    def run_epoch(self, order: Indices, dropout_mask: Flags, rates: Array) -> None:
+        """Train on all cases once.
+
+        order: (n,) of the cases. dropout_mask: (n, units) which outputs of the LSTM are kept, in that order.
+        rates: (batches,) the learning rate of each update.
+        """
 
     def weights(self) -> Weights:
         """Return the current weights."""
@@ -80,19 +73,14 @@ class CompiledTrainer:
         *,
         instruction_set: str | None = None,
     ) -> None:
+        cases = training_set.inputs, training_set.targets, training_set.weights
         self._trainer = load_kernels().Trainer(
-            **start.arrays(),
-            tracks=training_set.inputs,
-            targets=training_set.targets,
-            weights=training_set.weights,
-            batch=config.batch_size,
-            keep=1 - config.dropout,
-            instruction_set=instruction_set,
+            *start.arrays().values(), *cases, config.batch_size, 1 - config.dropout, instruction_set
         )
 
-    def run_epoch(self, draw: EpochDraw, rates: Array) -> None:
+    def run_epoch(self, order: Indices, dropout_mask: Flags, rates: Array) -> None:
         """As `Trainer.run_epoch`; Ctrl-C interrupts between two updates."""
-        self._trainer.epoch(draw.order, draw.dropout_mask, rates)
+        self._trainer.epoch(order, dropout_mask, rates)
 
     def weights(self) -> Weights:
         """As `Trainer.weights`."""

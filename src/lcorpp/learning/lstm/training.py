@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import DataError
 from lcorpp.learning.lstm.network import Weights, load_kernels
-from lcorpp.learning.lstm.trainer import CompiledTrainer, EpochDraw, Trainer, TrainingConfig, TrainingSet
+from lcorpp.learning.lstm.trainer import CompiledTrainer, Trainer, TrainingConfig, TrainingSet
 from lcorpp.values import Array
 
 SCHEDULES = ("constant", "one-cycle")
@@ -41,11 +41,10 @@ def train(
     start = Weights.initialize(training_set.inputs.shape[2], config.units, outputs, rng)
     trainer = select_trainer(device)(start, training_set, config)
     rates = compute_learning_rates(config, len(training_set))
-    keep = 1 - config.dropout
     for epoch in range(config.epochs):
         order = rng.permutation(len(training_set))
-        mask = rng.random((len(training_set), config.units), dtype=np.float32) < keep
-        trainer.run_epoch(EpochDraw(order, mask), rates[epoch])
+        mask = rng.random((len(training_set), config.units), dtype=np.float32) < 1 - config.dropout
+        trainer.run_epoch(order, mask, rates[epoch])
         if progress is not None:
             progress(epoch + 1, config.epochs)
     try:
@@ -101,12 +100,10 @@ def select_trainer(device: str) -> Callable[[Weights, TrainingSet, TrainingConfi
     """Return the trainer for a device: the compiled one, or torch's on a GPU and without kernels.
 
     Raises:
-        DataError: the device is not available, or there are neither compiled kernels nor torch.
+        DataError: there are neither compiled kernels nor torch.
     """
     if device == "cpu" and load_kernels() is not None:
         return CompiledTrainer
-    from lcorpp.learning.lstm.torch_trainer import TorchTrainer, check_cuda
+    from lcorpp.learning.lstm.torch_trainer import TorchTrainer
 
-    if device == "cuda":
-        check_cuda()
     return partial(TorchTrainer, device=device)

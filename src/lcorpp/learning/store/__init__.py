@@ -14,10 +14,8 @@ JSON list, continued over the trajectory's bytes. SQLite's write-ahead log makes
 transaction; checksums and record numbers reveal damage that SQLite does not notice.
 """
 
-from lcorpp.learning.store.reading import is_store, read_store
-from lcorpp.learning.store.records import SOURCES, LabelRecord, NewTrack, StoredTrack
-from lcorpp.learning.store.schema import TrackSchema
-from lcorpp.learning.store.snapshot import Damage, Snapshot
+from lcorpp.learning.store.records import SOURCES, LabelRecord, NewTrack, StoredTrack, TrackSchema
+from lcorpp.learning.store.snapshot import Damage, Snapshot, is_store, read_store
 from lcorpp.learning.store.writing import Store
 
 __all__ = [

@@ -9,30 +9,20 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import sqlite3
 import struct
 import zlib
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.files import read_bytes, sync_folder, write_atomically
-from lcorpp.learning.store.database import (
-    LEGACY_MAGIC,
-    LENIENT,
-    MAX_HEADER,
-    connect,
-    connect_reader,
-    iterate_rows,
-    read_schema,
-    sibling,
-    write_store,
-)
-from lcorpp.learning.store.records import Row, is_intact, to_json, with_checksum
-from lcorpp.learning.store.schema import TrackSchema
+from lcorpp.learning.store import database
+from lcorpp.learning.store.records import Row, TrackSchema, is_intact, to_json, with_checksum
 
 LOG = logging.getLogger("lcorpp.learning")
 
@@ -61,7 +51,7 @@ def convert(path: Path) -> None:
         elif facts["of"] in tracks:
             labels.setdefault(number, with_checksum(number, tracks[facts["of"]][0], *label))
     backup = _back_up(path, "old")
-    write_store(path, names["marker"], schema, list(tracks.values()), list(labels.values()))
+    database.write_store(path, names["marker"], schema, tracks.values(), labels.values())
     records = len(tracks) + len(labels)
     LOG.warning(
         "%s: converted from version 1 to SQLite, %d records; the original is %s", path, records, backup
@@ -80,25 +70,28 @@ def rebuild(path: Path) -> str:
         FileError: another process reads the file, or the folder is not writable.
     """
     try:  # move everything from the log to the main file; this fails if a reader is active
-        with closing(connect(path, "mode=rw", ("PRAGMA busy_timeout = 0", *LENIENT))) as connection:
+        with closing(
+            database.connect(path, "mode=rw", ("PRAGMA busy_timeout = 0", *database.LENIENT))
+        ) as connection:
             (mode,) = connection.execute("PRAGMA journal_mode = DELETE").fetchone()
     except sqlite3.DatabaseError as error:
         raise FileError(f"{path}: is damaged and cannot be rebuilt now: {error}") from None
     if mode != "delete":
         raise FileError(f"{path}: is damaged and cannot be rebuilt while another process reads it")
-    with closing(connect_reader(path)) as connection:
-        identity, schema = read_schema(connection)
+    with closing(database.connect_reader(path)) as connection:
+        identity, schema = database.read_schema(connection)
         tracks, labels = (
-            list(filter(is_intact, iterate_rows(connection, table))) for table in ("track", "later_label")
+            list(filter(is_intact, database.iterate_rows(connection, table)))
+            for table in ("track", "later_label")
         )
     backup = _back_up(path, "damaged")
-    write_store(path, identity, schema, tracks, labels)
+    database.write_store(path, identity, schema, tracks, labels)
     return f"the readable records are in a new file; the damaged one is {backup}"
 
 
 def _back_up(path: Path, suffix: str) -> str:
     """Copy a file to `PATH.suffix`, or to a name with a number if there is such a file; return that name."""
-    names = (sibling(path, f".{suffix}{'' if number == 1 else f'-{number}'}") for number in count(1))
+    names = (database.sibling(path, f".{suffix}{'' if number == 1 else f'-{number}'}") for number in count(1))
     backup = next(name for name in names if not name.exists())
     write_atomically(backup, read_bytes(path))
     sync_folder(backup)
@@ -109,42 +102,37 @@ def _read_unlocked(path: Path) -> bytes:
     """Return the content of a file to which no process writes that uses version 1."""
     try:
         with path.open("rb") as file:
-            try:
+            with suppress(ImportError):  # version 1 had no lock on a system without fcntl
                 import fcntl
 
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except ImportError:
-                pass  # version 1 had no lock on this system
-            except BlockingIOError:
-                raise FileError(f"{path}: an older lcorpp is writing to it; end that process first") from None
             return file.read()
+    except BlockingIOError:
+        raise FileError(f"{path}: an older lcorpp is writing to it; end that process first") from None
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _parse_header(content: bytes, path: Path) -> dict[str, Any]:
-    at = content.find(LEGACY_MAGIC, 0, MAX_HEADER)
-    while at >= 0:
-        line = content[at + len(LEGACY_MAGIC) : content.find(b"\n", at)]
-        checksum, _, rest = line.partition(b" ")
-        if checksum == b"%08x" % zlib.crc32(rest) and rest.startswith(b"1 "):
-            names: dict[str, Any] = json.loads(rest[2:])
+    """Return the JSON object of the first intact line of the header."""
+    lines = re.findall(
+        database.LEGACY_MAGIC + rb"(?=([0-9a-f]{8}) (1 [^\n]*))", content[: database.MAX_HEADER]
+    )
+    for checksum, line in lines:
+        if int(checksum, 16) == zlib.crc32(line):
+            names: dict[str, Any] = json.loads(line[2:])
             return names
-        at = content.find(LEGACY_MAGIC, at + 1, MAX_HEADER)
     raise DataError(f"{path}: a store of version 1 whose header is damaged")
 
 
 def _iterate_frames(content: bytes, marker: bytes) -> Iterator[tuple[dict[str, Any], bytes]]:
     """Yield the JSON object and the numbers of each intact frame."""
-    at = content.find(marker)
-    while at >= 0:
-        body = at + len(marker) + _LENGTHS.size
-        if body > len(content):
-            return
-        checksum, length, size = _LENGTHS.unpack_from(content, at + len(marker))
-        end = body + length + size
-        if end <= len(content) and checksum == zlib.crc32(memoryview(content)[body - 8 : end]):
+    end = 0
+    for match in re.finditer(re.escape(marker), content):
+        body = match.end() + _LENGTHS.size
+        if match.start() < end or body > len(content):
+            continue
+        checksum, length, size = _LENGTHS.unpack_from(content, match.end())
+        if checksum == zlib.crc32(memoryview(content)[body - 8 : body + length + size]):
+            end = body + length + size
             yield json.loads(content[body : body + length]), content[body + length : end]
-            at = content.find(marker, end)
-        else:
-            at = content.find(marker, at + 1)

@@ -5,23 +5,22 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing, suppress
 from pathlib import Path
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.files import sync_folder, write_atomically
-from lcorpp.learning.store.records import Row, is_intact, with_checksum
-from lcorpp.learning.store.schema import TrackSchema
+from lcorpp.learning.store.records import Row, TrackSchema, is_intact, with_checksum
 
 APPLICATION_ID, VERSION = 0x6C637472, 2
 """SQLite's `application_id` ("lctr") and `user_version` of a store."""
 
 LEGACY_MAGIC = b"lcorpp tracks "
-"""First bytes of a store of version 1, which is not an SQLite file."""
+"""Beginning of both copies of the header of version 1, which is not an SQLite file."""
 
 MAX_HEADER = 2**20
-"""Bytes at the beginning of a file that may contain the header of version 1."""
+"""Bytes at the beginning of a file that contain the two copies; the first may be damaged."""
 
 TIMEOUT = 60.0
 """Seconds to wait for SQLite's locks, which other processes hold for the time of one transaction."""
@@ -44,74 +43,73 @@ CREATE TABLE later_label (
 );
 """
 
-LAST_RECORD = "SELECT coalesce(max(CAST(seq AS INTEGER)), 0) FROM sqlite_sequence"
-"""Query for the number of the last record that was ever written."""
+LAST_RECORD = """
+SELECT coalesce(min(max(CAST(seq AS INTEGER)), page_count * page_size / 32), 0)
+FROM sqlite_sequence, pragma_page_count, pragma_page_size
+"""
+"""Query for the number of the last record that was ever written, of a track or a later label.
 
-MAX_RECORDS = "SELECT page_count * page_size / 32 FROM pragma_page_count, pragma_page_size"
-"""Query for the number of records for which a file has space; it limits a number that is damaged."""
+A damaged number is limited to the records for which the file has space; each takes more than 32 bytes.
+"""
 
 LENIENT = ("PRAGMA writable_schema = ON",)
 """Statements with which SQLite opens a file that is cut off or whose definitions of tables are damaged."""
 
 READER = ("PRAGMA query_only = ON", "BEGIN", "SELECT 1 FROM sqlite_master")
-"""Statements that begin a transaction for reading, which sees no later writes."""
-
-WRITER = (
-    "PRAGMA journal_mode = WAL",
-    "PRAGMA synchronous = FULL",
-    "PRAGMA foreign_keys = ON",
-    "PRAGMA fullfsync = ON",  # macOS; without effect elsewhere
-    "PRAGMA checkpoint_fullfsync = ON",
-)
+"""Statements for reading; the SELECT starts the transaction, which sees no later writes."""
 
 
 def sibling(path: Path, suffix: str) -> Path:
-    """Return the file whose name is that of a store, without symbolic links, and a suffix."""
+    """Return the path of a store, without symbolic links, with a suffix, e.g. PATH-wal."""
     return Path(f"{os.path.realpath(path)}{suffix}")
 
 
 def detect_version(path: Path) -> int | None:
-    """Return the format version of a store; 0 for an empty file, None for a missing one.
+    """Return the format version of a store; 0 for a file without a complete header, None for a missing one.
 
-    SQLite opens the file first, because to close it otherwise releases all locks of this process.
+    The system drops all locks of this process on a file when it closes any descriptor of it; SQLite prevents
+    this for its own. Only a file that SQLite does not recognise as a store is therefore opened directly.
 
     Raises:
         FileError: the file cannot be read, `path` is a folder or device, or its folder is missing.
         DataError: the file is not a store, is damaged at its beginning, or has a newer version.
     """
-    queries = "PRAGMA application_id", "PRAGMA user_version"
     try:
         if not path.exists():
             os.stat(path.parent)
             return None
         if not path.is_file():
             raise FileError(f"{path}: is not a file; a store of tracks is one")
-        try:
-            with closing(connect(path, "immutable=1", LENIENT)) as connection:
-                application, version = (connection.execute(query).fetchone()[0] for query in queries)
-        except sqlite3.DatabaseError:
-            application = version = 0
-        if application == APPLICATION_ID:
-            if version == VERSION:
-                return VERSION
-            raise DataError(f"{path}: its version is {version}; this lcorpp reads versions 1 and {VERSION}")
+        with suppress(sqlite3.DatabaseError), closing(connect(path, "immutable=1", LENIENT)) as connection:
+            application, version = connection.execute(
+                "SELECT * FROM pragma_application_id, pragma_user_version"
+            ).fetchone()
+            if application == APPLICATION_ID:
+                if version == VERSION:
+                    return VERSION
+                raise DataError(
+                    f"{path}: its version is {version}; this lcorpp reads versions 1 and {VERSION}"
+                )
         with path.open("rb") as file:
-            start = file.read(MAX_HEADER)
+            content = file.read(MAX_HEADER)
     except (OSError, ValueError) as error:
         raise FileError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    line = start.rstrip(b"\0")
-    if b"\n" not in line and (LEGACY_MAGIC.startswith(line) or line.startswith(LEGACY_MAGIC)):
+    start = content.rstrip(b"\0")
+    if b"\n" not in start and (LEGACY_MAGIC.startswith(start) or start.startswith(LEGACY_MAGIC)):
         return 0  # empty, or the header that an interrupted process of version 1 began to write
-    if LEGACY_MAGIC in start:
+    if LEGACY_MAGIC in content:
         return 1
-    kind = "an SQLite file, but " if start.startswith(b"SQLite format 3\0") else ""
+    kind = "an SQLite file, but " if content.startswith(b"SQLite format 3\0") else ""
     raise DataError(f"{path}: {kind}not a store of tracks, or its first page is damaged")
 
 
 def write_store(
-    path: Path, identity: str, schema: TrackSchema, tracks: Sequence[Row] = (), labels: Sequence[Row] = ()
+    path: Path, identity: str, schema: TrackSchema, tracks: Collection[Row] = (), labels: Collection[Row] = ()
 ) -> None:
-    """Write a new store with the given rows, whole or not at all, in place of the file at `path`."""
+    """Write a new store with the given rows, whole or not at all.
+
+    A file at `path` is replaced; nothing in its log is needed any more.
+    """
     names = json.dumps(schema.channels), schema.interval, json.dumps(schema.classes), schema.points
     with closing(sqlite3.connect(":memory:")) as connection:
         connection.executescript(TABLES)
@@ -120,16 +118,16 @@ def write_store(
         insert(connection, "later_label", labels)
         connection.commit()
         content = connection.serialize()
-    for suffix in ("-wal", "-shm", "-journal"):  # of a file that was deleted
+    for suffix in ("-wal", "-shm", "-journal"):
         sibling(path, suffix).unlink(missing_ok=True)
     write_atomically(path, content)
     sync_folder(path)
 
 
-def insert(connection: sqlite3.Connection, table: str, rows: Sequence[Row]) -> None:
+def insert(connection: sqlite3.Connection, table: str, rows: Collection[Row]) -> None:
     """Insert whole rows into a table."""
     if rows:
-        marks = ", ".join("?" * len(rows[0]))
+        marks = ", ".join("?" * len(next(iter(rows))))
         connection.executemany(f"INSERT INTO {table} VALUES ({marks})", rows)
 
 
@@ -143,32 +141,25 @@ def read_schema(connection: sqlite3.Connection) -> tuple[str, TrackSchema]:
 
 
 def iterate_rows(connection: sqlite3.Connection, table: str) -> Iterator[Row]:
-    """Yield each readable row of a table of records once, in the order of the numbers, past damaged pages."""
-    query, start, numbers = f"SELECT * FROM {table} WHERE record", 1, set[int]()
-    last = read_last_record(connection)
-    while start <= last + 1:
-        try:
-            for row in connection.execute(f"{query} >= ? ORDER BY record", (start,)):
-                start = max(start, row[0] + 1)
-                if row[0] not in numbers:
-                    numbers.add(row[0])
-                    yield row
-            return
-        except sqlite3.DatabaseError:  # a damaged page: try the next record
-            if start not in numbers:
-                numbers.add(start)
-                with suppress(sqlite3.DatabaseError):
-                    yield from connection.execute(f"{query} = ?", (start,)).fetchall()
-            start += 1
+    """Yield each readable row of a table of records once; after a damaged page, search record by record."""
+    query, seen = f"SELECT * FROM {table}", set[int]()
+    with suppress(sqlite3.DatabaseError):
+        for row in connection.execute(f"{query} ORDER BY record"):
+            if row[0] not in seen:  # a damaged pointer can lead to a page twice
+                seen.add(row[0])
+                yield row
+        return
+    for record in range(1, read_last_record(connection) + 1):
+        if record not in seen:
+            with suppress(sqlite3.DatabaseError):
+                yield from connection.execute(f"{query} WHERE record = ?", (record,)).fetchall()
 
 
 def read_last_record(connection: sqlite3.Connection) -> int:
     """Return the number of the last record that was ever written; 0 if it is unreadable."""
-    try:
-        (last,), (space,) = (connection.execute(query).fetchone() for query in (LAST_RECORD, MAX_RECORDS))
-    except sqlite3.DatabaseError:
-        return 0
-    return int(min(last, space))
+    with suppress(sqlite3.DatabaseError):
+        return int(connection.execute(LAST_RECORD).fetchone()[0])
+    return 0
 
 
 def acquire_lock(path: Path) -> sqlite3.Connection:
@@ -194,9 +185,9 @@ def acquire_lock(path: Path) -> sqlite3.Connection:
     return lock
 
 
-def connect(path: Path, mode: str, statements: Sequence[str] = ()) -> sqlite3.Connection:
-    """Open an SQLite file with an option for its URI and execute statements."""
-    uri = f"{path.absolute().as_uri()}?{mode}"
+def connect(path: Path, options: str, statements: Sequence[str] = ()) -> sqlite3.Connection:
+    """Open an SQLite file with options of its URI and execute statements."""
+    uri = f"{path.absolute().as_uri()}?{options}"
     connection = sqlite3.connect(
         uri, uri=True, timeout=TIMEOUT, isolation_level=None, check_same_thread=False
     )
@@ -210,13 +201,11 @@ def connect(path: Path, mode: str, statements: Sequence[str] = ()) -> sqlite3.Co
     return connection
 
 
-def connect_writer(path: Path) -> sqlite3.Connection:
-    """Open a store for writing, with a write-ahead log."""
-    return connect(path, "mode=rw", WRITER)
-
-
 def connect_reader(path: Path, statements: Sequence[str] = LENIENT) -> sqlite3.Connection:
-    """Open a store for reading, as of one moment; in a read-only folder only if it is not open elsewhere."""
+    """Open a store for reading, as of one moment, in the mode that also reads its log.
+
+    In a folder that is read-only this works only while no process has the store open for writing.
+    """
     try:
         return connect(path, "mode=rw", (*statements, *READER))
     except sqlite3.OperationalError:

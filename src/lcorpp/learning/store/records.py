@@ -1,8 +1,9 @@
-"""Records of a store: new tracks, stored tracks, label records, and their table rows."""
+"""The schema and the records of a store: new tracks, stored tracks, label records, and their table rows."""
 
 from __future__ import annotations
 
 import json
+import math
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,13 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.store.schema import TrackSchema
-from lcorpp.values import Array, Distribution, freeze, track_hash
+from lcorpp.values import CHANNELS, Array, Dataset, Distribution, freeze, track_hash
 
 SOURCES = ("person", "robot")
 """Sources of a label: a person who knows the class, or the robot that reported it."""
 
-MAX_JSON_BYTES, MAX_TRAJECTORY_BYTES = 2**20, 2**26
+MAX_POINTS, MAX_JSON_BYTES, MAX_TRAJECTORY_BYTES = 2**20, 2**20, 2**26
+"""Limits of a track: time points, bytes of its context or extra data as JSON, bytes of its trajectory."""
 
 FLOAT64 = np.dtype("<f8")
 
@@ -28,6 +29,60 @@ to_json = json.JSONEncoder(allow_nan=False, separators=(",", ":")).encode
 
 Row = tuple[Any, ...]
 """A row of a table; the last cell is its checksum."""
+
+
+@dataclass(frozen=True)
+class TrackSchema:
+    """Channels, interval, classes and length of all tracks in a store.
+
+    channels: names of the rows of a trajectory, from `values.CHANNELS` (m, m/s, rad).
+    interval: seconds between two time points.
+    classes: the possible labels, i.e. the values of the robot's target, in their order.
+    points: time points per track; None if the length varies.
+
+    Raises:
+        DataError: a name is empty, repeated or unknown, or a number is out of range.
+    """
+
+    channels: tuple[str, ...]
+    interval: float
+    classes: tuple[str, ...]
+    points: int | None = None
+
+    def __post_init__(self) -> None:
+        for what, names in (("channels", self.channels), ("classes", self.classes)):
+            object.__setattr__(self, what, _check_names(what, names))
+        for name in self.channels:
+            if name not in CHANNELS:
+                raise DataError(f"unknown channel {name!r}; {expected_one_of(CHANNELS)}")
+        if not isinstance(self.interval, int | float) or not 0 < self.interval < math.inf:
+            raise DataError(f"the interval is {self.interval!r} s; expected a finite number above 0")
+        object.__setattr__(self, "interval", float(self.interval))
+        if self.points is not None and not (isinstance(self.points, int) and 2 <= self.points <= MAX_POINTS):
+            raise DataError(f"tracks of {self.points!r} time points; expected 2 to {MAX_POINTS}, or None")
+
+    @classmethod
+    def from_dataset(cls, dataset: Dataset, classes: Sequence[str]) -> TrackSchema:
+        """Return the schema of the tracks in `dataset`, labelled with `classes`."""
+        return cls(dataset.channels, dataset.interval, tuple(classes), dataset.trajectories.shape[2])
+
+    def check_equal(self, other: TrackSchema, where: str) -> None:
+        """Check that tracks of the schema `other` fit a store of this schema.
+
+        Args:
+            where: the name of the store, for the message.
+
+        Raises:
+            DataError: the schemas differ; the message names the first difference.
+        """
+        for what, here, there in (
+            ("channels", ", ".join(self.channels), ", ".join(other.channels)),
+            ("interval", f"{self.interval:g} s", f"{other.interval:g} s"),
+            ("classes", ", ".join(self.classes), ", ".join(other.classes)),
+            ("time points of a track", self.points or "any number", other.points or "any number"),
+        ):
+            if here != there:
+                raise DataError(f"{where}: its {what}: {here}; the tracks to be stored have: {there}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,11 +180,7 @@ class StoredTrack:
 
 
 def encode_track(track: NewTrack, record: int, id: str, schema: TrackSchema) -> Row:
-    """Convert a track to a row of the table `track`.
-
-    Raises:
-        DataError: the track does not fit the schema, or a value cannot be stored.
-    """
+    """Convert a track to a row of the table `track`; a DataError means that it does not fit the schema."""
     trajectory = _check_trajectory(track.trajectory, schema)
     group = track_hash(trajectory) if track.group is None else track.group
     for what, name in (("id", id), ("group", group)):
@@ -146,11 +197,7 @@ def encode_track(track: NewTrack, record: int, id: str, schema: TrackSchema) -> 
 def encode_label(
     label: str | None, source: str, belief: Distribution | None, time: datetime | None, schema: TrackSchema
 ) -> Row:
-    """Convert a label to the cells label, source, belief and time of a row.
-
-    Raises:
-        DataError: an unknown class or source, a belief over other values, or a time without a zone.
-    """
+    """Convert a label to the cells label, source, belief and time of a row, or raise a DataError."""
     if label is not None and label not in schema.classes:
         raise DataError(f"unknown class {label!r}; {expected_one_of(schema.classes)}")
     if source not in SOURCES:
@@ -231,3 +278,14 @@ def _encode_json(value: Any) -> str:
     if len(text) > MAX_JSON_BYTES:
         raise DataError(f"a value of {len(text)} bytes of JSON; at most {MAX_JSON_BYTES} can be stored")
     return text
+
+
+def _check_names(what: str, names: Sequence[str]) -> tuple[str, ...]:
+    if isinstance(names, str) or not isinstance(names, Sequence) or not names:
+        raise DataError(f"the {what} of a store are a sequence of names, not {names!r}")
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise DataError(f"{name!r} is no name for one of the {what}; expected text")
+    if len(set(names)) < len(names):
+        raise DataError(f"the {what} are {', '.join(names)}; expected every name once")
+    return tuple(names)

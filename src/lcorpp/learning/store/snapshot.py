@@ -1,20 +1,31 @@
-"""Snapshots of a store: its content as of one moment, readable while another process writes."""
+"""Read a store: all its intact records as of one moment, and a description of the damage to the others."""
 
 from __future__ import annotations
 
 import sqlite3
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
-from html import escape
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
 
 from lcorpp.errors import DataError, FileError, expected_one_of
-from lcorpp.learning.store.database import connect_reader, iterate_rows
-from lcorpp.learning.store.records import FLOAT64, SOURCES, StoredTrack, is_intact
-from lcorpp.learning.store.schema import TrackSchema
+from lcorpp.learning.store import database
+from lcorpp.learning.store.conversion import convert
+from lcorpp.learning.store.records import (
+    FLOAT64,
+    SOURCES,
+    Row,
+    StoredTrack,
+    TrackSchema,
+    decode_label,
+    decode_track,
+    is_intact,
+)
+from lcorpp.notebook import html_table
 from lcorpp.values import Array, Dataset
 
 
@@ -62,12 +73,8 @@ class Snapshot:
         return f"Snapshot({str(self.path)!r}: {self.summary()}{damage})"
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{escape(str(label or '(no label)'))}</td><td>{source}</td><td>{count}</td></tr>"
-            for (label, source), count in self.counts().items()
-        )
-        heading = "<tr><th>label</th><th>source</th><th>tracks</th></tr>"
-        return f"<p>{escape(repr(self))}</p><table>{heading}{rows}</table>"
+        rows = [(label or "(no label)", source, str(n)) for (label, source), n in self.counts().items()]
+        return html_table(("label", "source", "tracks"), rows, caption=repr(self))
 
     def select(
         self,
@@ -137,15 +144,13 @@ class Snapshot:
         Raises:
             FileError: as `trajectories`.
         """
-        if not tracks:
-            return
         query = "SELECT * FROM track WHERE record = ?"
         try:
-            with closing(connect_reader(self.path)) as connection:
+            with closing(database.connect_reader(self.path)) as connection:
                 for track in tracks:
                     row = connection.execute(query, (track.record,)).fetchone()
                     if row is None:  # the order of the records is damaged
-                        rows = iterate_rows(connection, "track")
+                        rows = database.iterate_rows(connection, "track")
                         row = next((row for row in rows if row[0] == track.record), None)
                     if row is None or row[1] != track.id or not is_intact(row):
                         raise DataError(f"record {track.record} is not track {track.id!r} as it was")
@@ -201,11 +206,9 @@ class Snapshot:
 
     def counts(self) -> Mapping[tuple[str | None, str], int]:
         """(label, source) -> number of tracks, in the order of the classes."""
-        order = [(label, source) for label in (*self.schema.classes, None) for source in SOURCES]
-        counts = dict.fromkeys(order, 0)
-        for track in self.tracks:
-            counts[track.label, track.source] += 1
-        return {key: count for key, count in counts.items() if count}
+        counts = Counter((track.label, track.source) for track in self.tracks)
+        order = product((*self.schema.classes, None), SOURCES)
+        return {key: counts[key] for key in order if counts[key]}
 
     def summary(self) -> str:
         """Return the number of tracks by class and source, as a phrase."""
@@ -216,3 +219,98 @@ class Snapshot:
             for (label, source), count in self.counts().items()
         )
         return f"{len(self)} tracks" + (f" ({counts})" if counts else "")
+
+
+def is_store(path: str | Path) -> bool:
+    """Whether a file is a store, by its name, *.tracks, or its first bytes."""
+    path = Path(path)
+    try:
+        return path.is_file() and (path.suffix == ".tracks" or bool(database.detect_version(path)))
+    except DataError:
+        return False
+
+
+def read_store(path: str | Path) -> Snapshot:
+    """Read a store; this does not disturb a process that writes to it.
+
+    A store of version 1 is converted to SQLite first, with a warning in the log.
+
+    Raises:
+        FileError: the file is missing or unreadable.
+        DataError: the file is not a store, has a newer version, or its header is damaged.
+    """
+    path = Path(path)
+    version = database.detect_version(path)
+    if version is None:
+        raise FileError(f"{path}: cannot be read: no such file")
+    if version == 0:
+        raise DataError(f"{path}: an empty file; expected a store of tracks")
+    if version == 1:
+        with closing(database.acquire_lock(path)):
+            if database.detect_version(path) == 1:  # no other process was faster
+                convert(path)
+    return load_snapshot(path)
+
+
+def load_snapshot(path: Path) -> Snapshot:
+    """Read and check all records of the SQLite file at `path`.
+
+    Raises:
+        DataError: its header is damaged. FileError: SQLite cannot open the file.
+    """
+    tracks, intact, damage = dict[int, StoredTrack](), set[int](), dict[int, Damage]()
+    try:
+        with closing(database.connect_reader(path)) as connection:
+            identity, schema = database.read_schema(connection)
+            structure = _check_structure(connection, path)
+            for table in ("track", "later_label"):
+                for row in database.iterate_rows(connection, table):
+                    try:
+                        track = _decode(row, table, tracks, schema)
+                    except (DataError, RecursionError) as error:  # the second: extra data of great depth
+                        damage[row[0]] = Damage(f"record {row[0]}: {error}", 1)
+                    else:
+                        tracks[track.record] = track
+                        intact.add(row[0])
+            last = max(database.read_last_record(connection), *intact, 0)
+    except sqlite3.OperationalError as error:
+        raise FileError(f"{path}: cannot be read: {error}") from None
+    except (sqlite3.Error, DataError, ValueError) as error:
+        raise DataError(f"{path}: a store whose header is damaged: {error}") from None
+    if structure and not intact:
+        raise DataError(f"{path}: a store whose header is damaged: no record is readable: {structure[0]}")
+    known = sorted({0, last + 1, *(record for record in intact | damage.keys() if record <= last)})
+    for before, after in pairwise(known):
+        if after > before + 1:
+            which = (
+                f"record {after - 1} is"
+                if after == before + 2
+                else f"records {before + 1} to {after - 1} are"
+            )
+            damage[before + 1] = Damage(f"{which} missing", after - before - 1)
+    ordered = tuple(tracks[record] for record in sorted(tracks))
+    places = *structure, *(damage[record] for record in sorted(damage))
+    return Snapshot(path, schema, ordered, len(intact), places, identity)
+
+
+def _decode(row: Row, table: str, tracks: Mapping[int, StoredTrack], schema: TrackSchema) -> StoredTrack:
+    """Return the track of a row of `track`, or that of a row of `later_label` with the label added."""
+    if not is_intact(row):
+        raise DataError("its checksum is wrong")
+    if table == "track":
+        return decode_track(row, schema)
+    if row[1] not in tracks:
+        raise DataError(f"it labels record {row[1]}, which is lost")
+    track = tracks[row[1]]
+    return replace(track, label_history=(*track.label_history, decode_label(row[2:-1], schema)))
+
+
+def _check_structure(connection: sqlite3.Connection, path: Path) -> list[Damage]:
+    """Return what SQLite reports when it opens the file without leniency and checks its integrity."""
+    report = list[str]()
+    try:
+        report.extend(str(line) for (line,) in connection.execute("PRAGMA integrity_check(10)"))
+        database.connect_reader(path, ()).close()  # an error here: only leniency opens the file
+    except sqlite3.DatabaseError as error:
+        report.append(str(error))
+    return [Damage("; ".join(line.splitlines()), structural=True) for line in report if line != "ok"]

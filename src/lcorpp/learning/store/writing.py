@@ -4,30 +4,35 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 from uuid import uuid4
 
 from lcorpp.errors import DataError, FileError
-from lcorpp.files import sync, sync_folder
+from lcorpp.learning.store import database
 from lcorpp.learning.store.conversion import convert, rebuild
-from lcorpp.learning.store.database import (
-    LAST_RECORD,
-    acquire_lock,
-    connect_writer,
-    detect_version,
-    insert,
-    sibling,
-    write_store,
+from lcorpp.learning.store.records import (
+    NewTrack,
+    Row,
+    TrackSchema,
+    encode_label,
+    encode_track,
+    with_checksum,
 )
-from lcorpp.learning.store.reading import load_snapshot
-from lcorpp.learning.store.records import NewTrack, Row, encode_label, encode_track, with_checksum
-from lcorpp.learning.store.schema import TrackSchema
-from lcorpp.learning.store.snapshot import Snapshot
+from lcorpp.learning.store.snapshot import Snapshot, load_snapshot
 from lcorpp.values import Distribution
+
+STATEMENTS = (
+    "PRAGMA journal_mode = WAL",
+    "PRAGMA synchronous = FULL",
+    "PRAGMA foreign_keys = ON",
+    "PRAGMA fullfsync = ON",  # macOS; without effect elsewhere
+    "PRAGMA checkpoint_fullfsync = ON",
+)
+"""Settings of the writer's connection."""
 
 
 class Store:
@@ -40,9 +45,6 @@ class Store:
     identity: 32 hexadecimal digits that no other store has.
     notes: the damage found when the store was opened, and what was done about it, as sentences.
     """
-
-    notes: tuple[str, ...]
-    identity: str
 
     def __init__(self, path: str | Path, schema: TrackSchema) -> None:
         """Open a store; create it if there is no file, or an empty one.
@@ -60,22 +62,22 @@ class Store:
                 damaged.
         """
         self.path, self.schema = Path(path), schema
-        detect_version(self.path)
-        self._lock = acquire_lock(self.path)
+        database.detect_version(self.path)
+        self._lock = database.acquire_lock(self.path)
         try:
             self.identity, self.notes = self._prepare()
-            self._connection = connect_writer(self.path)
+            self._connection = database.connect(self.path, "mode=rw", STATEMENTS)
         except BaseException as error:
             self._lock.close()
             if isinstance(error, sqlite3.Error):
                 raise FileError(f"{path}: cannot be opened for writing: {error}") from None
             raise
-        self._process, self._closed, self._file = os.getpid(), False, _identify_file(self.path)
+        self._process, self._closed, self._file = os.getpid(), False, self.path.stat()
 
     @property
     def last_record(self) -> int:
         """Number of the last record that was ever written; tracks and later labels are records."""
-        (last,) = self._select(LAST_RECORD)
+        (last,) = self._select(database.LAST_RECORD)
         return last
 
     def snapshot(self) -> Snapshot:
@@ -112,20 +114,21 @@ class Store:
 
     def extend(self, tracks: Iterable[NewTrack], *, durable: bool = True) -> list[str]:
         """Add several tracks in one transaction: all or none. Arguments, result and errors: as `append`."""
-        ids, rows = dict[str, None](), list[Row]()
-        tracks, last = list(tracks), self.last_record
+        tracks, rows = list(tracks), dict[str, Row]()
+        first = self.last_record + 1
         for index, track in enumerate(tracks):
             id = uuid4().hex if track.id is None else track.id
             try:
-                rows.append(encode_track(track, last + 1 + index, id, self.schema))
-                if id in self or id in ids:
+                row = encode_track(track, first + index, id, self.schema)
+                if id in rows or id in self:
                     raise DataError(f"there is a track {id!r} already")
             except DataError as error:
                 which = f"track {index} of {len(tracks)} (counted from 0)" if len(tracks) > 1 else "the track"
                 raise DataError(f"{self.path}: {which} is not stored: {error}") from None
-            ids[id] = None
-        self._write("track", rows, durable)
-        return list(ids)
+            rows[id] = row
+        with self._transaction(durable) as connection:
+            database.insert(connection, "track", rows.values())
+        return list(rows)
 
     def relabel(
         self,
@@ -152,7 +155,10 @@ class Store:
             cells = encode_label(label, source, belief, time, self.schema)
         except DataError as error:
             raise DataError(f"{self.path}: track {id!r} not labelled: {error}") from None
-        self._write("later_label", [with_checksum(self.last_record + 1, track[0], *cells)], True)
+        with self._transaction() as connection:
+            database.insert(
+                connection, "later_label", [with_checksum(self.last_record + 1, track[0], *cells)]
+            )
 
     def sync(self) -> None:
         """Return when all appended records are on the disk.
@@ -160,17 +166,8 @@ class Store:
         Raises:
             FileError: the disk reports an error; the store is closed.
         """
-        self._connect()
-        try:
-            log = os.open(sibling(self.path, "-wal"), os.O_RDWR)
-            try:
-                sync(log)
-            finally:
-                os.close(log)
-            sync_folder(self.path)
-        except OSError as error:
-            self.close()
-            raise FileError(f"{self.path}: cannot be written to the disk: {error.strerror}") from None
+        with self._transaction() as connection:  # a durable transaction flushes the log, with all before it
+            connection.execute(f"PRAGMA user_version = {database.VERSION}")
 
     def close(self) -> None:
         """Write everything to the one file and release the lock. Snapshots remain usable."""
@@ -182,16 +179,14 @@ class Store:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.close()
 
     def _prepare(self) -> tuple[str, tuple[str, ...]]:
         """Create, convert or rebuild the file if necessary; return its identity and the notes."""
-        version = detect_version(self.path)
+        version = database.detect_version(self.path)
         if not version:
-            write_store(self.path, uuid4().hex, self.schema)
+            database.write_store(self.path, uuid4().hex, self.schema)
         elif version == 1:
             convert(self.path)
         snapshot = load_snapshot(self.path)
@@ -201,16 +196,17 @@ class Store:
             notes.append(rebuild(self.path))
         return snapshot.identity, tuple(f"{self.path}: {note}" for note in notes)
 
-    def _write(self, table: str, rows: list[Row], durable: bool) -> None:
-        """Insert rows in one transaction: all or, on an error, none."""
+    @contextmanager
+    def _transaction(self, durable: bool = True) -> Iterator[sqlite3.Connection]:
+        """Begin a transaction, which is committed at the end or, on an error, undone."""
         connection = self._connect()
-        if _identify_file(self.path) != self._file:
+        if not self.path.exists() or not os.path.samestat(self.path.stat(), self._file):
             raise FileError(f"{self.path}: was deleted or replaced by another program; open it again")
         try:
             connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
             with connection:
                 connection.execute("BEGIN IMMEDIATE")
-                insert(connection, table, rows)
+                yield connection
         except sqlite3.Error as error:
             if error.sqlite_errorcode not in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_BUSY):
                 self.close()  # only reading the file again shows what the disk has
@@ -227,12 +223,3 @@ class Store:
         if self._closed or os.getpid() != self._process:
             raise FileError(f"{self.path}: this store is closed; open it again to write")
         return self._connection
-
-
-def _identify_file(path: Path) -> tuple[int, int] | None:
-    """Device and inode of a file; None if it is missing."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return status.st_dev, status.st_ino

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -36,13 +37,11 @@ def draw_timeline(
     probabilities, seconds = timeline.probability_of(name), timeline.seconds
     binary = len(timeline.classes) == 2
     figure = Figure(figsize=(7, 6 if binary else 4), layout="constrained")
-    axes = figure.subplots(
-        2 if binary else 1, sharex=True, squeeze=False, height_ratios=(2, 1) if binary else None
-    )
+    heights = (2, 1) if binary else (1,)
+    axes = figure.subplots(len(heights), sharex=True, squeeze=False, height_ratios=heights)
     labels = np.array(timeline.labels)
     ordered = [name, *(other for other in timeline.classes if other != name)]
-    for number, each in enumerate(ordered):
-        colour = (BLUE, ORANGE)[number] if number < 2 else COLOURS[number]
+    for each, colour in zip(ordered, cycle((BLUE, ORANGE, *COLOURS[2:])), strict=False):
         _draw_class(axes[0, 0], seconds, probabilities[labels == each], each, colour, examples)
     axes[0, 0].set(ylim=(0, 1), ylabel=f"probability of {_format_name(name)}")
     axes[0, 0].legend(frameon=False, loc="upper left")
@@ -92,13 +91,8 @@ def _draw_auc(axes: Axes, timeline: PredictionTimeline) -> None:
         sample = round(fraction * len(seconds)) - 1
         if np.isfinite(auc[sample]):
             axes.plot(seconds[sample], auc[sample], "o", color=INK, markersize=4, clip_on=False)
-            axes.annotate(
-                f"{auc[sample]:.2f}",
-                (seconds[sample], auc[sample]),
-                (0, 6),
-                textcoords="offset points",
-                ha="center",
-            )
+            point, text = (seconds[sample], auc[sample]), f"{auc[sample]:.2f}"
+            axes.annotate(text, point, (0, 6), textcoords="offset points", ha="center")
     known = auc[np.isfinite(auc)]
     axes.set(ylim=(min(0.45, *known.tolist()), 1), ylabel="AUC so far")
     despine(axes)

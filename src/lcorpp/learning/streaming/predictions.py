@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.learning.streaming.track import RepairCounts
+from lcorpp.learning.streaming.resampler import RepairCounts
 from lcorpp.values import Array
 
 
@@ -47,7 +47,7 @@ class StreamReport:
     @property
     def total(self) -> RepairCounts:
         """Counts of all people together."""
-        total = self.removed.copy()
+        total = replace(self.removed)
         for counts in self.people.values():
             total.add(counts)
         return total

@@ -10,13 +10,13 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 from scipy.special import softmax
-from sklearn.base import BaseEstimator, ClassifierMixin, clone
+from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
-from lcorpp.learning.contract import fit_clone, predict_proba
+from lcorpp.learning.contract import ProbabilityClassifier, fit_clone, predict_proba
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.values import Array
@@ -55,7 +55,7 @@ def _is_stateful(ensemble: PrefixEnsemble) -> bool:
     return all(hasattr(ensemble.classifier, name) for name in ("begin", "advance"))
 
 
-class PrefixEnsemble(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
+class PrefixEnsemble(ProbabilityClassifier):
     """Several copies of a classifier, each trained on prefixes of another length.
 
     A classifier trained on whole tracks performs poorly after a quarter of one. The ensemble interpolates the
@@ -114,10 +114,6 @@ class PrefixEnsemble(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
             probabilities[copy] = predict_proba(self.classifiers_[copy], tracks)
         return _average_geometrically(probabilities, weights)
 
-    def predict(self, X: npt.ArrayLike) -> npt.NDArray[Any]:
-        """(cases,) the most probable of `classes_`."""
-        return np.asarray(self.classes_[self.predict_proba(X).argmax(axis=1)])
-
     @available_if(_is_stateful)  # type: ignore[untyped-decorator]
     def begin(self, n: int = 1) -> PrefixEnsembleState:
         """Return the state before the first point of n tracks, for `advance`."""
@@ -133,19 +129,18 @@ class PrefixEnsemble(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # s
 
         All copies process all tracks, so a point costs one step per prefix length.
         """
+        pairs = zip(self.classifiers_, state.states, strict=True)
         probabilities = np.stack(
-            [
-                classifier.advance(one, features)
-                for classifier, one in zip(self.classifiers_, state.states, strict=True)
-            ]
+            [classifier.advance(copy_state, features) for classifier, copy_state in pairs]
         )
         state.point_counts[:] += 1
         return _average_geometrically(probabilities, self._compute_weights(state.point_counts))
 
     def _compute_weights(self, point_counts: npt.NDArray[np.intp]) -> Array:
         """(n, copies) the weight of each copy for tracks with these numbers of points (n,)."""
-        position = np.interp(point_counts, self.lengths_, np.arange(len(self.lengths_)))
-        return np.asarray(np.maximum(0, 1 - np.abs(position[:, None] - np.arange(len(self.lengths_)))))
+        copies = np.arange(len(self.lengths_))
+        position = np.interp(point_counts, self.lengths_, copies)
+        return np.asarray(np.maximum(0, 1 - np.abs(position[:, None] - copies)))
 
 
 def with_prefix_ensemble(
@@ -170,9 +165,6 @@ def with_prefix_ensemble(
 
 
 def _average_geometrically(probabilities: Array, weights: Array) -> Array:
-    """(n, K) weighted geometric mean, normalised, of distributions (copies, n, K).
-
-    weights: (n, copies), summing to 1 for each track.
-    """
+    """(n, K) normalised geometric mean of distributions (copies, n, K) by weights (n, copies) of sum 1."""
     logs = np.log(np.maximum(probabilities, MIN_PROBABILITY))
     return np.asarray(softmax(np.einsum("nc,cnk->nk", weights, logs), axis=1))

@@ -6,12 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from sklearn.base import clone
-from sklearn.model_selection import StratifiedGroupKFold
 
 from lcorpp.errors import DataError
 from lcorpp.learning.data.dataset import check_tracks, check_trainable
+from lcorpp.learning.evaluation.validation import assign_folds
 from lcorpp.learning.streaming.streaming_classifier import StreamingClassifier
 from lcorpp.learning.streaming.timeline import PredictionTimeline
 from lcorpp.values import Dataset
@@ -47,16 +46,9 @@ def predict_over_time(
     Raises:
         DataError: as `StreamingClassifier`, or the tracks do not have the inputs of the pipeline.
     """
-    gap = max(MIN_GAP_LIMIT, 2 * dataset.interval)  # limits that no recorded track exceeds
-    streams = StreamingClassifier(
-        pipeline,
-        max_gap=gap,
-        max_duration=np.inf,
-        max_speed=np.inf,
-        max_silence=2 * gap,
-        min_points=min_points,
-        window=window,
-    )
+    gap = max(MIN_GAP_LIMIT, 2 * dataset.interval)
+    limits = {"max_gap": gap, "max_duration": np.inf, "max_speed": np.inf, "max_silence": 2 * gap}
+    streams = StreamingClassifier(pipeline, **limits, min_points=min_points, window=window)
     if streams.inputs != dataset.channels:
         raise DataError(
             f"the pipeline takes {', '.join(streams.inputs)}, the tracks are {', '.join(dataset.channels)}"
@@ -97,17 +89,16 @@ def cross_predict_over_time(
             `predict_over_time`.
     """
     check_trainable(dataset, folds=folds)
-    labels, groups = np.array(dataset.labels), np.array(dataset.groups)
-    parts: list[tuple[npt.NDArray[np.intp], PredictionTimeline]] = []
-    splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed)
-    for train, test in splitter.split(labels, labels, groups):
+    labels, fold_of = np.array(dataset.labels), assign_folds(dataset, folds, seed)
+    parts = []
+    for fold in range(folds):
+        train, test = fold_of != fold, np.flatnonzero(fold_of == fold)
         pipeline = clone(estimator).fit(dataset.trajectories[train], labels[train])
         part = predict_over_time(pipeline, dataset.take(test), min_points=min_points, window=window)
-        parts.append((test, part))
-        if part.classes != parts[0][1].classes:
-            raise DataError(f"the folds learnt {parts[0][1].classes} and {part.classes}")
-    first = parts[0][1]
-    probabilities = np.empty((len(dataset), *first.probabilities.shape[1:]))
-    for test, part in parts:
-        probabilities[test] = part.probabilities
-    return replace(first, probabilities=probabilities, labels=dataset.labels)
+        parts.append(part)
+        if part.classes != parts[0].classes:
+            raise DataError(f"the folds learnt {parts[0].classes} and {part.classes}")
+    probabilities = np.empty((len(dataset), *parts[0].probabilities.shape[1:]))
+    for fold, part in enumerate(parts):
+        probabilities[fold_of == fold] = part.probabilities
+    return replace(parts[0], probabilities=probabilities, labels=dataset.labels)

@@ -44,37 +44,31 @@ class RecurrentState:
     def __init__(self, motion: Motion, standardizers: Sequence[ChannelStandardizer], classifier: Any) -> None:
         self._motion, self._standardizers, self._classifier = motion, standardizers, classifier
         self._state = classifier.begin(0)
-        self._first = self._previous = np.empty((0, len(motion.inputs)))
-        self._new = np.empty(0, dtype=np.bool_)  # (slots,) whether the next point is a track's first
+        # (slots, 2, inputs) first and previous point of each track; NaN before the first
+        self._known = np.empty((0, 2, len(motion.inputs)))
 
     def grow(self, size: int) -> None:
         """As `StreamState.grow`."""
-        old_size = len(self._new)
+        old_size = len(self._known)
         state = self._classifier.begin(size)
         state.put(np.arange(old_size), self._state)
         self._state = state
-        more = np.zeros((size - old_size, self._first.shape[1]))
-        self._first, self._previous = (
-            np.concatenate([self._first, more]),
-            np.concatenate([self._previous, more]),
-        )
-        self._new = np.concatenate([self._new, np.ones(size - old_size, dtype=np.bool_)])
+        more = np.full((size - old_size, *self._known.shape[1:]), np.nan)
+        self._known = np.concatenate([self._known, more])
 
     def reset(self, slots: Slots) -> None:
         """As `StreamState.reset`."""
         self._state.put(slots, self._classifier.begin(len(slots)))
-        self._new[slots] = True
+        self._known[slots] = np.nan
 
     def advance(self, slots: Slots, points: Array) -> Array:
         """As `StreamState.advance`."""
-        new = self._new[slots]
-        if new.any():
-            self._first[slots[new]] = self._previous[slots[new]] = points[new]
-            self._new[slots] = False
-        features = self._motion.compute_features(
-            points[..., None], self._previous[slots][..., None], self._first[slots][..., None]
-        )
-        self._previous[slots] = points
+        known = self._known[slots]
+        new = np.isnan(known[:, 0, 0])
+        known[new] = points[new, None]
+        first, previous = known[:, 0, :, None], known[:, 1, :, None]
+        features = self._motion.compute_features(points[..., None], previous, first)
+        self._known[slots] = np.stack([known[:, 0], points], axis=1)
         for standardizer in self._standardizers:
             features = standardizer.standardize(features)
         state = self._state.take(slots)
@@ -93,12 +87,8 @@ class ReplayedHistory:
     constant_cost = False
 
     def __init__(self, motion: Motion, later_steps: Any, min_points: int, window: int | None) -> None:
-        self._motion, self._later_steps, self._min_points, self._window = (
-            motion,
-            later_steps,
-            min_points,
-            window,
-        )
+        self._motion, self._later_steps = motion, later_steps
+        self._min_points, self._window = min_points, window
         self._points: list[deque[Array]] = []  # of each slot
 
     def grow(self, size: int) -> None:
@@ -120,17 +110,15 @@ class ReplayedHistory:
         for length, rows in rows_by_length.items():
             if length >= self._min_points:
                 tracks = np.array([self._points[slots[row]] for row in rows]).transpose(0, 2, 1)
-                probabilities[rows] = self._predict(self._motion.transform_points(tracks))
+                features = self._motion.transform_points(tracks)
+                try:
+                    probabilities[rows] = predict_proba(self._later_steps, features)
+                except DataError as error:
+                    raise DataError(
+                        f"{error}; the tracks had {length} points. A classifier of tracks of one length"
+                        " needs that length as `min_points` and as `window`"
+                    ) from None
         return probabilities
-
-    def _predict(self, tracks: Array) -> Array:
-        try:
-            return predict_proba(self._later_steps, tracks)
-        except DataError as error:
-            raise DataError(
-                f"{error}; the tracks had {tracks.shape[2]} points. A classifier of tracks of one length"
-                " needs that length as `min_points` and as `window`"
-            ) from None
 
 
 def make_state(pipeline: Any, min_points: int, window: int | None) -> tuple[Motion, StreamState]:

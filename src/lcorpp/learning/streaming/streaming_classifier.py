@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from types import MappingProxyType
 from typing import Any, Self
@@ -14,29 +14,29 @@ from lcorpp.errors import DataError
 from lcorpp.learning.classifiers.trained import TrainedClassifier
 from lcorpp.learning.contract import name_of
 from lcorpp.learning.streaming.predictions import ConstantEstimator, Prediction, StreamReport
+from lcorpp.learning.streaming.resampler import Clock, RepairCounts, Sample, StreamRules, TrackResampler
 from lcorpp.learning.streaming.state import make_state
 from lcorpp.learning.streaming.timeline import PrefixCalibration
-from lcorpp.learning.streaming.track import Clock, RepairCounts, Sample, StreamRules, TrackResampler
 from lcorpp.values import Array, freeze
 
 MIN_SLOTS = 16
 """Slots of the classifier's state that the first person allocates; full slots are doubled."""
 
 
+@dataclass(eq=False, slots=True)
 class _Person:
     """One id.
 
-    resampler: its current track. slot: its index in the classifier's state. last_seen: clock time of its last
-    sample. probabilities: (K,) after the last point, NaN before the first prediction. prediction: the current
-    one.
+    resampler: its current track. slot: its index in the classifier's state. prediction: the current one.
+    last_seen: clock time of its last sample. probabilities: (K,) after the last point, NaN before the first
+    prediction.
     """
 
-    __slots__ = ("last_seen", "prediction", "probabilities", "resampler", "slot")
-
-    def __init__(self, resampler: TrackResampler, slot: int, name: Hashable) -> None:
-        self.resampler, self.slot, self.last_seen = resampler, slot, 0.0
-        self.probabilities: Array = np.empty(0)
-        self.prediction = Prediction(name, 0, 0, None, None)
+    resampler: TrackResampler
+    slot: int
+    prediction: Prediction
+    last_seen: float = 0.0
+    probabilities: Array = field(default_factory=lambda: np.empty(0))
 
 
 class StreamingClassifier:
@@ -76,6 +76,9 @@ class StreamingClassifier:
         window: use only the last `window` points, as if the track had begun with them: for classifiers of
             tracks of one length, which have it as `min_points`, too. None uses all points.
 
+    Attributes:
+        inputs: the names of the values of a sample, in order. classes: (K,) the class names.
+
     Raises:
         DataError: the pipeline does not begin with `Motion`, or an option is out of range.
         NotFittedError: the pipeline is not fitted.
@@ -101,7 +104,7 @@ class StreamingClassifier:
         self._rules = StreamRules(
             self._motion.rate, allowed_lateness, max_gap, max_duration, max_speed, max_silence
         )
-        self._min_points, self._inputs = min_points, tuple(self._motion.inputs)
+        self._min_points, self.inputs = min_points, tuple(self._motion.inputs)
         self._people: dict[Hashable, _Person] = {}  # in the order of their last samples
         self._free: list[int] = []  # slots without a person
         self._slots = 0
@@ -152,11 +155,6 @@ class StreamingClassifier:
             calibration = self._prefix_calibration.at(prediction.points)
         constant = ConstantEstimator(self.classes, prediction.probabilities)
         return replace(self._trained, estimator=constant, calibration=calibration)
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """The names of the values of a sample, in order."""
-        return self._inputs
 
     @property
     def constant_cost(self) -> bool:
@@ -212,19 +210,19 @@ class StreamingClassifier:
 
     def report(self) -> StreamReport:
         """Return the counts of rejected, dropped and interpolated samples, by person."""
-        people = {name: person.resampler.repairs.copy() for name, person in self._people.items()}
-        return StreamReport(MappingProxyType(people), self._removed.copy(), self._removals)
+        people = {name: replace(person.resampler.repairs) for name, person in self._people.items()}
+        return StreamReport(MappingProxyType(people), replace(self._removed), self._removals)
 
     def _check(self, sample: Sequence[Any]) -> tuple[float, Hashable, Sample]:
         try:
             time, name, *values = sample
             hash(name)
             numbers = tuple(map(float, values))
-            if len(numbers) == len(self._inputs):
+            if len(numbers) == len(self.inputs):
                 return float(time), name, numbers
         except (TypeError, ValueError, OverflowError):
             pass
-        raise DataError(f"sample {sample!r}; expected time, person, {', '.join(self._inputs)}")
+        raise DataError(f"sample {sample!r}; expected time, person, {', '.join(self.inputs)}")
 
     def _add(self, time: float, name: Hashable, sample: Sample) -> _Person:
         """Add a sample to the track of its person."""
@@ -241,8 +239,8 @@ class StreamingClassifier:
             old, self._slots = self._slots, max(MIN_SLOTS, 2 * self._slots)
             self._state.grow(self._slots)
             self._free = list(range(self._slots - 1, old - 1, -1))
-        resampler = TrackResampler(self._rules, self._inputs, self._motion.angles)
-        return _Person(resampler, self._free.pop(), name)
+        resampler = TrackResampler(self._rules, self.inputs, self._motion.angles)
+        return _Person(resampler, self._free.pop(), Prediction(name, 0, 0, None, None))
 
     def _update(self, people: Mapping[Hashable, _Person]) -> None:
         """Update the predictions of some people with their new points."""
@@ -269,9 +267,8 @@ class StreamingClassifier:
         """Advance the state by the new points of people: the first point of each, then the second, ..."""
         for turn in range(max((len(new_points) for _, new_points in due), default=0)):
             batch = [(person, new_points[turn]) for person, new_points in due if len(new_points) > turn]
-            slots = np.array([person.slot for person, _ in batch])
-            points = np.array([point for _, point in batch])
-            probabilities = self._state.advance(slots, points)
+            slots, points = [person.slot for person, _ in batch], [point for _, point in batch]
+            probabilities = self._state.advance(np.array(slots), np.array(points))
             for (person, _), row in zip(batch, probabilities, strict=True):
                 person.probabilities = row
 

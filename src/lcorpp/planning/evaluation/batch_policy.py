@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs, ragged_indices, segment_sum
+from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs, segment_sum
 from lcorpp.planning.policy import Policy
+from lcorpp.planning.sparse import ragged_indices
 from lcorpp.values import Array
 
 MAX_PRODUCTS = 2**22
@@ -113,12 +114,7 @@ class BatchPolicy:
         return SparseBeliefs(begins, place[inside], beliefs.weights[inside]), missing
 
     def _compare(
-        self,
-        number: int,
-        part: SparseBeliefs,
-        which: Indices,
-        best: BestVectors,
-        floor: Array | None = None,
+        self, number: int, part: SparseBeliefs, which: Indices, best: BestVectors, floor: Array | None = None
     ) -> None:
         """Update `best` with the vectors of one set at the beliefs `which`, given as `part`."""
         table = self._tables[number]

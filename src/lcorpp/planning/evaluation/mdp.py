@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.evaluation.sparse_beliefs import ragged_indices
 from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.sparse import ragged_indices
 from lcorpp.values import Array
 
 MAX_PRODUCTS = 2**31

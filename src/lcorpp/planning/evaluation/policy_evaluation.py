@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from numbers import Real
 from time import monotonic
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.notebook import html_table
+from lcorpp.planning.arguments import check_type
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
 from lcorpp.planning.evaluation.control_variates import estimate_value
@@ -136,6 +138,9 @@ def evaluate(
         ObservationError: rounding has removed the hidden state from a trial's belief; the message names it.
     """
     check_same_model(pomdp, policy)
+    numbers = {"precision": precision, "max_nodes": max_nodes, "trials": trials, "confidence": confidence}
+    for name, number in numbers.items():
+        check_type(name, number, Real)
     if not precision > 0 or not 0 < confidence < 1 or max_nodes < 1 or trials < 0 or 0 < trials < 4:
         raise ModelError(
             f"precision {precision} must be positive, confidence {confidence} between 0 and 1, max_nodes"

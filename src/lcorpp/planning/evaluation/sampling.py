@@ -6,9 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.evaluation.sparse_beliefs import ragged_indices
 from lcorpp.planning.evaluation.splitmix64 import GOLDEN, Words, hash_counter, splitmix64
-from lcorpp.planning.sparse import Int32Array, Int64Array
+from lcorpp.planning.sparse import Int32Array, Int64Array, ragged_indices
 from lcorpp.values import Array
 
 LONG_ROW = 64

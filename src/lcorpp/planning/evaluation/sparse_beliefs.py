@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lcorpp.planning.evaluation.splitmix64 import hash_counter, splitmix64
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import Int32Array, Int64Array, SparseTables
+from lcorpp.planning.sparse import Int32Array, Int64Array, SparseTables, ragged_indices
 from lcorpp.values import Array, Belief
 
 Indices = npt.NDArray[np.intp]
@@ -40,18 +40,6 @@ class SparseBeliefs:
         owner, states = np.nonzero(dense)
         begins = np.searchsorted(owner, np.arange(len(dense) + 1))
         return cls(begins.astype(np.int64), states.astype(np.int32), dense[owner, states])
-
-    @classmethod
-    def concatenate(cls, parts: Iterable[SparseBeliefs]) -> SparseBeliefs:
-        """Return the beliefs of all parts in one value."""
-        blocks = [EMPTY, *parts]
-        ends = np.cumsum([0, *(len(part.states) for part in blocks)])
-        begins = [part.begins[1:] + end for part, end in zip(blocks, ends[:-1], strict=True)]
-        return cls(
-            np.concatenate([np.zeros(1, dtype=np.int64), *begins]),
-            np.concatenate([part.states for part in blocks]),
-            np.concatenate([part.weights for part in blocks]),
-        )
 
     def __len__(self) -> int:
         return len(self.begins) - 1
@@ -163,17 +151,6 @@ class Posteriors(NamedTuple):
     owner: Int64Array
     observation: Int64Array
     parts: SparseBeliefs
-
-
-EMPTY = SparseBeliefs(np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int32), np.zeros(0))
-
-
-def ragged_indices(begins: npt.NDArray[np.integer], sizes: npt.NDArray[np.integer]) -> Int64Array:
-    """Return the concatenated ranges begins[i] to begins[i] + sizes[i]."""
-    ends = np.cumsum(sizes)
-    total = int(ends[-1]) if len(ends) else 0
-    indices: Int64Array = np.arange(total, dtype=np.int64) + np.repeat(begins - (ends - sizes), sizes)
-    return indices
 
 
 def _rows_of(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
@@ -74,9 +74,9 @@ def _check_shape(what: str, table: Table, scope: Scope, parents: Sequence[str]) 
         raise ModelError(f"{what} has the shape {table.shape}; its variables have {shape} values")
 
 
-def _format_advice(name: str, allowed: Iterable[str]) -> str:
+def _format_advice(name: str, allowed: Sequence[str]) -> str:
     if name + AFTER in allowed:
         return f", the value before the action; {name + AFTER!r} is the value after it"
     if name.removesuffix(AFTER) in allowed:
         return f", the value after the action; {name.removesuffix(AFTER)!r} is the value before it"
-    return f"; {expected_one_of(tuple(allowed))}"
+    return f"; {expected_one_of(allowed)}"

@@ -1,4 +1,4 @@
-"""Syntax of numbers in all file formats of models and policies."""
+"""Syntax of numbers in all file formats of models and policies, and the precision of models."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import re
 import numpy as np
 
 from lcorpp.values import Array
+
+ROW_TOLERANCE = 1e-4
+"""Tolerance of row sums: published files have few digits, and errors up to 5e-6 are common."""
 
 # Possessive quantifiers: a word of a million digits followed by a letter is rejected in one pass.
 NUMBER = r"[+-]?+(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?+[0-9]++)?+"
@@ -44,11 +47,8 @@ def find_invalid_number(words: list[str]) -> tuple[int, str]:
     If all words are finite numbers, return the number of words and "".
     """
     for index, word in enumerate(words):
-        start = word[:40]
-        if not is_number(word):
-            if word.lower().lstrip("+-") in ("nan", "inf", "infinity"):
-                return index, f"{start} is not a finite number"
-            return index, f"expected a number, found {start!r}"
-        if not np.isfinite(float(word)):
-            return index, f"{start} is not a finite number"
+        if not is_number(word) and word.lower().lstrip("+-") not in ("nan", "inf", "infinity"):
+            return index, f"expected a number, found {word[:40]!r}"
+        if not is_number(word) or not np.isfinite(float(word)):
+            return index, f"{word[:40]} is not a finite number"
     return len(words), ""

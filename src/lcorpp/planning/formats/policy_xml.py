@@ -10,7 +10,7 @@ lists the states of each set.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 
@@ -50,29 +50,29 @@ def write_policy(policy: Policy, path: str | Path) -> None:
         '<?xml version="1.0" encoding="ISO-8859-1"?>',
         f'<Policy version="0.1" type="value" model="{escape(model)}">',
     ]
-    # APPL writes a space after the last number of a vector; some readers drop what follows it
     if not policy.covers_all_states and estimate_bytes(policy) > MAX_BYTES:
         state_sets = " ".join(_format_ranges(part.states) for part in policy.vector_sets)
         lines.append(f"<!-- lcorpp pieces {state_sets} -->")
-        length = max(len(part.states) for part in policy.vector_sets)
-        lines.append(_format_header(length, len(policy.vector_sets), len(policy)))
-        for number, part in enumerate(policy.vector_sets):
-            for action, vector in zip(part.actions.tolist(), part.vectors.tolist(), strict=True):
-                words = " ".join(map(repr, vector))
-                lines.append(f'<Vector action="{action}" obsValue="{number}">{words} </Vector>')
+        length, count = max(len(part.states) for part in policy.vector_sets), len(policy.vector_sets)
+        vectors: Iterable[tuple[int, int, str]] = (
+            (number, action, " ".join(map(repr, vector)))
+            for number, part in enumerate(policy.vector_sets)
+            for action, vector in zip(part.actions.tolist(), part.vectors.tolist(), strict=True)
+        )
     else:
-        lines.append(_format_header(len(policy.state_names), 1, len(policy)))
-        for action, numbers in format_vectors(policy):
-            lines.append(f'<Vector action="{action}" obsValue="0">{numbers} </Vector>')
+        length, count = len(policy.state_names), 1
+        vectors = ((0, action, numbers) for action, numbers in format_vectors(policy))
+    lines.append(f'<AlphaVector vectorLength="{length}" numObsValue="{count}" numVectors="{len(policy)}">')
+    # APPL writes a space after the last number of a vector; some readers drop what follows it
+    lines += [
+        f'<Vector action="{action}" obsValue="{number}">{numbers} </Vector>'
+        for number, action, numbers in vectors
+    ]
     lines.append("</AlphaVector>")
     if policy.fingerprint:
         lines.append(f"<!-- lcorpp model sha256 {policy.fingerprint} -->")
     lines.append("</Policy>")
     write_atomically(path, ("\n".join(lines) + "\n").encode("ascii", "xmlcharrefreplace"))
-
-
-def _format_header(length: int, values: int, count: int) -> str:
-    return f'<AlphaVector vectorLength="{length}" numObsValue="{values}" numVectors="{count}">'
 
 
 def _format_ranges(states: Indices) -> str:
@@ -94,10 +94,10 @@ def read_policy(path: str | Path, pomdp: Pomdp, *, blocks: Sequence[npt.ArrayLik
         FileError: the file cannot be read.
         PolicyError: the file is malformed, contains a DTD, or belongs to another model.
     """
-    return _Reader(str(path), pomdp, blocks).read(read_bytes(path))
+    return _PolicyHandler(str(path), pomdp, blocks).read(read_bytes(path))
 
 
-class _Reader:
+class _PolicyHandler:
     """XML handler that collects the vectors.
 
     state_sets: states of each vector set: a single one, unless the header announces several.
@@ -131,13 +131,12 @@ class _Reader:
                 " observations, numbers and discount is not that of"
                 f" {self.pomdp.file or 'the given model'}; solve again"
             )
-        return Policy.of_sets(self.pomdp, [self._make_vector_set(number) for number in sorted(self.vectors)])
-
-    def _make_vector_set(self, number: int) -> AlphaVectors:
-        states = self.state_sets[number]
-        order = np.argsort(states)
-        vectors = np.array(self.vectors[number])
-        return AlphaVectors(states[order], vectors[:, order], np.array(self.actions[number]))
+        sets = []
+        for number, vectors in sorted(self.vectors.items()):
+            order = np.argsort(self.state_sets[number])
+            states, actions = self.state_sets[number][order], np.array(self.actions[number])
+            sets.append(AlphaVectors(states, np.array(vectors)[:, order], actions))
+        return Policy.of_sets(self.pomdp, sets)
 
     def error(self, line: int, column: int, message: str) -> PolicyError:
         return PolicyError(f"{self.file}:{line}:{column}: {message}")
@@ -174,7 +173,7 @@ class _Reader:
     def _read_header(self, attributes: dict[str, str]) -> None:
         if self.vectors:
             raise self.parser.error("a second <AlphaVector> in this policy")
-        values = self._count(attributes, "numObsValue") if "numObsValue" in attributes else 1
+        values = self._count(attributes, "numObsValue", "1")
         if values == 1:
             self._check_length(attributes, len(self.pomdp.states), "states")
         elif self.blocks is None:
@@ -195,7 +194,7 @@ class _Reader:
             self.announced = self._count(attributes, "numVectors")
 
     def _check_length(self, attributes: dict[str, str], length: int, what: str) -> None:
-        if "vectorLength" in attributes and self._count(attributes, "vectorLength") != length:
+        if self._count(attributes, "vectorLength", f"{length}") != length:
             raise self.parser.error(
                 f"this policy is for another model: its vectors have {attributes['vectorLength']} numbers,"
                 f" the model has {length} {what}"
@@ -210,7 +209,7 @@ class _Reader:
             )
         if self.blocks is None and attributes.get("obsValue", "0") != "0":
             raise self.parser.error(f"obsValue {attributes['obsValue']!r} belongs to a factored model")
-        self.current_set = self._count(attributes, "obsValue") if "obsValue" in attributes else 0
+        self.current_set = self._count(attributes, "obsValue", "0")
         if self.current_set >= len(self.state_sets):
             raise self.parser.error(
                 f"obsValue {self.current_set} is not among the {len(self.state_sets)} values of the observed"
@@ -229,7 +228,14 @@ class _Reader:
                     f"this policy is for another model: a vector of {len(vector)} numbers,"
                     f" the model has {length} states"
                 )
-            self._add(vector)
+        elif name == "SparseVector":
+            vector = np.zeros(length)
+            for state, value in self.entries:
+                if state >= length:
+                    raise self.parser.error(f"state {state} is not among the {length} states, counted from 0")
+                vector[state] = value
+        if name in _VECTORS:
+            self.vectors.setdefault(self.current_set, []).append(vector)
         elif name == "Entry":
             words = text.split()
             if len(words) != 2 or not is_count(words[0]) or len(words[0]) > 9:
@@ -237,20 +243,10 @@ class _Reader:
                     f"an entry is a state's number and a value, not {' '.join(words)[:80]!r}"
                 )
             self.entries.append((int(words[0]), float(self._parse_numbers(words[1], "entry")[0])))
-        elif name == "SparseVector":
-            vector = np.zeros(length)
-            for state, value in self.entries:
-                if state >= length:
-                    raise self.parser.error(f"state {state} is not among the {length} states, counted from 0")
-                vector[state] = value
-            self._add(vector)
 
-    def _add(self, vector: Array) -> None:
-        self.vectors.setdefault(self.current_set, []).append(vector)
-
-    def _count(self, attributes: dict[str, str], name: str) -> int:
+    def _count(self, attributes: dict[str, str], name: str, default: str = "") -> int:
         """Return the value of an attribute that is a whole number."""
-        text = attributes.get(name, "")
+        text = attributes.get(name, default)
         if not (is_count(text) and len(text) < 10):
             raise self.parser.error(f"{name} must be a whole number, not {text[:40]!r}")
         return int(text)

@@ -11,8 +11,8 @@ from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernel_protocols import Kernels, Tree
 from lcorpp.planning.sarsop.kernels import build_model, load_kernels
-from lcorpp.planning.sarsop.upper_bound import SawtoothBound
-from lcorpp.planning.solution import Progress, Solution
+from lcorpp.planning.solution import BoundsRecord, Progress, Solution
+from lcorpp.planning.upper_bounds import SawtoothBound
 from lcorpp.values import Belief
 
 PRUNING_RADIUS = 1e-3
@@ -71,53 +71,55 @@ class BoundedTree:
 
     def reset(self) -> None:
         """Forget all beliefs, but keep the vectors and points."""
-        self.tree = self._make_tree(self.policy())
+        self.tree = self._make_tree(self.make_policy())
 
-    def policy(self, roots: Iterable[int] = ()) -> Policy:
-        """Return the policy of the alpha vectors, with its upper bound.
-
-        Args:
-            roots: nodes whose own upper bounds, often below that of the points, become points first.
-        """
-        tree = self.tree
-        for root in roots:
-            belief = tree.belief(root)
+    def add_points(self, nodes: Iterable[int]) -> None:
+        """Add the upper bounds of nodes, often below the interpolation of the points, to the points."""
+        for node in nodes:
+            belief = self.tree.belief(node)
             states = np.flatnonzero(belief).astype(np.int32)
-            value = np.array([tree.upper_bound(root)])
-            tree.add_points(np.array([0, len(states)]), states, belief[states], value)
-        sets = []
+            value = np.array([self.tree.upper_bound(node)])
+            self.tree.add_points(np.array([0, len(states)]), states, belief[states], value)
+
+    def make_policy(self) -> Policy:
+        """Return the policy of the alpha vectors, with its upper bound."""
+        tree, sets = self.tree, []
         for group in range(tree.group_count):
             states, vectors, actions = tree.vectors(group)
             # without the vectors that these depend on, the policy could earn less than its vectors promise
-            pruned, first = tree.dependencies(group)
-            table, actions = np.concatenate([vectors, pruned]), np.concatenate([actions, first])
+            pruned, pruned_actions = tree.dependencies(group)
+            table, actions = np.concatenate([vectors, pruned]), np.concatenate([actions, pruned_actions])
             if len(actions):
                 sets.append(AlphaVectors(states.astype(np.intp), table, actions.astype(np.intp)))
         return Policy.of_sets(self.pomdp, sets, SawtoothBound(self.informed, *tree.points()))
 
     def _make_tree(self, previous: Policy | None) -> Tree:
-        """Return a tree without nodes, with the vectors and points of an earlier policy."""
+        """Return a tree without nodes, with the vectors and points of an earlier policy.
+
+        A group without vectors is never used: the model has a single block, and its beliefs are in that.
+        """
         tree = self._kernels.Tree(self._model, self.informed, self._blind)
         if previous is None:
             return tree
-        own = [(tree.vectors(group), group) for group in range(tree.group_count)]
-        groups = {states.tobytes(): group for (states, _, actions), group in own if len(actions)}
+        groups = {}
+        for group in range(tree.group_count):
+            states, _, actions = tree.vectors(group)
+            if len(actions):
+                groups[states.tobytes()] = group
         for vectors in previous.vector_sets:
-            group = groups.get(vectors.states.astype(np.int32).tobytes())
-            if group is not None:
-                tree.add_vectors(group, vectors.vectors, vectors.actions.astype(np.int32))
+            key = vectors.states.astype(np.int32).tobytes()
+            if key in groups:
+                tree.add_vectors(groups[key], vectors.vectors, vectors.actions.astype(np.int32))
         if isinstance(previous.upper_bound, SawtoothBound):
             tree.add_points(*previous.upper_bound.points())
         return tree
 
 
 class BoundedSearch:
-    """One search from some start beliefs: limits, loop, history and result.
+    """One search from some start beliefs: limits, loop and result.
 
     bounds: the tree, which the search improves. roots: the nodes of the start beliefs.
-    lower, upper: bounds at the root with the widest gap, `widest`.
-    trials: steps so far, in the unit of the solver.
-    history: (seconds, lower, upper, vectors) at first and after each change of a bound.
+    record: of the bounds at the roots. trials: steps so far, in the unit of the solver.
     """
 
     def __init__(
@@ -136,21 +138,22 @@ class BoundedSearch:
             time_limit: wall-clock seconds from `began`.
         """
         self.bounds, self.precision = bounds, precision
-        self._began, self._deadline = began, began + time_limit
+        self._deadline = began + time_limit
         self.roots = [bounds.tree.find_or_add_node(belief) for belief in starts]
         self.trials = 0
-        self.history: list[tuple[float, float, float, int]] = []
-        self.widest, self.lower, self.upper = self._record_bounds()
+        root_beliefs = [bounds.tree.belief(root) for root in self.roots]
+        self.record = BoundsRecord(bounds.pomdp, root_beliefs, began)
+        self._update_record()
 
     @property
     def gap(self) -> float:
-        """upper - lower."""
-        return self.upper - self.lower
+        """The widest gap between the bounds at a root, in reward units."""
+        return self.record.upper - self.record.lower
 
     @property
-    def seconds(self) -> float:
-        """Wall-clock seconds so far."""
-        return monotonic() - self._began
+    def widest(self) -> int:
+        """The root with the widest gap."""
+        return self.roots[self.record.widest]
 
     @property
     def seconds_left(self) -> float:
@@ -176,14 +179,21 @@ class BoundedSearch:
                 reason = step()
                 if reason is not None:
                     return reason
-                self.widest, self.lower, self.upper = self._record_bounds()
+                self._update_record()
                 if callback is not None:
-                    callback(self._make_progress())
+                    tree = self.bounds.tree
+                    callback(
+                        self.record.make_progress(
+                            vectors=tree.vector_count, beliefs=tree.node_count, trials=self.trials
+                        )
+                    )
         except KeyboardInterrupt:
             return "interrupted"
 
     def sample(self, share: float, max_depth: int, function: SampleFunction | None = None) -> None:
         """Sample one path from the root with the widest gap and prune.
+
+        Every second path follows the lower instead of the upper bound.
 
         Args:
             share: of the gap; the path aims at a gap of this size.
@@ -207,34 +217,22 @@ class BoundedSearch:
 
     def make_solution(self, reason: str) -> Solution:
         """Return the result after the search stopped for a reason."""
-        self.widest, self.lower, self.upper = self._record_bounds()
-        return Solution(
-            pomdp=self.bounds.pomdp,
-            policy=self.bounds.policy(self.roots),
-            lower=self.lower,
-            upper=self.upper,
-            seconds=self.seconds,
-            reason=reason,
-            history=tuple(self.history),
-            beliefs=self.bounds.tree.node_count,
-            trials=self.trials,
-            start=self.bounds.tree.belief(self.widest),
+        self._update_record()
+        self.bounds.add_points(self.roots)
+        return self.record.make_solution(
+            self.bounds.make_policy(), reason, beliefs=self.bounds.tree.node_count, trials=self.trials
         )
 
-    def _record_bounds(self) -> tuple[int, float, float]:
-        """Return the root with the widest gap and its bounds; append them to the history if they changed."""
-        tree, widest = self.bounds.tree, (-1, 0.0, -np.inf)
-        for root in self.roots:
-            low, high = tree.lower_bound(root), tree.upper_bound(root)
-            if low > high + CROSSING_TOLERANCE * self.bounds.max_abs_value:
-                raise RuntimeError(f"the bounds cross: {low!r} > {high!r}; this is a bug in lcorpp")
-            if widest[0] < 0 or high - low > widest[2] - widest[1]:
-                widest = root, low, max(low, high)  # after the check, low exceeds high by rounding at most
-        _, low, high = widest
-        if not self.history or (low, high) != self.history[-1][1:3]:
-            self.history.append((self.seconds, low, high, tree.vector_count))
-        return widest
+    def _update_record(self) -> None:
+        """Record the bounds at the roots.
 
-    def _make_progress(self) -> Progress:
+        Raises:
+            RuntimeError: they cross by more than rounding.
+        """
         tree = self.bounds.tree
-        return Progress(self.seconds, self.lower, self.upper, tree.vector_count, tree.node_count, self.trials)
+        lower = np.array([tree.lower_bound(root) for root in self.roots])
+        upper = np.array([tree.upper_bound(root) for root in self.roots])
+        k = int((lower - upper).argmax())
+        if lower[k] > upper[k] + CROSSING_TOLERANCE * self.bounds.max_abs_value:
+            raise RuntimeError(f"the bounds cross: {lower[k]} > {upper[k]}; this is a bug in lcorpp")
+        self.record.update(lower, np.maximum(lower, upper), tree.vector_count)

@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from time import monotonic
 
-from lcorpp.planning.arguments import check_count, check_limits
-from lcorpp.planning.belief import check_belief, update
+from lcorpp.planning.arguments import check_count, check_solver_arguments
+from lcorpp.planning.belief import check_belief
+from lcorpp.planning.planner import ModelPlanner
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree
 from lcorpp.values import Belief
@@ -41,7 +42,7 @@ class SearchResult:
     seconds: float
 
 
-class OnlinePlanner:
+class OnlinePlanner(ModelPlanner):
     """A planner that searches from each belief for a limited time: `lcorpp.protocols.Planner`.
 
     For problems that are too large to be solved in advance or that are used only once: the time goes to the
@@ -70,8 +71,8 @@ class OnlinePlanner:
         trials: int | None = None,
         preparation: float = 60.0,
     ) -> None:
-        check_limits(precision, seconds)
-        check_limits(precision, preparation)
+        check_solver_arguments(pomdp, precision, seconds)
+        check_solver_arguments(pomdp, precision, preparation)
         self.pomdp, self.seconds, self.precision = pomdp, seconds, precision
         self.trials = None if trials is None else check_count("trials", trials, 1)
         self._bounds = BoundedTree(pomdp, precision=precision, seconds=preparation / 3)
@@ -80,11 +81,6 @@ class OnlinePlanner:
         tree = self._bounds.tree
         return f"<OnlinePlanner: {self.seconds:g} s, {tree.vector_count} vectors, {tree.node_count} beliefs>"
 
-    @property
-    def start(self) -> Belief:
-        """(S,) the model's start belief."""
-        return self.pomdp.start
-
     def action(self, belief: Belief) -> str:
         """Search, and return the name of the action to take at a belief (S,).
 
@@ -92,16 +88,6 @@ class OnlinePlanner:
             ModelError: `belief` is not a distribution over the states.
         """
         return self.pomdp.actions[self.search(belief).action]
-
-    def update(self, belief: Belief, action: str, observation: str) -> Belief:
-        """Return the belief (S,) after a named action and observation.
-
-        Raises:
-            ModelError: a name is unknown.
-            ObservationError: the observation is impossible.
-        """
-        pomdp = self.pomdp
-        return update(pomdp, belief, pomdp.action_index(action), pomdp.observation_index(observation))
 
     def search(self, belief: Belief) -> SearchResult:
         """Search from a belief (S,) for the best action and bounds on the value.

@@ -12,26 +12,28 @@ the policy's value if it is at most the reward of one step followed by U:
     U(a, s) <= R(a, s) + gamma sum over s', o of P(s', o | s, a) U(f(a, o), s')   for all a and s,
 
 for any next actions f(a, o), because the policy's own are at least as good in U. The smallest such c is the
-value of a fully observable problem with the reward rho(a, s) by which Q(a, s) exceeds one step.
+value of a fully observable problem with the reward by which Q(a, s) exceeds one step. f(a, o) is the action
+with the smallest maximal regret over the states: it keeps this excess, and hence c, small.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from time import monotonic
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.arguments import check_limits, check_starts
+from lcorpp.planning.arguments import check_solver_arguments, check_starts
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
-from lcorpp.planning.evaluation.sparse_beliefs import ragged_indices
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import build_model, load_kernels
-from lcorpp.planning.solution import Progress, Solution
-from lcorpp.values import Array, Belief
+from lcorpp.planning.solution import BoundsRecord, Progress, Solution
+from lcorpp.planning.sparse import ragged_indices
+from lcorpp.planning.upper_bounds import PiecewiseLinearBound
+from lcorpp.values import Array
 
 INITIAL_NODES = 1000
 """Largest number of beliefs of the first evaluation."""
@@ -54,7 +56,7 @@ def solve_qmdp(
     the action with the largest Q(a).b; it never acts to gain information. Q itself exceeds the value of every
     policy. The vectors of the returned policy are Q(a) less a vector common to all actions: the policy is the
     same, and its vectors are a lower bound on its value at every belief, so that its value and `gap` are
-    certificates as those of other solvers, though wide ones. `Solution.lower` is closer: it evaluates the
+    proven as those of other solvers, though wide. `Solution.lower` is closer: it evaluates the
     beliefs that the policy reaches from the start. `Solution.upper` is Q at the start.
 
     Args:
@@ -63,7 +65,7 @@ def solve_qmdp(
         precision: of the table and of the evaluation, in reward units. It does not bound the gap between
             `lower` and `upper`.
         time_limit: wall-clock seconds.
-        callback: called before each evaluation of the policy.
+        callback: called before each evaluation of the policy; `trials` counts the evaluations.
 
     Returns:
         The policy of A vectors and both bounds; `beliefs` counts the evaluated beliefs.
@@ -73,7 +75,7 @@ def solve_qmdp(
 
     Source: Littman, Cassandra and Kaelbling, ICML 1995; the module docstring for the lower bound.
     """
-    check_limits(precision, time_limit)
+    check_solver_arguments(pomdp, precision, time_limit, callback)
     began, starts = monotonic(), check_starts(pomdp, start)
     kernels = load_kernels()
     table = kernels.mdp_bound(build_model(kernels, pomdp), 1e-3 * precision, time_limit)
@@ -96,27 +98,13 @@ def solve_fib(
 
     Source: Hauskrecht, JAIR 2000, section 4.4; the module docstring for the lower bound.
     """
-    check_limits(precision, time_limit)
+    check_solver_arguments(pomdp, precision, time_limit, callback)
     began, starts = monotonic(), check_starts(pomdp, start)
     kernels = load_kernels()
     model = build_model(kernels, pomdp)
     mdp = kernels.mdp_bound(model, 1e-3 * precision, time_limit / 4)
     table = kernels.fast_informed_bound(model, mdp, 1e-2 * precision, time_limit / 4)
     return _solve_table(pomdp, table, starts, precision, began, began + time_limit, callback)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class QTableBound:
-    """The upper bound max over a of Q(a).b of a table (A, S): `lcorpp.planning.policy.UpperBound`."""
-
-    table: Array
-
-    def __repr__(self) -> str:
-        return f"<QTableBound: {self.table.shape[0]} actions, {self.table.shape[1]} states>"
-
-    def value(self, belief: Belief) -> float:
-        """Return the bound at a belief (S,)."""
-        return float((self.table @ belief).max())
 
 
 def _solve_table(
@@ -128,101 +116,74 @@ def _solve_table(
     deadline: float,
     callback: Callable[[Progress], None] | None,
 ) -> Solution:
-    search = _Evaluation(pomdp, table, starts, precision=precision, began=began, deadline=deadline)
+    """Solve with the policy of a table (A, S) of upper bounds."""
+    evaluation = _TablePolicyEvaluation(pomdp, table, BoundsRecord(pomdp, starts, began), precision)
     try:
-        reason = search.run(callback)
+        reason = evaluation.run(deadline, callback)
     except KeyboardInterrupt:
         reason = "interrupted"
-    return search.make_solution(reason)
+    return evaluation.record.make_solution(evaluation.policy, reason, beliefs=evaluation.beliefs, trials=0)
 
 
-class _Evaluation:
-    """The policy of a table and the best lower bounds on its value so far.
+class _TablePolicyEvaluation:
+    """The policy of a table and bounds so far: `record` at the starts, `policy` at every belief."""
 
-    Args:
-        table: (A, S) Q values that are upper bounds.
-        starts: (N, S). began, deadline: on the monotonic clock.
-    """
-
-    def __init__(
-        self, pomdp: Pomdp, table: Array, starts: Array, *, precision: float, began: float, deadline: float
-    ) -> None:
-        self.pomdp, self.table, self.starts, self.precision = pomdp, table, starts, precision
-        self.began, self.deadline = began, deadline
-        # no policy earns less than the smallest reward in every step
+    def __init__(self, pomdp: Pomdp, table: Array, record: BoundsRecord, precision: float) -> None:
+        self.pomdp, self.table, self.record, self.precision = pomdp, table, record, precision
+        # no policy earns less than the smallest reward in every step: no vector may exceed it
         floor = float(pomdp.reward.min()) / (1 - pomdp.discount)
         self.policy = self._make_policy(table - table.max(axis=0) + floor)
-        self.lower = np.full(len(starts), floor)
-        self.nodes = 0
-        self.history: list[tuple[float, float, float, int]] = []
-        self._record_bounds()
+        self.lower = np.full(len(record.starts), floor)
+        self.upper = (record.starts @ table.T).max(axis=1)
+        self.beliefs = 0
+        self._raise_lower(self.lower)
 
-    def run(self, callback: Callable[[Progress], None] | None) -> str:
-        """Evaluate the policy at more and more beliefs; the reason to stop."""
-        seconds = max(0.0, self.deadline - monotonic())
+    def run(self, deadline: float, callback: Callable[[Progress], None] | None) -> str:
+        """Evaluate the policy at more and more beliefs; return the reason to stop."""
+        seconds = max(0.0, deadline - monotonic())
         vectors = policy_lower_bound(self.pomdp, self.table, 1e-3 * self.precision, seconds)
         self.policy = self._make_policy(vectors)
-        self.lower = np.maximum(self.lower, [self.policy.value(start) for start in self.starts])
+        self._raise_lower([self.policy.value(start) for start in self.record.starts])
         max_nodes, rounds = INITIAL_NODES, 0
         while True:
-            _, low, high = self._record_bounds()
             if callback is not None:
-                callback(Progress(self.history[-1][0], low, high, len(self.policy), self.nodes, rounds))
+                count = len(self.policy)
+                callback(self.record.make_progress(vectors=count, beliefs=self.beliefs, trials=rounds))
             began = monotonic()
             evaluations = [
                 evaluate(
                     self.pomdp, self.policy, start, precision=self.precision, max_nodes=max_nodes, trials=0
                 )
-                for start in self.starts
+                for start in self.record.starts
             ]
-            self.lower = np.maximum(self.lower, [each.lower for each in evaluations])
-            self.nodes = sum(each.beliefs for each in evaluations)
+            self.beliefs = sum(each.beliefs for each in evaluations)
+            self._raise_lower([each.lower for each in evaluations])
             rounds, max_nodes = rounds + 1, NODE_GROWTH * max_nodes
-            _, low, high = self._record_bounds()
-            if high - low <= self.precision:
+            if self.record.upper - self.record.lower <= self.precision:
                 return "precision reached"
             if all(each.exact or each.complete for each in evaluations):
                 return "policy evaluated"
             # the next evaluation takes about NODE_GROWTH times as long
-            if monotonic() + NODE_GROWTH * (monotonic() - began) > self.deadline:
+            if monotonic() + NODE_GROWTH * (monotonic() - began) > deadline:
                 return "time limit"
 
-    def make_solution(self, reason: str) -> Solution:
-        """Return the result so far."""
-        widest, low, high = self._record_bounds()
-        return Solution(
-            pomdp=self.pomdp,
-            policy=self.policy,
-            lower=low,
-            upper=high,
-            seconds=monotonic() - self.began,
-            reason=reason,
-            history=tuple(self.history[:-1]),
-            beliefs=self.nodes,
-            trials=0,
-            start=self.starts[widest],
-        )
+    def _raise_lower(self, bounds: Sequence[float] | Array) -> None:
+        """Raise the lower bounds at the starts to `bounds` (N,) if these are larger."""
+        self.lower = np.maximum(self.lower, bounds)
+        self.record.update(self.lower, self.upper, len(self.policy))
 
     def _make_policy(self, vectors: Array) -> Policy:
         actions, states = vectors.shape
         alphas = AlphaVectors(np.arange(states), vectors, np.arange(actions))
-        return Policy.of_sets(self.pomdp, [alphas], QTableBound(self.table))
-
-    def _record_bounds(self) -> tuple[int, float, float]:
-        """Return the start with the widest gap and its bounds; append the bounds to the history."""
-        high = (self.starts @ self.table.T).max(axis=1)
-        widest = int((high - self.lower).argmax())
-        low, top = float(self.lower[widest]), max(float(high[widest]), float(self.lower[widest]))
-        self.history.append((monotonic() - self.began, low, top, len(self.policy)))
-        return widest, low, top
+        return Policy.of_sets(self.pomdp, [alphas], PiecewiseLinearBound(self.table))
 
 
 def policy_lower_bound(pomdp: Pomdp, table: Array, tolerance: float, seconds: float) -> Array:
-    """Compute vectors (A, S) of the policy of a table that are a lower bound on its value at every belief.
+    """Compute vectors U (A, S) of the policy of a table that are a lower bound on its value at every belief.
 
     Args:
         table: (A, S) any values.
-        tolerance: how far c may exceed the smallest one.
+        tolerance: how far c may exceed the smallest one, in reward units.
         seconds: of wall-clock time.
     """
     excess = np.array([table[a] - _look_ahead(pomdp, table, a) for a in range(len(table))])
@@ -243,14 +204,16 @@ def _look_ahead(pomdp: Pomdp, table: Array, action: int) -> Array:
     part = T.action_slice(action)
     row = action * S + T.columns[part].astype(np.int64)
     sizes = Z.begins[row + 1] - Z.begins[row]
-    seen, step = ragged_indices(Z.begins[row], sizes), np.repeat(np.arange(part.start, part.stop), sizes)
-    # one row for each possible pair of observation and previous state, by observation
-    key = Z.columns[seen] * np.int64(S) + T.rows[step] - action * S
-    pairs, place = np.unique(key, return_inverse=True)
-    joint = csr_array((T.values[step] * Z.values[seen], (place, T.columns[step])), shape=(len(pairs), S))
-    values = np.asarray(joint @ table.T)
+    # one entry for each triple (s, s', o): its entries in the tables of transitions and observations
+    t_entry = np.repeat(np.arange(part.start, part.stop), sizes)
+    z_entry = ragged_indices(Z.begins[row], sizes)
+    # one row for each possible pair (o, s), by observation
+    keys = Z.columns[z_entry] * np.int64(S) + T.rows[t_entry] - action * S
+    pairs, pair = np.unique(keys, return_inverse=True)
+    joint = csr_array((T.values[t_entry] * Z.values[z_entry], (pair, T.columns[t_entry])), (len(pairs), S))
+    values = np.asarray(joint @ table.T)  # (pairs, A): of the table after o from s, by the next action
     observation, state = np.divmod(pairs, S)
-    begins = np.searchsorted(observation, np.unique(observation))
+    begins = np.unique(observation, return_index=True)[1]
     regret = np.maximum.reduceat(values.max(axis=1, keepdims=True) - values, begins, axis=0)
     next_action = np.repeat(regret.argmin(axis=1), np.diff(begins, append=len(pairs)))
     expected = np.bincount(state, values[np.arange(len(pairs)), next_action], minlength=S)

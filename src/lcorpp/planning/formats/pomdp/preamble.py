@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lcorpp.errors import ModelError, expected_one_of
-from lcorpp.planning.formats.numbers import is_count, is_number
-from lcorpp.planning.formats.pomdp.tokens import PREAMBLE_KEYWORDS, ROW_TOLERANCE, TABLE_KEYWORDS, Tokens
+from lcorpp.planning.formats.numbers import ROW_TOLERANCE, is_count, is_number
+from lcorpp.planning.formats.pomdp.tokens import PREAMBLE_KEYWORDS, TABLE_KEYWORDS, Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, discount_message
 from lcorpp.values import Belief
 
@@ -70,12 +70,7 @@ class Preamble:
 
 
 def read_preamble(tokens: Tokens) -> Preamble:
-    """Read up to the first T, O or R.
-
-    Raises:
-        ParseError: it is malformed or incomplete.
-        ModelError: it declares too many names.
-    """
+    """Read up to the first T, O or R. Raises ParseError and ModelError (too many names)."""
     preamble = Preamble()
     while not tokens.at_end():
         if not tokens.at_statement():
@@ -118,9 +113,14 @@ def _read_item(tokens: Tokens, preamble: Preamble, keyword: str) -> None:
         preamble.indices[keyword] = {**numbers, **{name: i for i, name in enumerate(names)}, "*": ALL}
 
 
+def _is_single_count(tokens: Tokens) -> bool:
+    """Return whether a whole number follows that is no list of numbers."""
+    return is_count(tokens.peek()) and not is_number(tokens.peek(1))
+
+
 def _read_names(tokens: Tokens, keyword: str) -> tuple[tuple[str, ...], list[int]]:
     """Read names or a count; return the names and their offsets."""
-    if is_count(tokens.peek()) and not is_number(tokens.peek(1)):
+    if _is_single_count(tokens):
         text, offset = tokens.peek(), tokens.offset
         if len(text) > 18 or int(text) > MAX_COUNT:
             raise ModelError(f"{text[:30]} {keyword} are too many; at most {MAX_COUNT} can be held")
@@ -164,7 +164,7 @@ def _read_start(tokens: Tokens, preamble: Preamble) -> None:
     elif tokens.peek() == "uniform" and "uniform" not in preamble.indices["states"]:
         tokens.take()
         preamble.declared_start = _make_uniform_start(S, range(S))
-    elif is_number(tokens.peek()) and not _is_state_number(tokens, S):
+    elif is_number(tokens.peek()) and (S == 1 or not _is_single_count(tokens)):
         start = tokens.probabilities(S, "the start belief")[0][0]
         total = start.sum()
         if abs(total - 1) > ROW_TOLERANCE:
@@ -172,11 +172,6 @@ def _read_start(tokens: Tokens, preamble: Preamble) -> None:
         preamble.declared_start = start / total if abs(total - 1) > SUM_TOLERANCE else start
     else:
         preamble.declared_start = _make_uniform_start(S, _read_states(tokens, preamble))
-
-
-def _is_state_number(tokens: Tokens, states: int) -> bool:
-    """Return whether a single whole number follows ``start:``: the index of a state, not a belief."""
-    return states > 1 and is_count(tokens.peek()) and not is_number(tokens.peek(1))
 
 
 def _read_states(tokens: Tokens, preamble: Preamble) -> set[int]:

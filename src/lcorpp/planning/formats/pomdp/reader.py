@@ -1,4 +1,4 @@
-"""Read A. Cassandra's .pomdp format, as published files use it.
+"""Read A. Cassandra's .pomdp format, as published files use it; a PomdpX file is passed to its own reader.
 
 The format: http://pomdp.org/code/pomdp-file-spec.html. Later statements override earlier ones. Extensions of
 published files: a bare list of initial states, and a stray colon before the numbers.
@@ -6,16 +6,38 @@ published files: a bare list of initial states, and a stray colon before the num
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from lcorpp.errors import ModelError
+from lcorpp.files import read_text
+from lcorpp.planning.formats.numbers import ROW_TOLERANCE
 from lcorpp.planning.formats.pomdp.preamble import Preamble, read_preamble
 from lcorpp.planning.formats.pomdp.rewards import expected_rewards
 from lcorpp.planning.formats.pomdp.statements import Statements
-from lcorpp.planning.formats.pomdp.tables import Table
-from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE, Offsets, Tokens
+from lcorpp.planning.formats.pomdp.tables import TableStatements
+from lcorpp.planning.formats.pomdp.tokens import Offsets, Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.planning.sparse import SparseTables
+
+
+def read_pomdp(path: str | Path) -> Pomdp:
+    """Read a model: PomdpX if the suffix is .pomdpx or the content is XML, otherwise .pomdp.
+
+    Raises:
+        FileError: the file cannot be read.
+        ParseError: the text is malformed; the message has file, line and column.
+        ModelError: the model is too large.
+    """
+    is_xml = Path(path).suffix.lower() == ".pomdpx"
+    text = "" if is_xml else read_text(path)
+    # PomdpX files are published under either suffix, and no .pomdp file starts with "<"
+    if is_xml or text.lstrip("\ufeff \t\r\n").startswith("<"):
+        from lcorpp.planning.formats.pomdpx.reader import read_pomdpx  # imports the XML parser
+
+        return read_pomdpx(path)
+    return parse_pomdp(text, file=str(path))
 
 
 def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
@@ -55,7 +77,7 @@ def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
         raise ModelError(f"{file}: {error}") from None
 
 
-def _normalize_rows(tokens: Tokens, preamble: Preamble, table: Table) -> SparseTables:
+def _normalize_rows(tokens: Tokens, preamble: Preamble, table: TableStatements) -> SparseTables:
     """Return the rows of a table, all present and of sum 1, without the file's rounding errors.
 
     Raises:
@@ -79,7 +101,7 @@ def _normalize_rows(tokens: Tokens, preamble: Preamble, table: Table) -> SparseT
     return SparseTables(rows.shape, rows.begins, rows.columns, rows.values / divisors[rows.rows])
 
 
-def _check_complete(tokens: Tokens, preamble: Preamble, table: Table, offsets: Offsets) -> None:
+def _check_complete(tokens: Tokens, preamble: Preamble, table: TableStatements, offsets: Offsets) -> None:
     """Raise a ParseError if a row of the table is missing."""
     unset = offsets < 0
     if not unset.any():

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.formats.pomdp.preamble import ALL
-from lcorpp.planning.formats.pomdp.tables import Entries, Indices, concatenate_ranges, find_last_occurrences
-from lcorpp.planning.sparse import SparseTables
+from lcorpp.planning.formats.pomdp.tables import Entries, Indices, find_last_occurrences
+from lcorpp.planning.sparse import SparseTables, ragged_indices
 from lcorpp.values import Array
 
 CHUNK_CASES = 2**20
@@ -88,7 +88,7 @@ def _expand_cases(
         yield T.rows[part], T.columns[part].astype(np.int64), None, T.values[part]
     for part in _split(joint, widths[joint]):
         source = np.repeat(part, widths[part])
-        target = concatenate_ranges(Z.begins[next_rows[part]], widths[part])
+        target = ragged_indices(Z.begins[next_rows[part]], widths[part])
         weight = T.values[source] * Z.values[target]
         yield T.rows[source], T.columns[source].astype(np.int64), Z.columns[target].astype(np.int64), weight
     yield from _sum_over_next_states(T, Z, np.flatnonzero(only_observed))

@@ -6,10 +6,10 @@ from sys import float_info
 
 import numpy as np
 
-from lcorpp.planning.formats.numbers import is_count, is_number
+from lcorpp.planning.formats.numbers import ROW_TOLERANCE, is_count, is_number
 from lcorpp.planning.formats.pomdp.preamble import ALL, Preamble
-from lcorpp.planning.formats.pomdp.tables import Entries, StoredRows, Table
-from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE, TABLE_KEYWORDS, Offsets, Tokens
+from lcorpp.planning.formats.pomdp.tables import Entries, StoredRows, TableStatements
+from lcorpp.planning.formats.pomdp.tokens import TABLE_KEYWORDS, Offsets, Tokens
 
 _ROW_KEYWORDS = ("identity", "uniform", "reset")
 
@@ -24,8 +24,8 @@ class Statements:
     def __init__(self, tokens: Tokens, preamble: Preamble) -> None:
         self.tokens, self.preamble = tokens, preamble
         A, S, observations = preamble.counts
-        self.transition = Table("transition", (A, S, S))
-        self.observation = Table("observation", (A, S, observations))
+        self.transition = TableStatements("transition", (A, S, S))
+        self.observation = TableStatements("observation", (A, S, observations))
         self.rewards = Entries(4)
         self._shared_rows: dict[tuple[str, str], StoredRows] = {}
         indices = preamble.indices
@@ -40,11 +40,7 @@ class Statements:
         }
 
     def read(self) -> None:
-        """Read up to the end of the text.
-
-        Raises:
-            ParseError: it is malformed.
-        """
+        """Read up to the end of the text. Raises ParseError."""
         tokens = self.tokens
         while not tokens.at_end():
             if not tokens.at_statement():
@@ -56,12 +52,13 @@ class Statements:
                 continue
             tokens.take()
             tokens.take()
+            action = self.preamble.read_reference(tokens, "actions")
             if keyword == "R":
-                self._read_reward()
+                self._read_reward(action)
             elif keyword == "T":
-                self._read_rows(self.transition, "states")
+                self._read_rows(self.transition, action, "states")
             else:
-                self._read_rows(self.observation, "observations")
+                self._read_rows(self.observation, action, "observations")
 
     def _read_plain_entries(self, keyword: str) -> bool:
         """Read a batch of plain entries of one table; return False if the next statement is none."""
@@ -90,19 +87,15 @@ class Statements:
 
     # --- T and O ---
 
-    def _read_rows(self, table: Table, columns: str) -> None:
+    def _read_rows(self, table: TableStatements, action: int, columns: str) -> None:
         """Read an entry, a row or a matrix."""
         tokens, preamble = self.tokens, self.preamble
-        S = table.shape[1]
-        action = preamble.read_reference(tokens, "actions")
         if not self._take_reference_colon("states"):
-            rows, offsets = self._read_body(table, columns, f"{table.title} matrix of {S} rows", matrix=True)
-            table.set_rows(action, ALL, rows, offsets)
+            table.set_rows(action, ALL, *self._read_body(table, columns, matrix=True))
             return
         state = preamble.read_reference(tokens, "states")
         if not self._take_reference_colon(columns):
-            rows, offsets = self._read_body(table, columns, f"{table.title} row", matrix=False)
-            table.set_rows(action, state, rows, offsets)
+            table.set_rows(action, state, *self._read_body(table, columns, matrix=False))
             return
         column = preamble.read_reference(tokens, columns)
         self._skip_colon()
@@ -114,11 +107,12 @@ class Statements:
             table.entries.add([action, state, column], value, offset)
 
     def _read_body(
-        self, table: Table, columns: str, what: str, *, matrix: bool
+        self, table: TableStatements, columns: str, *, matrix: bool
     ) -> tuple[StoredRows, int | Offsets]:
         """Read the numbers of a matrix or of one row, or a keyword; return the rows and their offsets."""
         tokens = self.tokens
         _, S, N = table.shape
+        what = f"{table.title} matrix of {S} rows" if matrix else f"{table.title} row"
         offset, word = tokens.offset, tokens.peek()
         if word not in _ROW_KEYWORDS:
             values, offsets = tokens.probabilities(N, what, S if matrix else 1)
@@ -134,7 +128,7 @@ class Statements:
             self._shared_rows[table.title, word] = rows
         return self._shared_rows[table.title, word], offset
 
-    def _store_constant_row(self, table: Table, value: float) -> StoredRows:
+    def _store_constant_row(self, table: TableStatements, value: float) -> StoredRows:
         """Return a row of equal numbers, stored once."""
         key = (table.title, repr(value))
         if key not in self._shared_rows:
@@ -143,11 +137,10 @@ class Statements:
 
     # --- R ---
 
-    def _read_reward(self) -> None:
+    def _read_reward(self, action: int) -> None:
         """Read an entry, a row over the observations or a matrix of next states by observations."""
         tokens, preamble = self.tokens, self.preamble
         S = preamble.counts[1]
-        action = preamble.read_reference(tokens, "actions")
         if tokens.peek() != ":":
             raise tokens.error(f"expected ':', found {tokens.describe_next()}")
         tokens.take()

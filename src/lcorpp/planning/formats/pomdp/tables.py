@@ -7,7 +7,7 @@ one is kept; each row takes the last whole-row statement that covers it, and the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from lcorpp.errors import ModelError
 from lcorpp.planning.formats.pomdp.preamble import ALL
 from lcorpp.planning.formats.pomdp.tokens import Offsets
-from lcorpp.planning.sparse import MAX_BYTES, SparseTables
+from lcorpp.planning.sparse import MAX_BYTES, SparseTables, ragged_indices
 from lcorpp.values import Array
 
 Indices = npt.NDArray[np.int64]
@@ -58,26 +58,14 @@ class Entries:
         return self._chunks[0]
 
 
-@dataclass(frozen=True, eq=False)
-class StoredRows:
+class StoredRows(NamedTuple):
     """Range of a table's stored numbers that form a row; for a matrix, arrays (S,) of ranges."""
 
     begin: int | Indices
     length: int | Indices
 
 
-@dataclass(frozen=True, eq=False)
-class _RowStatement:
-    """A statement that sets whole rows.
-
-    offsets: of the first number; for a matrix (S,) of the first number of each row.
-    """
-
-    offsets: int | Offsets
-    rows: StoredRows
-
-
-class Table:
+class TableStatements:
     """The statements of T or O so far.
 
     title: name for messages. shape: (A, S, N). entries: numbers given one at a time.
@@ -86,7 +74,8 @@ class Table:
     def __init__(self, title: str, shape: tuple[int, int, int]) -> None:
         self.title, self.shape = title, shape
         self.entries = Entries(3)
-        self._statements: dict[tuple[int, int], _RowStatement] = {}  # in the order of the text
+        # rows and offsets by action and state, in the order of the text
+        self._statements: dict[tuple[int, int], tuple[StoredRows, int | Offsets]] = {}
         self._columns: list[npt.NDArray[np.int32]] = []
         self._values: list[Array] = []
         self._stored = 0
@@ -127,7 +116,7 @@ class Table:
             self._statements.clear()
             self.entries.clear()
         self._statements.pop((action, state), None)  # so that the new one goes to the end
-        self._statements[action, state] = _RowStatement(offsets, rows)
+        self._statements[action, state] = rows, offsets
 
     def rows(self) -> tuple[SparseTables, Offsets]:
         """Return the table, and for each row (A, S) the offset of the last statement about it, or -1.
@@ -136,21 +125,19 @@ class Table:
             ModelError: the table is too large.
         """
         A, S, _ = self.shape
-        offsets = np.full((A, S), -1, dtype=np.int64)
-        begins = np.zeros((A, S), dtype=np.int64)
-        lengths = np.zeros((A, S), dtype=np.int64)
-        for (a, s), statement in self._statements.items():
+        begins, lengths, offsets = np.zeros((3, A, S), dtype=np.int64)
+        offsets[:] = -1
+        for (a, s), (stored, at) in self._statements.items():
             scope = (slice(None) if a == ALL else a, slice(None) if s == ALL else s)
-            offsets[scope] = statement.offsets
-            begins[scope] = statement.rows.begin
-            lengths[scope] = statement.rows.length
+            begins[scope], lengths[scope] = stored
+            offsets[scope] = at
         total = int(lengths.sum())
         self._check_size(total)
-        row, column, value, at = self._find_overriding_entries(offsets, MAX_NUMBERS - total)
-        index = concatenate_ranges(begins.reshape(-1), lengths.reshape(-1))
+        row, column, value, entry_offsets = self._find_overriding_entries(offsets, MAX_NUMBERS - total)
+        index = ragged_indices(begins.reshape(-1), lengths.reshape(-1))
         columns = np.concatenate(self._columns or [np.zeros(0, dtype=np.int32)])[index]
         values = np.concatenate(self._values or [np.zeros(0)])[index]
-        offsets.reshape(-1)[row] = at  # numpy keeps the last of several
+        offsets.reshape(-1)[row] = entry_offsets  # numpy keeps the last of several
         if not len(row):
             ends = np.concatenate([[0], np.cumsum(lengths)])
             return SparseTables(self.shape, ends, columns, values), offsets
@@ -182,9 +169,9 @@ class Table:
         selected = np.repeat(selected, copies)
         action, state, column = indices[selected].T
         # copies of an entry are in the order of actions, then states
-        both = (action == ALL) & (state == ALL)
-        row = np.where(action == ALL, np.where(both, step // S, step), action) * S
-        row += np.where(state == ALL, np.where(both, step % S, step), state)
+        states = np.where(state == ALL, S, 1)
+        row = np.where(action == ALL, step // states, action) * S
+        row += np.where(state == ALL, step % states, state)
         later = np.flatnonzero(at[selected] > offsets.reshape(-1)[row])
         selected = selected[later]
         return row[later], column[later], values[selected], at[selected]
@@ -196,7 +183,8 @@ class Table:
         action, state, column = indices.T
         if not ((action == ALL) | (state == ALL)).any():
             return np.arange(len(at))
-        late = np.flatnonzero(at > _find_first_offset(offsets, action, state))
+        # the smallest offset among the rows of each scope; `ALL`, -1, is the last row or column
+        late = np.flatnonzero(at > np.pad(offsets, (0, 1), mode="minimum")[action, state])
         key = ((action[late] + 1) * (S + 1) + state[late] + 1) * N + column[late]
         return late[find_last_occurrences(key)]
 
@@ -210,23 +198,5 @@ class Table:
 
 def find_last_occurrences(keys: Indices) -> npt.NDArray[np.intp]:
     """Return the index of the last occurrence of each key, increasing."""
-    order = np.argsort(keys, kind="stable")
-    last = np.ones(len(keys), dtype=bool)
-    last[:-1] = keys[order][1:] != keys[order][:-1]
-    return np.sort(order[last])
-
-
-def concatenate_ranges(begins: Indices, lengths: Indices) -> Indices:
-    """Return the ranges [begin, begin + length), one after the other."""
-    total = int(lengths.sum())
-    shift = begins - (np.cumsum(lengths) - lengths)
-    numbers: Indices = np.repeat(shift, lengths) + np.arange(total)
-    return numbers
-
-
-def _find_first_offset(offsets: Offsets, action: Indices, state: Indices) -> Offsets:
-    """Return (n,) the smallest of the offsets (A, S) among the rows of each scope."""
-    first = offsets[np.maximum(action, 0), np.maximum(state, 0)]
-    first = np.where(action == ALL, offsets.min(axis=0)[np.maximum(state, 0)], first)
-    first = np.where(state == ALL, offsets.min(axis=1)[np.maximum(action, 0)], first)
-    return np.where((action == ALL) & (state == ALL), offsets.min(), first)
+    _, last = np.unique(keys[::-1], return_index=True)
+    return np.sort(len(keys) - 1 - last)

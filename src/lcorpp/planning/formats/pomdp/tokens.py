@@ -12,14 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ParseError
-from lcorpp.planning.formats.numbers import NUMBER, is_number
+from lcorpp.planning.formats.numbers import NUMBER, ROW_TOLERANCE, is_number
 from lcorpp.values import Array
 
 PREAMBLE_KEYWORDS = ("discount", "values", "states", "actions", "observations")
 TABLE_KEYWORDS = ("T", "O", "R")
-
-ROW_TOLERANCE = 1e-4
-"""Tolerance of row sums: published files have few digits, and errors up to 5e-6 are common."""
 
 MIN_BATCH, MAX_BATCH = 4, 8192
 """How many plain entries are matched at once."""
@@ -45,11 +42,7 @@ def _make_entry_pattern(keyword: str, names: int) -> re.Pattern[str]:
     return re.compile(rf"{keyword}{_SKIP}{references}(?::{_SKIP})?+({NUMBER})(?![^\s:#]){_SKIP}")
 
 
-_ENTRIES = {
-    "T": _make_entry_pattern("T", 3),
-    "O": _make_entry_pattern("O", 3),
-    "R": _make_entry_pattern("R", 4),
-}
+_ENTRIES = {keyword: _make_entry_pattern(keyword, names) for keyword, names in (("T", 3), ("O", 3), ("R", 4))}
 
 
 @lru_cache(maxsize=64)

@@ -14,17 +14,8 @@ from lcorpp.planning.formats.pomdp.tokens import PREAMBLE_KEYWORDS, TABLE_KEYWOR
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import SparseTables
 
-_RESERVED = {
-    *PREAMBLE_KEYWORDS,
-    *TABLE_KEYWORDS,
-    "start",
-    "include",
-    "exclude",
-    "uniform",
-    "identity",
-    "reset",
-    "*",
-}
+_OTHER_KEYWORDS = ("start", "include", "exclude", "uniform", "identity", "reset", "*")
+_RESERVED = {*PREAMBLE_KEYWORDS, *TABLE_KEYWORDS, *_OTHER_KEYWORDS}
 
 
 def write_pomdp(pomdp: Pomdp, path: str | Path) -> None:

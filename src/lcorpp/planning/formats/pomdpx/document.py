@@ -67,7 +67,14 @@ class Document:
 
     def error_at(self, line: int, column: int, message: str) -> ParseError:
         """Return a ParseError at a position."""
-        text = self._data if isinstance(self._data, str) else _decode(self._data)
+        if isinstance(self._data, str):
+            text = self._data
+        else:
+            try:
+                is_utf16 = self._data[:2] in (b"\xff\xfe", b"\xfe\xff")
+                text = self._data.decode("utf-16" if is_utf16 else "utf-8-sig")
+            except UnicodeDecodeError:
+                text = self._data.decode("latin-1")
         begin = 0
         for _, match in zip(range(line - 1), _LINE_END.finditer(text), strict=False):
             begin = match.end()
@@ -78,14 +85,10 @@ class Document:
         """Return a ParseError at an element, or at a word of its text."""
         return self.error_at(*element.position(word), message)
 
-    def children(
+    def check_children(
         self, element: Element, names: Sequence[str], attributes: Sequence[str] = ()
     ) -> list[Element]:
-        """Return the children of an element without text.
-
-        Raises:
-            ParseError: the element has text, or a child or an attribute with another name.
-        """
+        """Check that an element has no text and only these children and attributes; return the children."""
         self._check_attributes(element, attributes)
         if element.words():
             raise self.error(
@@ -131,6 +134,11 @@ class Document:
             index, message = find_invalid_number(words)
             raise self.error(element, message, index)
         return numbers
+
+    def number(self, element: Element) -> float:
+        """Return the only number in an element."""
+        self.word(element)
+        return float(self.numbers(element)[0])
 
     def attribute(self, element: Element, name: str, default: str | None = None) -> str:
         """Return the value of an attribute; required if there is no default."""
@@ -188,11 +196,3 @@ class _TreeBuilder:
 
     def error(self, line: int, column: int, message: str) -> ParseError:
         return self._document.error_at(line, column, message)
-
-
-def _decode(data: bytes) -> str:
-    """Decode bytes for an error message."""
-    try:
-        return data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")

@@ -16,11 +16,11 @@ from lcorpp.planning.factored.flatten import flatten
 from lcorpp.planning.factored.model import Factored
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.table_builder import TableBuilder
-from lcorpp.planning.factored.variables import AFTER, build_scope
-from lcorpp.planning.formats.pomdpx.decision_diagrams import read_diagram
+from lcorpp.planning.factored.variables import AFTER
+from lcorpp.planning.formats.pomdpx.decision_diagrams import DiagramReader
+from lcorpp.planning.formats.pomdpx.declarations import Declarations
 from lcorpp.planning.formats.pomdpx.document import Document, Element
-from lcorpp.planning.formats.pomdpx.tables import Context, Function, normalize_rows, read_entries
-from lcorpp.planning.formats.pomdpx.variables import Declarations
+from lcorpp.planning.formats.pomdpx.tables import Function, normalize_rows, read_entries
 from lcorpp.planning.pomdp import Pomdp, discount_message
 
 _SECTIONS = ("InitialStateBelief", "StateTransitionFunction", "ObsFunction", "RewardFunction")
@@ -70,62 +70,55 @@ def parse_pomdpx(text: str | bytes, *, file: str = "<text>") -> Factored:
     Raises:
         ParseError: it is malformed; the message has file, line and column.
     """
-    return _Reader(Document(text, file, "pomdpx")).read()
+    return _ProblemReader(Document(text, file, "pomdpx")).read()
 
 
-class _Reader:
+class _ProblemReader:
     """Builds the problem from the elements of a document."""
 
     def __init__(self, document: Document) -> None:
         self.document, root = document, document.root
-        self.parts = document.children(root, _PARTS, tuple(root.attributes))
+        self.parts = document.check_children(root, _PARTS, tuple(root.attributes))
         self.declarations = Declarations(document, document.only_child(root, "Variable"))
 
     def read(self) -> Factored:
         document, declarations = self.document, self.declarations
-        discount = self._read_discount(document.only_child(document.root, "Discount"))
+        element = document.only_child(document.root, "Discount")
+        discount = document.number(element)
+        if not 0 < discount < 1:
+            raise document.error(element, discount_message(discount), 0)
         for part in self.parts:
             if part.name == "Horizon" and document.word(part).lower() not in _INFINITE_HORIZON:
                 raise document.error(part, "finite horizons are not supported; expected an infinite one", 0)
-        states, actions, observations = declarations.states, declarations.actions, declarations.observations
-        before, after = [v.name for v in states], [v.name + AFTER for v in states]
-        action_names, observation_names = [v.name for v in actions], [v.name for v in observations]
+        variables = declarations.states, declarations.actions, declarations.observations
+        before, actions, observations = ([variable.name for variable in kind] for kind in variables)
+        after = [name + AFTER for name in before]
         try:
-            self.context = Context(document, build_scope(states, actions, observations), declarations.names)
             return Factored(
-                states,
-                actions,
-                observations,
+                *variables,
                 self._read_start(before),
-                self._read_tables("StateTransitionFunction", after, [*action_names, *before, *after]),
-                self._read_tables(
-                    "ObsFunction", observation_names, [*action_names, *after, *observation_names]
-                ),
-                self._read_rewards([*action_names, *before, *after, *observation_names]),
+                self._read_tables("StateTransitionFunction", after, [*actions, *before, *after]),
+                self._read_tables("ObsFunction", observations, [*actions, *after, *observations]),
+                self._read_rewards([*actions, *before, *after, *observations]),
                 discount,
                 document.file,
             )
         except ModelError as error:
             raise document.error(document.root, str(error)) from None
 
-    def _read_discount(self, element: Element) -> float:
-        self.document.word(element)
-        discount = float(self.document.numbers(element)[0])
-        if not 0 < discount < 1:
-            raise self.document.error(element, discount_message(discount), 0)
-        return discount
-
-    def _find_function_elements(self, section: str, kind: str) -> Iterator[Element]:
+    def _find_functions(self, section: str, kind: str) -> Iterator[tuple[Element, Element]]:
+        """Yield the functions of a section, each with its ``<Var>``."""
         for part in self.parts:
-            if part.name == section:
-                yield from self.document.children(part, (kind,))
+            for element in self.document.check_children(part, (kind,)) if part.name == section else ():
+                self.document.check_children(element, ("Var", "Parent", "Parameter"))
+                yield element, self.document.only_child(element, "Var")
 
     def _read_start(self, names: Sequence[str]) -> tuple[Table, ...]:
         if any(part.name == "InitialStateBelief" for part in self.parts):
             return self._read_tables("InitialStateBelief", names, names)
         if not all(variable.observed for variable in self.declarations.states):
             raise self.document.error(self.document.root, "<pomdpx> needs <InitialStateBelief>")
-        return tuple(build_table(self.context.scope, "uniform", (name,), "start") for name in names)
+        return tuple(build_table(self.declarations.scope, "uniform", (name,), "start") for name in names)
 
     def _read_tables(
         self, section: str, children: Sequence[str], parents: Sequence[str]
@@ -134,9 +127,7 @@ class _Reader:
         document = self.document
         tables = []
         done: set[str] = set()
-        for element in self._find_function_elements(section, "CondProb"):
-            document.children(element, ("Var", "Parent", "Parameter"))
-            variable = document.only_child(element, "Var")
+        for element, variable in self._find_functions(section, "CondProb"):
             names = self._read_names(variable, children)
             for i, name in enumerate(names):
                 if name in done:
@@ -144,9 +135,7 @@ class _Reader:
             done.update(names)
             if not names:
                 raise document.error(variable, "<Var> names no variable")
-            parent_names = self._read_names(document.only_child(element, "Parent"), parents, names)
-            parameter = document.only_child(element, "Parameter")
-            tables.append(self._read_table(Function(self.context, parameter, parent_names, names)))
+            tables.append(self._read_table(element, parents, names))
         for file_name, name in self.declarations.names.items():
             if name in children and name not in done:
                 place = next((part for part in self.parts if part.name == section), document.root)
@@ -154,41 +143,36 @@ class _Reader:
         return tuple(tables)
 
     def _read_rewards(self, parents: Sequence[str]) -> dict[str, Table]:
-        document = self.document
+        document, rewards = self.document, self.declarations.rewards
         tables: dict[str, Table] = {}
-        for element in self._find_function_elements("RewardFunction", "Func"):
-            document.children(element, ("Var", "Parent", "Parameter"))
-            variable = document.only_child(element, "Var")
+        for element, variable in self._find_functions("RewardFunction", "Func"):
             name = document.word(variable)
-            if name not in self.declarations.rewards:
-                raise document.error(
-                    variable,
-                    f"unknown reward {name!r}; {expected_one_of(tuple(self.declarations.rewards))}",
-                    0,
-                )
+            if name not in rewards:
+                raise document.error(variable, f"unknown reward {name!r}; {expected_one_of(rewards)}", 0)
             if name in tables:
                 raise document.error(variable, f"a second <Func> for {name!r}", 0)
-            names = self._read_names(document.only_child(element, "Parent"), parents)
-            function = Function(self.context, document.only_child(element, "Parameter"), names, ())
-            tables[name] = self._read_table(function)
-        for name, element in self.declarations.rewards.items():
+            tables[name] = self._read_table(element, parents, ())
+        for name, element in rewards.items():
             if name not in tables:
                 raise document.error(element, f"there is no <Func> for {name!r} in <RewardFunction>")
-        return {name: tables[name] for name in self.declarations.rewards}
+        return {name: tables[name] for name in rewards}
 
-    def _read_table(self, function: Function) -> Table:
+    def _read_table(self, element: Element, parents: Sequence[str], children: tuple[str, ...]) -> Table:
         """Return the table of a function, given by entries or by a decision diagram."""
-        document, parameter = self.document, function.parameter
+        document = self.document
+        names = self._read_names(document.only_child(element, "Parent"), parents, children)
+        parameter = document.only_child(element, "Parameter")
+        function = Function(self.declarations, parameter, names, children)
         kind = document.attribute(parameter, "type", "TBL").strip()
         if kind not in ("TBL", "DD"):
             raise document.error(parameter, f"unknown parameter type {kind!r}; expected TBL or DD")
         try:
-            builder = TableBuilder(function.context.scope, function.parents, function.children)
-            read_entries(function, builder) if kind == "TBL" else read_diagram(function, builder)
+            builder = TableBuilder(self.declarations.scope, names, children)
+            read_entries(function, builder) if kind == "TBL" else DiagramReader(function, builder).read()
             table = builder.build()
         except ModelError as error:
             raise document.error(parameter, str(error)) from None
-        return normalize_rows(function, table) if function.children else table
+        return normalize_rows(function, table) if children else table
 
     def _read_names(
         self, element: Element, allowed: Sequence[str], taken: Sequence[str] = ()

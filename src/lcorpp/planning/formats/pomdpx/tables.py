@@ -12,27 +12,19 @@ import numpy as np
 from lcorpp.errors import ParseError, expected_one_of
 from lcorpp.planning.factored.table import Table, format_row
 from lcorpp.planning.factored.table_builder import Selector, TableBuilder
-from lcorpp.planning.factored.variables import ALL, EACH, Scope
-from lcorpp.planning.formats.pomdp.tokens import ROW_TOLERANCE
+from lcorpp.planning.factored.variables import ALL, EACH
+from lcorpp.planning.formats.numbers import ROW_TOLERANCE
+from lcorpp.planning.formats.pomdpx.declarations import Declarations
 from lcorpp.planning.formats.pomdpx.document import Document, Element
 from lcorpp.planning.pomdp import SUM_TOLERANCE
 from lcorpp.values import Array
 
 
 @dataclass(frozen=True)
-class Context:
-    """The variables of a document. names: name in the file -> our name."""
-
-    document: Document
-    scope: Scope
-    names: Mapping[str, str]
-
-
-@dataclass(frozen=True)
 class Function:
     """A ``<CondProb>``, or a ``<Func>`` (without children). parents, children: our variable names."""
 
-    context: Context
+    declarations: Declarations
     parameter: Element
     parents: tuple[str, ...]
     children: tuple[str, ...]
@@ -45,7 +37,7 @@ class Function:
     @cached_property
     def value_indices(self) -> tuple[Mapping[str, int], ...]:
         """For each of the names: value -> index."""
-        scope = self.context.scope
+        scope = self.declarations.scope
         return tuple({value: i for i, value in enumerate(scope[name].values)} for name in self.names)
 
 
@@ -55,20 +47,24 @@ def read_entries(function: Function, builder: TableBuilder) -> None:
     Raises:
         ParseError: an entry is malformed.
     """
-    for entry in function.context.document.children(function.parameter, ("Entry",), ("type",)):
+    for entry in function.declarations.document.check_children(function.parameter, ("Entry",), ("type",)):
         _read_entry(function, builder, entry)
 
 
 def _read_entry(function: Function, builder: TableBuilder, entry: Element) -> None:
-    document = function.context.document
+    document = function.declarations.document
     # the documentation itself uses ProbTable for rewards in place of ValueTable
     titles = ("ProbTable",) if function.children else ("ValueTable", "ProbTable")
-    document.children(entry, ("Instance", *titles))
+    document.check_children(entry, ("Instance", *titles))
     instance, numbers = document.only_child(entry, "Instance"), document.only_child(entry, *titles)
     place = _read_place(function, instance)
     keyword = numbers.text.strip().lower()
     if function.children and keyword == "uniform":
-        _put_uniform(function, builder, place, numbers)
+        children = slice(len(function.parents), None)
+        if not all(isinstance(selector, str) for selector in place[children]):
+            raise document.error(numbers, "'uniform' needs '-' for the variable itself", 0)
+        rule = [ALL if selector == EACH else selector for selector in place]
+        builder.put(rule, 1.0 / prod(builder.sizes[children]))
     elif function.children and keyword == "identity":
         _put_identity(function, builder, place, numbers)
     else:
@@ -85,22 +81,12 @@ def _read_entry(function: Function, builder: TableBuilder, entry: Element) -> No
         builder.put(place, values)
 
 
-def _put_uniform(
-    function: Function, builder: TableBuilder, place: Sequence[Selector], numbers: Element
-) -> None:
-    children = slice(len(function.parents), None)
-    if not all(isinstance(selector, str) for selector in place[children]):
-        raise function.context.document.error(numbers, "'uniform' needs '-' for the variable itself", 0)
-    every = [ALL if selector == EACH else selector for selector in place]
-    builder.put(every, 1.0 / prod(builder.sizes[children]))
-
-
 def _put_identity(
     function: Function, builder: TableBuilder, place: Sequence[Selector], numbers: Element
 ) -> None:
     each = [n for n, selector in zip(builder.sizes, place, strict=True) if selector == EACH]
     if len(each) != 2 or each[0] != each[1] or place[-1] != EACH or len(function.children) != 1:
-        raise function.context.document.error(
+        raise function.declarations.document.error(
             numbers,
             "'identity' needs '-' for one parent and for the variable itself, and as many values of both",
             0,
@@ -111,7 +97,7 @@ def _put_identity(
 
 def _read_place(function: Function, instance: Element) -> list[Selector]:
     """Return the selector of each variable in an ``<Instance>``: the index of a value, `ALL` or `EACH`."""
-    document = function.context.document
+    document = function.declarations.document
     words = document.words(instance)
     if len(words) != len(function.names):
         names = ", ".join(function.names) or "no variable"
@@ -119,7 +105,7 @@ def _read_place(function: Function, instance: Element) -> list[Selector]:
     place: list[Selector] = []
     for i, (word, indices) in enumerate(zip(words, function.value_indices, strict=True)):
         if word not in indices and word not in (ALL, EACH):
-            message = f"unknown value {word!r} of {function.names[i]!r}; {expected_one_of(tuple(indices))}"
+            message = f"unknown value {word!r} of {function.names[i]!r}; {expected_one_of(indices)}"
             raise document.error(instance, message, i)
         place.append(indices.get(word, word))
     return place
@@ -152,8 +138,8 @@ def normalize_rows(function: Function, table: Table) -> Table:
 
 def _make_row_error(function: Function, table: Table, row: int, total: float) -> ParseError:
     """Return the error for a row with a wrong sum, at the last entry that sets it."""
-    document = function.context.document
-    what = f"the row of {' '.join(function.children)}{format_row(table, function.context.scope, row)}"
+    document = function.declarations.document
+    what = f"the row of {' '.join(function.children)}{format_row(table, function.declarations.scope, row)}"
     heights = table.shape[: len(table.parents)]
     indices = np.unravel_index(row, heights) if heights else ()
     for entry in reversed(function.parameter.children):

@@ -12,7 +12,7 @@ from lcorpp.planning.factored.model import Factored
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.variables import AFTER, Variable
 from lcorpp.planning.formats.pomdpx.compact_entries import compact_entries
-from lcorpp.planning.formats.pomdpx.variables import VALUE_PREFIXES
+from lcorpp.planning.formats.pomdpx.declarations import VALUE_PREFIXES
 from lcorpp.planning.pomdp import Pomdp
 
 

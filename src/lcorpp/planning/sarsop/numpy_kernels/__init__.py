@@ -5,22 +5,20 @@ Both have the classes and functions of `kernel_protocols.Kernels`, cache the sam
 decisions; tests compare them call by call. These kernels serve if there was no compiler at installation.
 
 Values, each used by those below it:
-model            problem and its blocks            node          belief, its actions and observations
-alpha_vectors    lower bound                       outcomes      belief updates of one action
+model            problem and its blocks            node          belief, its actions, the next beliefs
+alpha_vectors    lower bound                       dependencies  vectors that vectors depend on
 sawtooth         upper bound                       search_state  all nodes with the bounds they share
-dependencies     vectors that vectors depend on
 
 Functions on a search state:
 refresh  update a node's bounds    backup  improve both bounds at a belief    pruning  drop useless vectors
 
-bounds (initial bounds), tree (what a search calls) and value_predictor complete the kernels.
+bounds (initial bounds) and tree (what a search calls) complete the kernels.
 """
 
 from __future__ import annotations
 
 from lcorpp.planning.sarsop.numpy_kernels.bounds import blind_policies, fast_informed_bound, mdp_bound
 from lcorpp.planning.sarsop.numpy_kernels.model import Model
-from lcorpp.planning.sarsop.numpy_kernels.tree import Tree
-from lcorpp.planning.sarsop.numpy_kernels.value_predictor import ValuePredictor
+from lcorpp.planning.sarsop.numpy_kernels.tree import Tree, ValuePredictor
 
 __all__ = ["Model", "Tree", "ValuePredictor", "blind_policies", "fast_informed_bound", "mdp_bound"]

@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, find_row_entries
-from lcorpp.planning.sarsop.numpy_kernels.node import Node
-from lcorpp.planning.sarsop.numpy_kernels.outcomes import predict
+from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode, predict
 from lcorpp.planning.sarsop.numpy_kernels.refresh import (
     forget_lower,
     refresh,
@@ -20,7 +19,7 @@ from lcorpp.planning.sarsop.numpy_kernels.search_state import MIN_GAIN, SearchSt
 from lcorpp.values import Array
 
 
-def backup(state: SearchState, node: Node) -> None:
+def backup(state: SearchState, node: BeliefNode) -> None:
     """Add the best alpha vector at a node and lower the upper bound there."""
     refresh(state, node)
     action = int(node.q_lower.argmax())
@@ -33,7 +32,7 @@ def backup(state: SearchState, node: Node) -> None:
     _lower_sawtooth_bound(state, node)
 
 
-def _raise_lower_bound(state: SearchState, node: Node, action: int) -> None:
+def _raise_lower_bound(state: SearchState, node: BeliefNode, action: int) -> None:
     update_best_vector(state, node)
     if node.q_lower[action] > node.lower_value + MIN_GAIN * state.max_abs_value:
         vector, depends_on = _make_vector(state, node, action)
@@ -47,7 +46,7 @@ def _raise_lower_bound(state: SearchState, node: Node, action: int) -> None:
     node.lower = node.lower_value
 
 
-def _lower_sawtooth_bound(state: SearchState, node: Node) -> None:
+def _lower_sawtooth_bound(state: SearchState, node: BeliefNode) -> None:
     update_upper_bound(state, node)
     if node.upper < node.sawtooth_value - MIN_GAIN * state.max_abs_value:
         replaced = node.point_stamp
@@ -56,7 +55,7 @@ def _lower_sawtooth_bound(state: SearchState, node: Node) -> None:
             state.sawtooth.remove(node.belief.group, replaced)
 
 
-def _make_vector(state: SearchState, node: Node, action: int) -> tuple[Array, list[int]]:
+def _make_vector(state: SearchState, node: BeliefNode, action: int) -> tuple[Array, list[int]]:
     """Return the vector of an action followed by the best vectors of its children.
 
     Returns:
@@ -78,7 +77,7 @@ def _make_vector(state: SearchState, node: Node, action: int) -> tuple[Array, li
 
 
 def _compute_next_values(
-    state: SearchState, node: Node, action: int, chosen: Indices, reached: Indices
+    state: SearchState, node: BeliefNode, action: int, chosen: Indices, reached: Indices
 ) -> tuple[Array, list[int]]:
     """Return (n,) expected values after an action that ends in the states `reached` (n,).
 
@@ -107,7 +106,7 @@ def _compute_next_values(
     return np.asarray(sums, dtype=np.float64), default_stamps
 
 
-def _find_default_vector(state: SearchState, node: Node, action: int, block: int) -> int:
+def _find_default_vector(state: SearchState, node: BeliefNode, action: int, block: int) -> int:
     """Return the best vector of a block after an action, before any observation."""
     model, vectors = state.model, state.sets[block]
     states, mass = predict(model, node.belief, action)

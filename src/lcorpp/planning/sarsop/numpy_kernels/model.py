@@ -23,7 +23,7 @@ ROW_TOLERANCE = 1e-6
 class BeliefBatch:
     """m beliefs of one group, each times a probability.
 
-    group: a block, or the number of blocks for beliefs over several blocks.
+    group: see `Model`.
     states: (n,) the states with weight in any belief, rising.
     positions: (n,) positions of these states in the group.
     weights: (m, n) not negative.
@@ -40,8 +40,8 @@ class Model:
 
     Blocks partition the states: after every action and observation the belief lies within one block. A model
     with fully observed parts (a MOMDP; Ong, Png, Hsu and Lee, 2010) has many blocks, and beliefs and vectors
-    are stored over their own block only. A group is a block, or (the last one) all states, for beliefs over
-    several blocks.
+    are stored over their own block only. A group is a block, or the mixed group of all states, which has the
+    last number: it is for beliefs over several blocks.
 
     actions, states, observations: the numbers A, S and O.
     transition: (A, S, S) P(s' | s, a). observation: (A, S, O) P(o | a, s'). reward: (A, S). discount: gamma.
@@ -65,16 +65,9 @@ class Model:
     ) -> None:
         """
         Args:
-            n_actions, n_states, n_observations: A, S and O, at least 1.
-            transition_begins: (A S + 1,) compressed sparse rows: the entries of row a S + s are those from
-                begins[a S + s] to before begins[a S + s + 1].
-            transition_columns: (entries,) the next state s' of each entry.
-            transition_values: (entries,) P(s' | s, a).
-            observation_begins: (A S + 1,) as transition_begins, for rows a S + s'.
-            observation_columns: (entries,) the observation o of each entry.
-            observation_values: (entries,) P(o | a, s').
-            reward: (A, S) expected immediate rewards.
-            discount: gamma, between 0 and 1.
+            transition_begins: (A S + 1,) compressed sparse rows: the entries of row a S + s, each a next
+                state (column) and its probability (value), are begins[a S + s] to before begins[a S + s + 1].
+            observation_begins: the same for rows a S + s' and observations.
 
         Raises:
             ValueError: shapes or indices do not fit together, a row is not a distribution, or a number is
@@ -103,22 +96,27 @@ class Model:
         self.local = np.empty(n_states, dtype=np.intp)
         self.local[order] = np.arange(n_states) - np.repeat(begins, [len(block) for block in self.members])
 
+    @property
+    def mixed_group(self) -> int:
+        """The number of the group for beliefs over several blocks, which is the number of blocks."""
+        return len(self.members)
+
     def export_blocks(self) -> npt.NDArray[np.int32]:
         """Return (S,) the block of each state, a copy."""
         return self.block.astype(np.int32)
 
     def group_states(self, group: int) -> Indices:
-        """Return the states of a group: the members of a block, or all states."""
-        return self.members[group] if group < len(self.members) else self._all_states
+        """Return (n,) the states of a group, rising."""
+        return self.members[group] if group < self.mixed_group else self._all_states
 
     def find_positions(self, group: int, states: Indices) -> Indices:
         """Return (n,) the positions of states (n,) in a group."""
-        return self.local[states] if group < len(self.members) else states
+        return self.local[states] if group < self.mixed_group else states
 
     def _make_batch(self, states: Indices, weights: Array) -> BeliefBatch:
         """Return beliefs of states (n,) with weights (m, n), in the smallest group with all the states."""
         blocks = self.block[states]
-        group = int(blocks[0]) if (blocks == blocks[0]).all() else len(self.members)
+        group = int(blocks[0]) if (blocks == blocks[0]).all() else self.mixed_group
         return BeliefBatch(group, states, self.find_positions(group, states), weights)
 
     def make_belief(self, belief: Belief) -> BeliefBatch:
@@ -183,12 +181,12 @@ def concatenate_ranges(begins: Indices, ends: Indices) -> tuple[Indices, Indices
 def _check_distributions(
     shape: tuple[int, int, int],
     begins: npt.NDArray[np.int64],
-    column: npt.NDArray[np.int32],
-    value: Array,
+    columns: npt.NDArray[np.int32],
+    values: Array,
 ) -> SparseTables:
     """Return the tables, whose rows must be distributions."""
     try:
-        rows = SparseTables(shape, begins, column, value)
+        rows = SparseTables(shape, begins, columns, values)
     except ModelError as error:
         raise ValueError(str(error)) from None
     if not (np.isfinite(rows.values).all() and (rows.values >= 0).all()):

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lcorpp.planning.sarsop.numpy_kernels.node import Node
+from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode
 from lcorpp.planning.sarsop.numpy_kernels.refresh import update_best_vector
 from lcorpp.planning.sarsop.numpy_kernels.search_state import MIN_GAIN, SearchState
 from lcorpp.values import Array
@@ -38,7 +38,7 @@ def prune(state: SearchState, roots: Sequence[int], radius: float, max_ratio: fl
     ]
     if not grown:
         return
-    by_group: dict[int, list[Node]] = {}
+    by_group: dict[int, list[BeliefNode]] = {}
     for number in find_reachable(state, roots):
         node = state.nodes[number]
         by_group.setdefault(node.belief.group, []).append(node)
@@ -67,7 +67,9 @@ def find_reachable(state: SearchState, roots: Sequence[int]) -> list[int]:
     return queue
 
 
-def _prune_set(state: SearchState, group: int, nodes: list[Node], radius: float, max_ratio: float) -> None:
+def _prune_set(
+    state: SearchState, group: int, nodes: list[BeliefNode], radius: float, max_ratio: float
+) -> None:
     """Keep a vector if the best vector at a belief b does not dominate it within a radius around b.
 
     That is, if (best - vector).b < radius |best - vector| for the belief b of a node. Too small a radius

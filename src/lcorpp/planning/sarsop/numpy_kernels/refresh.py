@@ -8,12 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch
-from lcorpp.planning.sarsop.numpy_kernels.node import Branch, Node
-from lcorpp.planning.sarsop.numpy_kernels.outcomes import Outcomes, compute_outcomes
+from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode, Branch, Outcomes, compute_outcomes
 from lcorpp.planning.sarsop.numpy_kernels.search_state import SearchState
 
 
-def refresh(state: SearchState, node: Node) -> None:
+def refresh(state: SearchState, node: BeliefNode) -> None:
     """Update the upper bound of the best action and the lower bounds of all actions that may be the best."""
     action, _ = refresh_best_upper(state, node)
     lower = float(node.q_lower.max())
@@ -27,7 +26,7 @@ def refresh(state: SearchState, node: Node) -> None:
     node.lower = max(node.lower, lower, node.lower_value)
 
 
-def select_action(state: SearchState, node: Node, use_lower_bound: bool) -> int:
+def select_action(state: SearchState, node: BeliefNode, use_lower_bound: bool) -> int:
     """Return the best action by the upper or lower bound, after an update of that action's bounds."""
     action, updated = refresh_best_upper(state, node)
     update_best_vector(state, node)
@@ -43,7 +42,7 @@ def select_action(state: SearchState, node: Node, use_lower_bound: bool) -> int:
     return action
 
 
-def refresh_best_upper(state: SearchState, node: Node) -> tuple[int, set[int]]:
+def refresh_best_upper(state: SearchState, node: BeliefNode) -> tuple[int, set[int]]:
     """Update upper bounds until the best action by the upper bound is up to date.
 
     The older bounds of the other actions stay valid.
@@ -59,7 +58,7 @@ def refresh_best_upper(state: SearchState, node: Node) -> tuple[int, set[int]]:
     return action, updated
 
 
-def refresh_lower(state: SearchState, node: Node, action: int) -> None:
+def refresh_lower(state: SearchState, node: BeliefNode, action: int) -> None:
     """Update the lower bound of one action."""
     branch = node.branches.get(action)
     if branch is not None and branch.vectors_version == state.next_vector:
@@ -77,7 +76,7 @@ def refresh_lower(state: SearchState, node: Node, action: int) -> None:
     branch.vectors_version = state.next_vector
 
 
-def refresh_upper(state: SearchState, node: Node, action: int) -> None:
+def refresh_upper(state: SearchState, node: BeliefNode, action: int) -> None:
     """Update the upper bound of one action."""
     branch, sawtooth = node.branches.get(action), state.sawtooth
     if branch is not None and branch.refreshed and branch.points_version == sawtooth.next_stamp:
@@ -95,7 +94,7 @@ def refresh_upper(state: SearchState, node: Node, action: int) -> None:
     branch.refreshed = True
 
 
-def update_best_vector(state: SearchState, node: Node) -> float:
+def update_best_vector(state: SearchState, node: BeliefNode) -> float:
     """Update the best vector at a node; return its value."""
     vectors = state.sets[node.belief.group]
     if node.best_vector >= 0 and vectors.find(node.best_vector) < 0:  # it was pruned
@@ -109,7 +108,7 @@ def update_best_vector(state: SearchState, node: Node) -> float:
     return node.lower_value
 
 
-def update_upper_bound(state: SearchState, node: Node) -> float:
+def update_upper_bound(state: SearchState, node: BeliefNode) -> float:
     """Update the sawtooth value at a node; return the smaller of it and the node's own upper bound."""
     newer = float(state.sawtooth.compute_bound(node.belief, node.sawtooth_version)[0])
     node.sawtooth_value = min(node.sawtooth_value, newer)
@@ -117,7 +116,7 @@ def update_upper_bound(state: SearchState, node: Node) -> float:
     return min(node.sawtooth_value, node.upper)
 
 
-def forget_lower(node: Node) -> None:
+def forget_lower(node: BeliefNode) -> None:
     """Discard the lower bounds of all actions, because a remembered vector was pruned."""
     node.q_lower[:] = -np.inf
     for branch in node.branches.values():
@@ -125,7 +124,7 @@ def forget_lower(node: Node) -> None:
         branch.vectors_version = 0
 
 
-def expand(state: SearchState, node: Node, action: int) -> tuple[Branch, Outcomes]:
+def expand(state: SearchState, node: BeliefNode, action: int) -> tuple[Branch, Outcomes]:
     """Return the branch of an action, created if necessary, and its next beliefs."""
     branch = node.branches.get(action)
     if branch is not None and branch.outcomes is not None:
@@ -140,7 +139,7 @@ def expand(state: SearchState, node: Node, action: int) -> tuple[Branch, Outcome
     return branch, outcomes
 
 
-def find_or_add_child(state: SearchState, node: Node, action: int, child: int) -> int:
+def find_or_add_child(state: SearchState, node: BeliefNode, action: int, child: int) -> int:
     """Return the node of a child of an expanded action, created if necessary."""
     branch = node.branches[action]
     if branch.child_nodes[child] < 0:

@@ -5,16 +5,15 @@ Source: Hauskrecht, JAIR 2000, section 4.4; Smith and Simmons, UAI 2005, section
 
 from __future__ import annotations
 
-from typing import TypeVar
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from lcorpp.planning.belief import MIN_PROBABILITY
+from lcorpp.planning.sarsop.kernel_protocols import PointArrays
 from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, Model, concatenate_ranges
 from lcorpp.values import Array
-
-_Kind = TypeVar("_Kind", bound=np.generic)
 
 CHUNK_SIZE = 1 << 21
 """Numbers processed at once (16 MB): large enough for numpy, small enough for memory."""
@@ -23,80 +22,83 @@ COMPACTION_MARGIN = 96
 """Memory is released if three times the number of removed points exceeds that of others by more than this."""
 
 
+@dataclass(frozen=True, eq=False)
 class Points:
     """K points (p, v) of one group: the upper bound at belief p is at most v.
 
     A stamp numbers changes of the bound: it identifies a point and increases with every point added. The
-    points lie in the order of their stamps. The entries of a point are the states of the support of p, as
-    positions in the group, with their weights p(s); the entries of all points are concatenated.
+    entries of a point are the states of the support of p, as positions in the group, with their weights p(s);
+    the entries of all points are concatenated.
 
-    Private arrays, longer than needed: the first `count` = K numbers are used, and the entries before
-    _begins[K].
-    _stamps: (K,). _values: (K,) v, NaN for a removed point.
-    _excess: (K,) v - corners.p, not above 0; 0 for a removed point.
-    _begins: (K + 1,) index of the first entry of each point. _positions, _weights: (entries,).
-    _rarest: (K,) the position in the support of p that the fewest points contained when p was added.
-    _counts: (size,) number of points that contain each position.
+    stamps: (K,) rising. values: (K,) v, NaN for a removed point.
+    excess: (K,) v - corners.p, not above 0; 0 for a removed point.
+    begins: (K + 1,) index of the first entry of each point. positions, weights: (entries,).
+    rarest: (K,) the position in the support of p that the fewest points contained when p was added.
+    counts: (size,) number of points, removed ones included, that contain each position of the group.
     """
 
-    def __init__(self, size: int) -> None:
-        """
-        Args:
-            size: the number of states of the group.
-        """
-        self.count = 0
-        self._stamps = np.empty(0, dtype=np.int64)
-        self._values, self._excess = np.empty(0), np.empty(0)
-        self._begins = np.zeros(1, dtype=np.intp)
-        self._positions, self._weights = np.empty(0, dtype=np.intp), np.empty(0)
-        self._rarest = np.empty(0, dtype=np.intp)
-        self._counts = np.zeros(size, dtype=np.intp)
+    stamps: npt.NDArray[np.int64]
+    values: Array
+    excess: Array
+    begins: Indices
+    positions: Indices
+    weights: Array
+    rarest: Indices
+    counts: Indices
+
+    @classmethod
+    def empty(cls, size: int) -> Points:
+        """Return no points, of a group of `size` states."""
+        stamps, numbers, indices = np.empty(0, np.int64), np.empty(0), np.empty(0, np.intp)
+        begins, counts = np.zeros(1, np.intp), np.zeros(size, np.intp)
+        return cls(stamps, numbers, numbers, begins, indices, numbers, indices, counts)
 
     @property
     def alive(self) -> Indices:
         """Indices of the points that were not removed."""
-        return np.flatnonzero(~np.isnan(self._values[: self.count]))
+        return np.flatnonzero(~np.isnan(self.values))
 
     def get_point(self, k: int) -> tuple[int, Indices, Array, float]:
         """Return the stamp, the positions (n,), the weights (n,) and the value of point k."""
-        part = slice(int(self._begins[k]), int(self._begins[k + 1]))
-        return int(self._stamps[k]), self._positions[part], self._weights[part], float(self._values[k])
+        part = slice(int(self.begins[k]), int(self.begins[k + 1]))
+        return int(self.stamps[k]), self.positions[part], self.weights[part], float(self.values[k])
 
-    def add(self, positions: Indices, weights: Array, value: float, corners: Array, stamp: int) -> None:
-        """Append a point with weights (n,) at positions (n,); its stamp is larger than all others.
+    def append(self, positions: Indices, weights: Array, value: float, corners: Array, stamp: int) -> Points:
+        """Return the points and one more, with weights (n,) at positions (n,).
 
         Args:
             corners: (size,) the bound at the corners of the group.
+            stamp: larger than all others.
         """
-        k, begin = self.count, int(self._begins[self.count])
-        end = begin + len(positions)
-        self._grow(end)
-        self._counts[positions] += 1
-        self._positions[begin:end], self._weights[begin:end] = positions, weights
-        self._values[k], self._stamps[k], self._begins[k + 1] = value, stamp, end
-        self._excess[k] = min(0.0, value - float(weights @ corners[positions]))
-        # a point counts only if all its states are possible: the rarest state excludes most beliefs
-        self._rarest[k] = positions[self._counts[positions].argmin()]
-        self.count += 1  # last, so that an interrupt before this line leaves the set unchanged
+        counts = self.counts.copy()
+        counts[positions] += 1
+        return Points(
+            stamps=np.append(self.stamps, stamp),
+            values=np.append(self.values, value),
+            excess=np.append(self.excess, min(0.0, value - float(weights @ corners[positions]))),
+            begins=np.append(self.begins, len(self.positions) + len(positions)),
+            positions=np.concatenate([self.positions, positions]),
+            weights=np.concatenate([self.weights, weights]),
+            # a point counts only if all its states are possible: the rarest state excludes most beliefs
+            rarest=np.append(self.rarest, positions[counts[positions].argmin()]),
+            counts=counts,
+        )
 
     def remove(self, stamp: int) -> bool:
-        """Remove the point with a stamp; return whether there was one. `compact` releases its memory."""
-        k = int(np.searchsorted(self._stamps[: self.count], stamp))
-        if k == self.count or self._stamps[k] != stamp or np.isnan(self._values[k]):
+        """Mark the point with a stamp as removed; return whether there was one."""
+        k = int(np.searchsorted(self.stamps, stamp))
+        if k == len(self.stamps) or self.stamps[k] != stamp or np.isnan(self.values[k]):
             return False
-        self._values[k], self._excess[k] = np.nan, 0.0
+        self.values[k], self.excess[k] = np.nan, 0.0
         return True
 
-    def refresh(self, corners: Array) -> None:
-        """Recompute the excess of all points after a corner (size,) was lowered."""
-        if not self.count:
-            return
-        entries = slice(int(self._begins[self.count]))
-        planes = np.add.reduceat(
-            corners[self._positions[entries]] * self._weights[entries], self._begins[: self.count]
-        )
-        excess = np.minimum(0.0, self._values[: self.count] - planes)
-        self._excess[: self.count] = np.where(np.isnan(excess), 0.0, excess)
+    def lower_corners(self, corners: Array) -> Points:
+        """Return the points with the excess for lowered corners (size,)."""
+        if not len(self.stamps):
+            return self
+        planes = np.add.reduceat(corners[self.positions] * self.weights, self.begins[:-1])
+        excess = np.minimum(0.0, self.values - planes)
+        return replace(self, excess=np.where(np.isnan(excess), 0.0, excess))
 
     def compute_correction(self, beliefs: Array, since: int) -> Array:
         """Return (m,) the minimum over the points of phi (v - corners.p) at beliefs (m, size), at most 0.
@@ -104,64 +106,50 @@ class Points:
         phi = min over the support of p of b(s) / p(s). Only points whose stamp is at least `since` count.
         """
         lowest = np.zeros(len(beliefs))
-        first = int(np.searchsorted(self._stamps[: self.count], since))
+        first = int(np.searchsorted(self.stamps, since))
         possible = np.asarray((beliefs > 0).any(axis=0))
-        useful = possible[self._rarest[first : self.count]] & (self._excess[first : self.count] < 0)
-        relevant = first + np.flatnonzero(useful)
+        relevant = first + np.flatnonzero(possible[self.rarest[first:]] & (self.excess[first:] < 0))
         if not len(relevant):
             return lowest
-        work = np.cumsum(self._begins[relevant + 1] - self._begins[relevant]) * len(beliefs)
+        # split the points into parts of about CHUNK_SIZE ratios
+        work = np.cumsum(self.begins[relevant + 1] - self.begins[relevant]) * len(beliefs)
         for part in np.split(relevant, np.flatnonzero(np.diff(work // CHUNK_SIZE)) + 1):
-            begins, ends = self._begins[part], self._begins[part + 1]
-            index, _ = concatenate_ranges(begins, ends)
-            ratios = beliefs[:, self._positions[index]] / np.maximum(self._weights[index], MIN_PROBABILITY)
-            phi = np.minimum.reduceat(ratios, np.cumsum(ends - begins) - (ends - begins), axis=1)
-            np.minimum(lowest, (phi * self._excess[part]).min(axis=1), out=lowest)
+            index, owner = concatenate_ranges(self.begins[part], self.begins[part + 1])
+            # a weight that is raised makes phi smaller, so the bound stays valid
+            ratios = beliefs[:, self.positions[index]] / np.maximum(self.weights[index], MIN_PROBABILITY)
+            phi = np.minimum.reduceat(ratios, np.searchsorted(owner, np.arange(len(part))), axis=1)
+            np.minimum(lowest, (phi * self.excess[part]).min(axis=1), out=lowest)
         return lowest
 
-    def compact(self) -> None:
-        """Release the memory of removed points."""
+    def compact(self) -> Points:
+        """Return the points without the removed ones."""
         alive = self.alive
-        index, owner = concatenate_ranges(self._begins[alive], self._begins[alive + 1])
-        begins = np.searchsorted(owner, np.arange(len(alive) + 1))
-        stamps, values, excess = self._stamps[alive], self._values[alive], self._excess[alive]
-        positions, weights, rarest = self._positions[index], self._weights[index], self._rarest[alive]
-        counts = np.bincount(positions, minlength=len(self._counts))
-        # replace the arrays only now, so that an interrupt leaves the points unchanged
-        self._stamps, self._values, self._excess, self._rarest = stamps, values, excess, rarest
-        self._begins, self._positions, self._weights, self._counts = begins, positions, weights, counts
-        self.count = len(alive)
-
-    def _grow(self, entries: int) -> None:
-        """Enlarge the arrays for one more point and for `entries` entries."""
-        self._positions, self._weights = _enlarge(self._positions, entries), _enlarge(self._weights, entries)
-        self._values, self._excess = (
-            _enlarge(self._values, self.count + 1),
-            _enlarge(self._excess, self.count + 1),
+        index, owner = concatenate_ranges(self.begins[alive], self.begins[alive + 1])
+        positions = self.positions[index]
+        return Points(
+            stamps=self.stamps[alive],
+            values=self.values[alive],
+            excess=self.excess[alive],
+            begins=np.searchsorted(owner, np.arange(len(alive) + 1)),
+            positions=positions,
+            weights=self.weights[index],
+            rarest=self.rarest[alive],
+            counts=np.bincount(positions, minlength=len(self.counts)),
         )
-        self._stamps, self._rarest = (
-            _enlarge(self._stamps, self.count + 1),
-            _enlarge(self._rarest, self.count + 1),
-        )
-        self._begins = _enlarge(self._begins, self.count + 2)
 
 
 class Sawtooth:
-    """An upper bound on the value, positively homogeneous: arguments are beliefs times a probability.
+    """An upper bound on the value. It is positively homogeneous, so beliefs may be times a probability.
 
     bound(b) = min(max over a of Q(a).b, corners.b + min over the points (p, v) of phi(b, p) (v - corners.p)),
     with phi(b, p) = min over the support of p of b(s) / p(s), which is 0 if b does not contain the support of
     p. A point counts only at beliefs of its own group.
 
     corners: (S,) the bound at each corner of the belief simplex, where the state is known.
-    next_stamp: the stamp of the next point. count: the number of points.
+    next_stamp: the stamp of the next point or lowered corner. count: the number of points.
     """
 
     def __init__(self, model: Model, informed: Array) -> None:
-        """
-        Args:
-            informed: (A, S) the fast informed bound: upper bounds on the Q values.
-        """
         self.model = model
         self.corners: Array = informed.max(axis=0)
         self.next_stamp = 0
@@ -189,32 +177,25 @@ class Sawtooth:
         if len(belief.states) == 1:
             self._lower_corner(int(belief.states[0]), value / float(belief.weights[0, 0]))
             return -1
-        points = self._groups.get(belief.group)
-        if points is None:
-            points = self._groups[belief.group] = Points(len(self.model.group_states(belief.group)))
-        stamp = self.next_stamp
-        corners = self.corners[self.model.group_states(belief.group)]
-        points.add(belief.positions, belief.weights[0], value, corners, stamp)
+        stamp, corners = self.next_stamp, self.corners[self.model.group_states(belief.group)]
+        points = self._groups.get(belief.group) or Points.empty(len(corners))
+        self._groups[belief.group] = points.append(belief.positions, belief.weights[0], value, corners, stamp)
         self.next_stamp, self.count = stamp + 1, self.count + 1
         return stamp
 
     def remove(self, group: int, stamp: int) -> None:
-        """Remove a point that a newer one at the same belief has replaced."""
+        """Remove a point of a group. `compact` releases its memory."""
         if self._groups[group].remove(stamp):
             self._removed, self.count = self._removed + 1, self.count - 1
 
     def compact(self) -> None:
         """Release the memory of removed points if there are many."""
         if 3 * self._removed > self.count + COMPACTION_MARGIN:
-            for points in self._groups.values():
-                points.compact()
+            self._groups = {group: points.compact() for group, points in self._groups.items()}
             self._removed = 0
 
-    def export_points(
-        self,
-    ) -> tuple[Array, npt.NDArray[np.int64], npt.NDArray[np.int32], Array, Array]:
-        """Return the corners (S,), and the points by rising stamp: begins (K + 1,), states and weights
-        (entries,), values (K,)."""
+    def export_points(self) -> tuple[Array, *PointArrays]:
+        """Return the corners (S,) and the points by rising stamp."""
         by_stamp = [
             (stamp, self.model.group_states(group)[positions], weights, value)
             for group, points in self._groups.items()
@@ -234,16 +215,8 @@ class Sawtooth:
         if value >= self.corners[state]:
             return
         self.corners[state] = value
-        for group in (int(self.model.block[state]), len(self.model.members)):
+        for group in (int(self.model.block[state]), self.model.mixed_group):
             if group in self._groups:
-                self._groups[group].refresh(self.corners[self.model.group_states(group)])
+                corners = self.corners[self.model.group_states(group)]
+                self._groups[group] = self._groups[group].lower_corners(corners)
         self.next_stamp += 1  # bounds computed earlier may be lower now
-
-
-def _enlarge(array: npt.NDArray[_Kind], needed: int) -> npt.NDArray[_Kind]:
-    """Return the array if it is long enough, otherwise a copy of at least double length."""
-    if needed <= len(array):
-        return array
-    longer = np.zeros(max(needed, 2 * len(array), 8), dtype=array.dtype)
-    longer[: len(array)] = array
-    return longer

@@ -9,7 +9,7 @@ import numpy as np
 from lcorpp.planning.sarsop.numpy_kernels.alpha_vectors import VectorSet
 from lcorpp.planning.sarsop.numpy_kernels.dependencies import VectorDependencies
 from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Model
-from lcorpp.planning.sarsop.numpy_kernels.node import PREDICTOR_BINS, Node
+from lcorpp.planning.sarsop.numpy_kernels.node import PREDICTOR_BINS, BeliefNode
 from lcorpp.planning.sarsop.numpy_kernels.sawtooth import Sawtooth
 from lcorpp.values import Array, Belief
 
@@ -26,28 +26,24 @@ MIN_GAIN = 1e-11
 class SearchState:
     """All nodes, numbered in order of creation, with the bounds they share.
 
-    model: the POMDP. nodes: by number. sets: the vectors of each group. sawtooth: the upper bound.
+    nodes: the belief nodes, by number. sawtooth: the upper bound.
+    sets: the alpha vectors of each group (a block of states, or all states; see `Model`).
     max_abs_value: the largest absolute initial bound, at least 1: the unit of rounding errors.
-    next_vector: stamp of the next vector. dependencies: of the vectors.
+    next_vector: stamp of the next vector; stamps number the vectors of all groups in order of creation.
+    dependencies: the vectors that each vector depends on.
     sizes_after_pruning: by group, the number of vectors after the last pruning.
     cache_budget: how many more weights of outcomes are cached.
     """
 
     def __init__(self, model: Model, informed: Array, blind: Array) -> None:
-        """
-        Args:
-            informed: (A, S) the fast informed bound: upper bounds on the Q values.
-            blind: (A, S) values of the blind policies, each of which repeats one action forever.
-        """
         self.model, self.sawtooth = model, Sawtooth(model, informed)
         self.max_abs_value = max(1.0, float(np.abs(blind).max()), float(np.abs(informed).max()))
-        self.nodes: list[Node] = []
-        self.sets = [VectorSet(len(model.group_states(g))) for g in range(len(model.members) + 1)]
-        # with one block, no belief is over several blocks and the last set stays empty
-        for g in range(len(self.sets) if len(model.members) > 1 else 1):
-            for a in range(model.actions):
-                stamp = a  # the blind policies have the stamps 0 to A - 1
-                self.sets[g].add(blind[a, model.group_states(g)], a, stamp)
+        self.nodes: list[BeliefNode] = []
+        self.sets = [VectorSet(len(model.group_states(g))) for g in range(model.mixed_group + 1)]
+        # with one block there are no beliefs over several, and the mixed group stays empty
+        for g in range(len(self.sets) if model.mixed_group > 1 else 1):
+            for a in range(model.actions):  # the blind policies have the stamps 0 to A - 1
+                self.sets[g].add(blind[a, model.group_states(g)], a, stamp=a)
         self.next_vector = model.actions
         self.dependencies = VectorDependencies(model.actions)
         self.sizes_after_pruning = [vectors.count for vectors in self.sets]
@@ -56,7 +52,7 @@ class SearchState:
 
     def find_or_add_node(self, belief: BeliefBatch) -> int:
         """Return the node of one belief, created if necessary."""
-        weights = np.floor(belief.weights[0] * BELIEF_RESOLUTION + 0.5)
+        weights = np.floor(belief.weights[0] * BELIEF_RESOLUTION + 0.5)  # as in C++: halves upwards
         inside = weights > 0
         key = belief.states[inside].tobytes(), weights[inside].tobytes()
         if key not in self._node_index:
@@ -71,19 +67,19 @@ class SearchState:
         dense[sparse.states] = sparse.weights[0]
         return dense
 
-    def _make_node(self, belief: BeliefBatch) -> Node:
-        p, model = belief.weights[0], self.model
-        entropy = -sum(q * log(q) for q in p.tolist()) / max(log(model.states), 1e-300)
+    def _make_node(self, belief: BeliefBatch) -> BeliefNode:
+        weights, model = belief.weights[0], self.model
+        entropy = -sum(p * log(p) for p in weights.tolist()) / max(log(model.states), 1e-300)
         q_upper = self.sawtooth.compute_informed_values(belief)[0]
-        informed, sawtooth = float(q_upper.max()), float(self.sawtooth.compute_bound(belief)[0])
-        return Node(
+        upper = float(self.sawtooth.compute_bound(belief)[0])
+        return BeliefNode(
             belief=belief,
-            expected_rewards=model.reward[:, belief.states] @ p,
+            expected_rewards=model.reward[:, belief.states] @ weights,
             q_lower=np.full(model.actions, -np.inf),
             q_upper=q_upper,
-            upper=min(informed, sawtooth),
-            sawtooth_value=sawtooth,
+            upper=upper,
+            sawtooth_value=upper,
             sawtooth_version=self.sawtooth.next_stamp,
-            informed_value=informed,
+            informed_value=float(q_upper.max()),
             entropy_bin=min(max(int(entropy * PREDICTOR_BINS), 0), PREDICTOR_BINS - 1),
         )

@@ -1,4 +1,4 @@
-"""The belief tree: the operations of a search, on a `SearchState`, with checks of their arguments.
+"""The belief tree and the value predictor: what a search calls, with checks of the arguments.
 
 Source: Kurniawati, Hsu and Lee, RSS 2008, sections III and IV.
 """
@@ -17,7 +17,7 @@ from lcorpp.planning.sarsop.kernel_protocols import PointArrays
 from lcorpp.planning.sarsop.numpy_kernels.backup import backup
 from lcorpp.planning.sarsop.numpy_kernels.bounds import copy_table
 from lcorpp.planning.sarsop.numpy_kernels.model import Model
-from lcorpp.planning.sarsop.numpy_kernels.node import Node
+from lcorpp.planning.sarsop.numpy_kernels.node import PREDICTOR_BINS, BeliefNode
 from lcorpp.planning.sarsop.numpy_kernels.pruning import prune
 from lcorpp.planning.sarsop.numpy_kernels.refresh import (
     find_or_add_child,
@@ -32,52 +32,35 @@ from lcorpp.values import Array, Belief
 
 
 class Tree:
-    """`kernel_protocols.Tree` in numpy; see there for the methods.
-
-    Raises:
-        IndexError: a node, action, child or group does not exist.
-        ValueError: an array has a wrong shape, or a number is invalid.
-    """
+    """`kernel_protocols.Tree` in numpy, which documents the methods."""
 
     def __init__(self, model: Model, informed: Array, blind: Array) -> None:
-        """
-        Args:
-            informed: (A, S) the fast informed bound: upper bounds on the Q values.
-            blind: (A, S) values of the blind policies, each of which repeats one action forever.
-        """
         self._state = SearchState(model, copy_table(model, informed), copy_table(model, blind))
 
     @property
     def discount(self) -> float:
-        """gamma."""
         return self._state.model.discount
 
     @property
     def node_count(self) -> int:
-        """The number of beliefs."""
         return len(self._state.nodes)
 
     @property
     def vector_count(self) -> int:
-        """The number of alpha vectors in all groups."""
         return sum(vectors.count for vectors in self._state.sets)
 
     @property
     def point_count(self) -> int:
-        """The number of points of the upper bound."""
         return self._state.sawtooth.count
 
     @property
     def group_count(self) -> int:
-        """The number of blocks, plus one."""
         return len(self._state.sets)
 
     def find_or_add_node(self, belief: Belief) -> int:
-        """Return the node of a belief (S,), created if necessary."""
         return self._state.find_or_add_node(self._state.model.make_belief(belief))
 
     def find_or_add_child(self, node: int, action: int, child: int) -> int:
-        """Return the node of a child, created if necessary."""
         parent = self.node(node)
         branch = parent.branches.get(self._check_action(action))
         if branch is None or not 0 <= child < len(branch.child_nodes):
@@ -85,15 +68,12 @@ class Tree:
         return find_or_add_child(self._state, parent, action, child)
 
     def refresh(self, node: int) -> None:
-        """Update the bounds of a node."""
         refresh(self._state, self.node(node))
 
     def select_action(self, node: int, use_lower_bound: bool) -> int:
-        """Return the best action of a node, after an update of its bounds."""
         return select_action(self._state, self.node(node), use_lower_bound)
 
     def backup(self, node: int) -> None:
-        """Add the best alpha vector at a node and lower the upper bound there."""
         backup(self._state, self.node(node))
 
     def sample(
@@ -105,14 +85,12 @@ class Tree:
         seconds: float,
         use_lower_bound: bool,
     ) -> int:
-        """Sample a path and back up its nodes; return their number. See path_sampling.py."""
         self.node(root)
         if not target >= 0 or isnan(seconds):
             raise ValueError("target and seconds must not be NaN, target not negative")
         return sample(self, predictor, root, target, max_depth, seconds, use_lower_bound)
 
     def prune(self, roots: Sequence[int], radius: float, max_ratio: float, growth: float) -> None:
-        """Keep the vectors that are best, or nearly best, at a reachable belief; see pruning.py."""
         for root in roots:
             self.node(root)
         if not (radius >= 0 and max_ratio >= 0 and growth >= 0):
@@ -120,42 +98,33 @@ class Tree:
         prune(self._state, roots, radius, max_ratio, growth)
 
     def lower_bound(self, node: int) -> float:
-        """Return the value of the best alpha vector at a node."""
         return update_best_vector(self._state, self.node(node))
 
     def upper_bound(self, node: int) -> float:
-        """Return the upper bound at a node."""
         return update_upper_bound(self._state, self.node(node))
 
     def cached_lower(self, node: int) -> float:
-        """Return the lower bound of a node at its last update."""
         return self.node(node).lower
 
     def cached_upper(self, node: int) -> float:
-        """Return the upper bound of a node at its last update."""
         return self.node(node).upper
 
     def q_lower(self, node: int) -> Array:
-        """Return (A,) lower bounds on the values of the actions."""
         return self.node(node).q_lower.copy()
 
     def q_upper(self, node: int) -> Array:
-        """Return (A,) upper bounds on the values of the actions."""
         return self.node(node).q_upper.copy()
 
     def expected_rewards(self, node: int) -> Array:
-        """Return (A,) expected rewards of the actions."""
         return self.node(node).expected_rewards.copy()
 
     def belief(self, node: int) -> Belief:
-        """Return (S,) the belief of a node."""
         self.node(node)
         return self._state.dense_belief(node)
 
     def children(
         self, node: int, action: int
     ) -> tuple[npt.NDArray[np.int32], Array, Array, Array, npt.NDArray[np.int32]]:
-        """Return (n,) each child's observation, probability, bounds times probability, and node."""
         branch = self.node(node).branches.get(self._check_action(action))
         if branch is None:
             indices, numbers = np.empty(0, dtype=np.int32), np.empty(0)
@@ -164,13 +133,11 @@ class Tree:
         return branch.observation.astype(np.int32), *bounds, branch.child_nodes.astype(np.int32)
 
     def vectors(self, group: int) -> tuple[npt.NDArray[np.int32], Array, npt.NDArray[np.int32]]:
-        """Return the states (n,) of a group, its alpha vectors (K, n) and their actions (K,)."""
         vectors = self._state.sets[self._check_group(group)]
         states = self._state.model.group_states(group).astype(np.int32)
         return states, np.ascontiguousarray(vectors.table.T), vectors.actions.copy()
 
     def dependencies(self, group: int) -> tuple[Array, npt.NDArray[np.int32]]:
-        """Return the pruned vectors (K, n) of a group that others depend on, and their actions (K,)."""
         n = self._state.sets[self._check_group(group)].table.shape[0]
         needed = [
             v for v in self._state.dependencies.find_needed_vectors(self._state.sets) if v.group == group
@@ -179,11 +146,9 @@ class Tree:
         return table, np.array([vector.action for vector in needed], dtype=np.int32)
 
     def points(self) -> tuple[Array, *PointArrays]:
-        """Return the upper bound: corners (S,), and begins, states, weights and values of the points."""
         return self._state.sawtooth.export_points()
 
     def add_vectors(self, group: int, vectors: Array, actions: npt.NDArray[np.int32]) -> None:
-        """Import alpha vectors (K, n) over the states of a group, and their actions (K,)."""
         state, own = self._state, self._state.sets[self._check_group(group)]
         table, first = np.asarray(vectors, dtype=np.float64), np.asarray(actions)
         if table.shape != (len(first), len(state.model.group_states(group))) or not np.isfinite(table).all():
@@ -198,7 +163,6 @@ class Tree:
     def add_points(
         self, begins: npt.NDArray[np.int64], states: npt.NDArray[np.int32], weights: Array, values: Array
     ) -> None:
-        """Import points in the form of `points`."""
         if len(begins) != len(values) + 1 or begins[0] != 0 or not begins[-1] == len(states) == len(weights):
             raise ValueError("the arrays of the points do not fit together")
         if not np.isfinite(values).all():
@@ -212,7 +176,7 @@ class Tree:
         for belief, value in zip(beliefs, np.asarray(values, dtype=np.float64).tolist(), strict=True):
             self._state.sawtooth.add(belief, value)
 
-    def node(self, number: int) -> Node:
+    def node(self, number: int) -> BeliefNode:
         """Return the node of a number, for the other kernels."""
         if not 0 <= number < len(self._state.nodes):
             raise IndexError("unknown node")
@@ -227,3 +191,34 @@ class Tree:
         if not 0 <= group < len(self._state.sets):
             raise IndexError("unknown group")
         return group
+
+
+class ValuePredictor:
+    """`kernel_protocols.ValuePredictor` in numpy, for selective deep sampling.
+
+    The prediction is the mean lower bound of similar beliefs: those with the same bins of initial upper bound
+    and entropy (section III-B).
+    """
+
+    def __init__(self, corners: Array) -> None:
+        values = np.asarray(corners, dtype=np.float64)
+        if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
+            raise ValueError("expected at least one corner, and finite corners")
+        self._lowest = float(values.min())
+        self._range = max(float(values.max()) - self._lowest, 1e-300)
+        self._sum = np.zeros((PREDICTOR_BINS, PREDICTOR_BINS))
+        self._count = np.zeros((PREDICTOR_BINS, PREDICTOR_BINS))
+
+    def learn(self, tree: Tree, node: int) -> None:
+        own = self._find_bin(tree, node)
+        self._sum[own] += tree.cached_lower(node)
+        self._count[own] += 1
+
+    def predict(self, tree: Tree, node: int) -> float:
+        own = self._find_bin(tree, node)
+        return float(self._sum[own] / self._count[own]) if self._count[own] else tree.cached_upper(node)
+
+    def _find_bin(self, tree: Tree, number: int) -> tuple[int, int]:
+        node = tree.node(number)
+        level = (node.informed_value - self._lowest) / self._range * PREDICTOR_BINS
+        return int(min(max(level, 0.0), PREDICTOR_BINS - 1.0)), node.entropy_bin

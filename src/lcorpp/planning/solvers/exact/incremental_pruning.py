@@ -1,52 +1,43 @@
 """Exact value iteration by incremental pruning, for small problems: the value at every belief.
 
+An exact step backs up the value function at all beliefs and prunes the vectors (`DenseModel.backup`,
+`pruning`). Between two exact steps, which are expensive, `point_based` improves the value function at the
+witnesses of the last step: beliefs where one of its vectors was the best.
+
 Sources: Cassandra, Littman and Zhang, Incremental pruning: a simple, fast, exact method for partially
-observable Markov decision processes, UAI 1997; Zhang and Zhang, JAIR 2001, for the point-based steps between
-two exact steps.
+observable Markov decision processes, UAI 1997; Zhang and Zhang, JAIR 2001, for the point-based steps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from time import monotonic
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.arguments import check_limits, check_starts
+from lcorpp.planning.arguments import check_solver_arguments, check_starts
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.solution import Progress, Solution
+from lcorpp.planning.solution import BoundsRecord, Progress, Solution
 from lcorpp.planning.solvers.exact.dominance_lp import DeadlineExceeded
 from lcorpp.planning.solvers.exact.dynamic_programming import DenseModel
 from lcorpp.planning.solvers.exact.point_based import Plans, improve
 from lcorpp.planning.solvers.exact.pruning import excess, prune
-from lcorpp.values import Array, Belief
+from lcorpp.planning.upper_bounds import PiecewiseLinearBound
+from lcorpp.values import Array
 
 MAX_LOSS_SHARE = 0.2
-"""Largest loss of a step by pruning, as a share of the rise at which value iteration may stop."""
+"""Largest loss of a step by pruning, as a share of the rise that proves the precision."""
 
-MAX_INITIAL_LOSS_SHARE = 0.05
-"""Largest loss of an early step by pruning, as a share of the rise in the step before."""
+MAX_EARLY_LOSS_SHARE = 0.05
+"""Largest loss of a step by pruning, as a share of the rise in the step before, if that is larger."""
+
+MAX_RISE_RATIO = 0.5
+"""If the value rises by more than this share of the rise in the step before, pruning loses too much."""
 
 MIN_GAIN_SHARE = 0.01
 """Point-based improvement stops if a round gains no more than this share of the rise in the last step."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ShiftedBound:
-    """The upper bound max over v of v.b + shift of vectors (K, S): `lcorpp.planning.policy.UpperBound`."""
-
-    vectors: Array
-    shift: float
-
-    def __repr__(self) -> str:
-        return f"<ShiftedBound: {len(self.vectors)} vectors + {self.shift:.3g}>"
-
-    def value(self, belief: Belief) -> float:
-        """Return the bound at a belief (S,)."""
-        return float((self.vectors @ belief).max()) + self.shift
 
 
 def solve_exact(
@@ -59,14 +50,13 @@ def solve_exact(
 ) -> Solution:
     """Find the value of every belief to a precision, by value iteration with incremental pruning.
 
-    A step is an exact backup. Let it raise the value by at most d at any belief, lower it by at most f, and
-    lose at most e by pruning. Then the optimal value is at most e + (d + e) gamma / (1 - gamma) above the
-    vectors after the step, and these vectors, lowered by f gamma / (1 - gamma), are lower bounds on the
-    value of the policy. The bounds d, e and f are proven (`dominance_lp`) up to the rounding of doubles.
+    Let an exact step with pruning raise the value by at most `rise` at any belief, lower it by at most `fall`
+    and lose at most `loss` by pruning. Then the optimal value is at most loss + (rise + loss) gamma /
+    (1 - gamma) above the vectors after the step, and these vectors, lowered by fall gamma / (1 - gamma), are
+    lower bounds on the value of the policy. Linear programs prove rise, fall and loss (`dominance_lp`) up to
+    the rounding of doubles.
 
-    Between two steps, `point_based` improves the plans at the beliefs where the last step found one of them
-    to be the best, because an exact step costs many times as much. At the time limit or after Ctrl-C, the
-    result is the best policy so far.
+    At the time limit or after Ctrl-C, the result is the best policy so far.
 
     Args:
         pomdp: the problem. The number of vectors limits the method: it may explode with a dozen states and
@@ -87,8 +77,8 @@ def solve_exact(
 
     Source: Cassandra, Littman and Zhang, UAI 1997.
     """
-    check_limits(precision, time_limit)
-    search = _ValueIteration(pomdp, check_starts(pomdp, start), precision, monotonic() + time_limit)
+    check_solver_arguments(pomdp, precision, time_limit, callback)
+    search = _ValueIteration(pomdp, check_starts(pomdp, start), precision, time_limit)
     try:
         reason = search.run(callback)
     except KeyboardInterrupt:
@@ -101,57 +91,60 @@ def solve_exact(
 class _ValueIteration:
     """The state of value iteration.
 
-    plans: of the last step. proven_plans: plans whose vectors are proven lower bounds on the policy's value.
-    upper: the best upper bound. beliefs: (n, S) of point-based improvement. n_steps: number of exact steps.
-    history: of the bounds, as in `Solution`.
+    plans: the value function, as the values of plans.
+    lower: plans whose vectors are proven lower bounds on the value of their policy.
+    upper: proven upper bound on the optimal value.
+    witnesses: (n, S) the starts, and a belief for each plan of the last exact step where it was the best.
+    n_steps: number of exact steps. record: of the bounds at the starts.
     """
 
-    def __init__(self, pomdp: Pomdp, starts: Array, precision: float, deadline: float) -> None:
-        self.began, self.deadline = monotonic(), deadline
-        self.pomdp, self.starts, self.precision = pomdp, starts, precision
+    def __init__(self, pomdp: Pomdp, starts: Array, precision: float, time_limit: float) -> None:
+        began = monotonic()
+        self.pomdp, self.starts, self.precision, self.deadline = pomdp, starts, precision, began + time_limit
         self.model = DenseModel(pomdp)
-        self.plans = self.proven_plans = Plans(self.model.evaluate_blind(), np.arange(self.model.actions))
-        self.beliefs = np.concatenate([starts, np.eye(self.model.states)])
+        self.plans = self.lower = Plans(self.model.evaluate_blind(), np.arange(self.model.actions))
         # no policy earns more than the largest reward in every step
         largest = float(pomdp.reward.max()) / (1 - pomdp.discount)
-        self.upper = ShiftedBound(np.full((1, self.model.states), largest), 0.0)
-        self.n_steps = 0
-        self.history: list[tuple[float, float, float, int]] = []
-        self._record_bounds()
+        self.upper = PiecewiseLinearBound(np.full((1, self.model.states), largest))
+        self.witnesses = np.concatenate([starts, np.eye(self.model.states)])
+        self.n_steps, self.record = 0, BoundsRecord(pomdp, starts, began)
+        self._update_record()
 
     def run(self, callback: Callable[[Progress], None] | None) -> str:
-        """Iterate until the precision is reached; return the reason to stop."""
-        # `target`: the rise of a step that proves the precision; `n_prunings`: of a step, each with its loss
-        target, n_prunings = self.precision * (1 - self.model.discount), self.model.max_prunings + 1
-        rise, loss_share = float(np.ptp(self.pomdp.reward)), MAX_INITIAL_LOSS_SHARE
+        """Alternate point-based improvement and exact steps; return the reason to stop."""
+        target = self.precision * (1 - self.model.discount)  # the rise of a step that proves the precision
+        rise = float(np.ptp(self.pomdp.reward))  # of the last step; at first a guess of its size
+        n_prunings = self.model.max_prunings + 1  # of a step and of the improvement before it
+        loss_share = MAX_EARLY_LOSS_SHARE
         while True:
             loss = max(MAX_LOSS_SHARE * target, loss_share * rise) / n_prunings
-            self._improve(MIN_GAIN_SHARE * max(target, rise), loss)
-            before, (rise, gap) = rise, self._step(loss, MIN_GAIN_SHARE * target)
-            if rise > 0.5 * before:
-                loss_share *= 0.5  # pruning loses too much for the steps to converge
-            _, low, high = self._record_bounds()
+            self._improve_at_witnesses(MIN_GAIN_SHARE * max(target, rise), loss)
+            previous_rise = rise
+            rise, gap = self._step(loss, MIN_GAIN_SHARE * target)
+            if rise > MAX_RISE_RATIO * previous_rise:
+                loss_share /= 2
+            self._update_record()
             if callback is not None:
-                vectors, beliefs = len(self.proven_plans.actions), len(self.beliefs)
-                callback(Progress(self.history[-1][0], low, high, vectors, beliefs, self.n_steps))
+                vectors, beliefs = len(self.lower.actions), len(self.witnesses)
+                callback(self.record.make_progress(vectors=vectors, beliefs=beliefs, trials=self.n_steps))
             if gap <= self.precision:
                 return "precision reached"
 
-    def _improve(self, gain: float, loss: float) -> None:
-        """Improve the plans at `beliefs`, and keep the old plans that are best at other beliefs.
+    def _improve_at_witnesses(self, gain: float, loss: float) -> None:
+        """Improve the plans at the witnesses, and keep the old plans that are the best at other beliefs.
 
         Args:
-            gain: a round of improvement that gains no more, in reward units, is the last.
+            gain: the improvement ends with a round that gains no more, in reward units.
             loss: largest loss by pruning, in reward units.
         """
-        # `closed` are plans that continue with each other only: their vectors are proven lower bounds
-        better, closed = improve(self.model, self.plans, self.beliefs, gain=gain, deadline=self.deadline)
+        old, deadline = self.plans, self.deadline
+        # closed plans continue with each other only, so their vectors are proven lower bounds
+        better, closed = improve(self.model, old, self.witnesses, gain=gain, deadline=deadline)
         if closed is not None:
             self._raise_lower_bound(closed)
-        # the old plans keep what exact steps gained at other beliefs
-        vectors = np.concatenate([better.vectors, self.plans.vectors])
-        actions = np.concatenate([better.actions, self.plans.actions])
-        rows = prune(vectors, self.beliefs, tolerance=loss, deadline=self.deadline).rows
+        vectors = np.concatenate([better.vectors, old.vectors])
+        actions = np.concatenate([better.actions, old.actions])
+        rows = prune(vectors, self.witnesses, tolerance=loss, deadline=deadline).rows
         self.plans = Plans(vectors[rows], actions[rows])
 
     def _step(self, loss: float, tolerance: float) -> tuple[float, float]:
@@ -165,61 +158,48 @@ class _ValueIteration:
             The largest rise of the value at any belief, and the largest gap between the bounds that the step
             proves for all beliefs.
         """
-        model, old, deadline = self.model, self.plans, self.deadline
-        tail_factor = model.discount / (1 - model.discount)  # the sum of gamma^t over t = 1, 2, ...
-        after = model.backup(old.vectors, self.beliefs, tolerance=loss, deadline=deadline)
-        new, beliefs = Plans(after.vectors, after.actions), np.concatenate([self.starts, after.witnesses])
-        rise = excess(new.vectors, old.vectors, beliefs, tolerance=tolerance, deadline=deadline)
-        upper = ShiftedBound(new.vectors, after.loss + tail_factor * (rise + after.loss))
+        old, deadline = self.plans, self.deadline
+        after = self.model.backup(old.vectors, self.witnesses, tolerance=loss, deadline=deadline)
+        new, witnesses = Plans(after.vectors, after.actions), np.concatenate([self.starts, after.witnesses])
+        rise = excess(new.vectors, old.vectors, witnesses, tolerance=tolerance, deadline=deadline)
+        fall = excess(old.vectors, new.vectors, self.witnesses, tolerance=tolerance, deadline=deadline)
+        tail_factor = self.model.discount / (1 - self.model.discount)  # the sum of gamma^t over t = 1, 2, ...
+        upper = PiecewiseLinearBound(new.vectors, after.loss + tail_factor * (rise + after.loss))
         # a new plan continues with old plans, but the policy continues with the best new plan, which is worth
         # less than the old plan by at most the fall: the policy loses this in each later step
-        fall = excess(old.vectors, new.vectors, self.beliefs, tolerance=tolerance, deadline=deadline)
-        proven = Plans(new.vectors - tail_factor * fall, new.actions)
+        lower = Plans(new.vectors - tail_factor * fall, new.actions)
         gap = upper.shift + tail_factor * fall
-        if gap <= self.precision or self._find_widest_gap(upper)[2] <= self._find_widest_gap(self.upper)[2]:
-            self.upper = upper
-        if gap <= self.precision:
-            self.proven_plans = proven
+        if gap <= self.precision:  # at all beliefs, by the two bounds of this step
+            self.lower, self.upper = lower, upper
         else:
-            self._raise_lower_bound(proven)
-        self.plans, self.beliefs, self.n_steps = new, beliefs, self.n_steps + 1
+            if self._value_at_widest_gap(upper) <= self._value_at_widest_gap(self.upper):
+                self.upper = upper
+            self._raise_lower_bound(lower)
+        self.plans, self.witnesses, self.n_steps = new, witnesses, self.n_steps + 1
         return rise, gap
 
     def _raise_lower_bound(self, plans: Plans) -> None:
-        """Replace `proven_plans` by other proven plans if the sum of their values at the starts is larger."""
-        if self._compute_values(plans).sum() > self._compute_values(self.proven_plans).sum():
-            self.proven_plans = plans
+        """Replace `lower` by other proven plans if the sum of their values at the starts is larger."""
+        if self._best_values(plans.vectors).sum() > self._best_values(self.lower.vectors).sum():
+            self.lower = plans
 
-    def _compute_values(self, plans: Plans) -> Array:
-        """Return (N,) the value of the best plan at each start."""
-        return np.asarray((self.starts @ plans.vectors.T).max(axis=1))
+    def _best_values(self, vectors: Array) -> Array:
+        """Return (N,) the value of the best vector at each start."""
+        return np.asarray((self.starts @ vectors.T).max(axis=1))
 
-    def _find_widest_gap(self, upper: ShiftedBound) -> tuple[int, float, float]:
-        """Return the index of the start with the widest gap, and its bounds."""
-        low = self._compute_values(self.proven_plans)
-        high = (self.starts @ upper.vectors.T).max(axis=1) + upper.shift
+    def _value_at_widest_gap(self, upper: PiecewiseLinearBound) -> float:
+        """Return the value of an upper bound at the start where its gap to the lower bound is the widest."""
+        low, high = self._best_values(self.lower.vectors), self._best_values(upper.vectors) + upper.shift
         widest = int((high - low).argmax())
-        return widest, float(low[widest]), max(float(low[widest]), float(high[widest]))
+        return max(float(low[widest]), float(high[widest]))
 
-    def _record_bounds(self) -> tuple[int, float, float]:
-        """Append the bounds to the history; return them as `_find_widest_gap`."""
-        widest, low, high = self._find_widest_gap(self.upper)
-        self.history.append((monotonic() - self.began, low, high, len(self.proven_plans.actions)))
-        return widest, low, high
+    def _update_record(self) -> None:
+        low, high = self._best_values(self.lower.vectors), self._best_values(self.upper.vectors)
+        self.record.update(low, high + self.upper.shift, len(self.lower.actions))
 
     def make_solution(self, reason: str) -> Solution:
         """Return the result so far."""
-        widest, low, high = self._record_bounds()
-        alphas = AlphaVectors(np.arange(self.model.states), *self.proven_plans)
-        return Solution(
-            pomdp=self.pomdp,
-            policy=Policy.of_sets(self.pomdp, [alphas], self.upper),
-            lower=low,
-            upper=high,
-            seconds=monotonic() - self.began,
-            reason=reason,
-            history=tuple(self.history[:-1]),
-            beliefs=len(self.beliefs),
-            trials=self.n_steps,
-            start=self.starts[widest],
-        )
+        self._update_record()
+        alphas = AlphaVectors(np.arange(self.model.states), self.lower.vectors, self.lower.actions)
+        policy = Policy.of_sets(self.pomdp, [alphas], self.upper)
+        return self.record.make_solution(policy, reason, beliefs=len(self.witnesses), trials=self.n_steps)

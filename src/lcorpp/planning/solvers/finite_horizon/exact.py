@@ -6,20 +6,19 @@ Source: Cassandra, Littman and Zhang, Incremental pruning, UAI 1997.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from time import monotonic
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.arguments import check_count, check_discount, check_limits, check_starts
-from lcorpp.planning.policy import AlphaVectors, Policy
+from lcorpp.planning.arguments import check_count, check_discount, check_solver_arguments, check_starts
+from lcorpp.planning.policy import AlphaVectors
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Progress
 from lcorpp.planning.solvers.exact.dominance_lp import DeadlineExceeded
-from lcorpp.planning.solvers.exact.dynamic_programming import DenseModel
-from lcorpp.planning.solvers.exact.incremental_pruning import ShiftedBound
+from lcorpp.planning.solvers.exact.dynamic_programming import Backup, DenseModel
 from lcorpp.planning.solvers.finite_horizon.solution import FiniteHorizonSolution, make_finite_policy
+from lcorpp.planning.upper_bounds import PiecewiseLinearBound
 from lcorpp.values import Array
 
 
@@ -59,11 +58,11 @@ def solve_finite_horizon_exact(
 
     Source: Cassandra, Littman and Zhang, UAI 1997.
     """
-    check_limits(precision, time_limit)
+    check_solver_arguments(pomdp, precision, time_limit, callback)
     horizon = check_count("horizon", horizon, 1)
     factor = check_discount(pomdp, discount)
     began = monotonic()
-    search = _Stages(pomdp, check_starts(pomdp, start), factor, began)
+    search = _FiniteValueIteration(pomdp, check_starts(pomdp, start), factor, began)
     try:
         reason = search.run(horizon, precision, began + time_limit, callback)
     except KeyboardInterrupt:
@@ -73,67 +72,57 @@ def solve_finite_horizon_exact(
     return search.make_solution(reason)
 
 
-@dataclass(frozen=True, eq=False)
-class _Stage:
-    """The value function for a number of remaining steps, witnesses of its vectors, and the loss by
-    pruning."""
+class _FiniteValueIteration:
+    """The value functions for 1, 2, ... remaining steps.
 
-    policy: Policy
-    witnesses: Array
-    loss: float
-
-
-class _Stages:
-    """The value functions for 1, 2, ... remaining steps."""
+    backups: their alpha vectors; `loss` is that of all prunings so far.
+    """
 
     def __init__(self, pomdp: Pomdp, starts: Array, discount: float, began: float) -> None:
         self.pomdp, self.starts, self.began = pomdp, starts, began
         self.model = DenseModel(pomdp, discount)
         self.history: list[tuple[float, float, float, int]] = []
         # with one remaining step, the value of an action is its reward
-        self.stages = [self._make_stage(pomdp.reward, np.arange(self.model.actions), starts, 0.0, 1)]
+        self.backups = [Backup(pomdp.reward, np.arange(self.model.actions), starts, 0.0)]
 
     def run(
         self, horizon: int, precision: float, deadline: float, callback: Callable[[Progress], None] | None
     ) -> str:
-        """Compute one stage after the other up to the horizon; the reason to stop."""
+        """Compute one value function after the other up to the horizon; return the reason to stop."""
         model = self.model
         weight = float((model.discount ** np.arange(horizon)).sum())
         tolerance = precision / (weight * (model.max_prunings + 1))
         self._report(callback)
-        while len(self.stages) < horizon:
-            last = self.stages[-1]
-            after = model.backup(last.policy.vectors, last.witnesses, tolerance=tolerance, deadline=deadline)
+        while len(self.backups) < horizon:
+            last = self.backups[-1]
+            after = model.backup(last.vectors, last.witnesses, tolerance=tolerance, deadline=deadline)
+            witnesses = np.concatenate([self.starts, after.witnesses])
             loss = after.loss + model.discount * last.loss
-            witnesses, remaining = np.concatenate([self.starts, after.witnesses]), len(self.stages) + 1
-            self.stages.append(self._make_stage(after.vectors, after.actions, witnesses, loss, remaining))
+            self.backups.append(after._replace(witnesses=witnesses, loss=loss))
             self._report(callback)
         return "precision reached"
 
-    def _make_stage(
-        self, vectors: Array, actions: npt.NDArray[np.intp], witnesses: Array, loss: float, remaining: int
-    ) -> _Stage:
-        alphas = AlphaVectors(np.arange(self.model.states), vectors, actions)
-        upper = ShiftedBound(vectors, loss)
-        policy = make_finite_policy(self.pomdp, [alphas], remaining, self.model.discount, upper)
-        return _Stage(policy, witnesses, loss)
-
     def _report(self, callback: Callable[[Progress], None] | None) -> None:
-        stage = self.stages[-1]
-        low = float((self.starts @ stage.policy.vectors.T).max(axis=1)[0])
-        self.history.append((monotonic() - self.began, low, low + stage.loss, len(stage.policy)))
+        last = self.backups[-1]
+        low = float((self.starts @ last.vectors.T).max(axis=1)[0])
+        self.history.append((monotonic() - self.began, low, low + last.loss, len(last.actions)))
         if callback is not None:
-            callback(Progress(*self.history[-1], len(stage.witnesses), len(self.stages)))
+            callback(Progress(*self.history[-1], len(last.witnesses), len(self.backups)))
 
     def make_solution(self, reason: str) -> FiniteHorizonSolution:
-        """Return the result of the stages so far."""
-        last = self.stages[-1]
-        low = last.policy.value(self.starts[0])
+        """Return the result for the steps so far."""
+        policies = []
+        for remaining, (vectors, actions, _, loss) in enumerate(self.backups, 1):
+            alphas = AlphaVectors(np.arange(self.model.states), vectors, actions)
+            upper = PiecewiseLinearBound(vectors, loss)
+            policies.append(make_finite_policy(self.pomdp, [alphas], remaining, self.model.discount, upper))
+        low = policies[-1].value(self.starts[0])  # the gap is the loss at every start
         return FiniteHorizonSolution(
-            policies=tuple(stage.policy for stage in self.stages),
+            policies=tuple(policies),
             lower=low,
-            upper=low + last.loss,
+            upper=low + self.backups[-1].loss,
             seconds=monotonic() - self.began,
             reason=reason,
             history=tuple(self.history),
+            start_count=len(self.starts),
         )

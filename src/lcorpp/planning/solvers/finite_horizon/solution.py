@@ -10,6 +10,7 @@ import numpy as np
 from lcorpp.errors import ModelError
 from lcorpp.planning.policy import AlphaVectors, Policy, UpperBound
 from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.solution import describe_start
 from lcorpp.values import Belief
 
 
@@ -23,6 +24,7 @@ class FiniteHorizonSolution:
     seconds: wall-clock time.
     reason: why the search stopped: "precision reached", "time limit", "interrupted".
     history: (seconds, lower, upper, vectors) over time.
+    start_count: number of start beliefs.
     """
 
     policies: tuple[Policy, ...]
@@ -31,6 +33,7 @@ class FiniteHorizonSolution:
     seconds: float
     reason: str
     history: tuple[tuple[float, float, float, int], ...]
+    start_count: int = 1
 
     def __repr__(self) -> str:
         return f"<FiniteHorizonSolution {self.summary()}>"
@@ -58,8 +61,8 @@ class FiniteHorizonSolution:
         """Return the result in one line of text."""
         vectors = sum(len(policy) for policy in self.policies)
         return (
-            f"{self.reason} after {self.seconds:.2f} s: value of {self.horizon} steps from the start in"
-            f" [{self.lower:.6g}, {self.upper:.6g}], {vectors} vectors"
+            f"{self.reason} after {self.seconds:.2f} s: value of {self.horizon} steps from"
+            f" {describe_start(self.start_count)} in [{self.lower:.6g}, {self.upper:.6g}], {vectors} vectors"
         )
 
 

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from lcorpp.errors import ModelError, ObservationError
-from lcorpp.planning.arguments import check_count
-from lcorpp.planning.belief import check_belief, update
+from lcorpp.planning.arguments import check_count, check_type
+from lcorpp.planning.belief import check_belief
+from lcorpp.planning.planner import ModelPlanner
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solvers.pomcp.search import EXPLORATION, ActionValues, History, TreeSearch
 from lcorpp.planning.solvers.pomcp.simulator import Simulator, TableSimulator
@@ -22,7 +23,7 @@ MAX_TRIES = 100
 """Largest number of simulations per missing particle."""
 
 
-class PomcpPlanner:
+class PomcpPlanner(ModelPlanner):
     """POMCP with exact beliefs: `lcorpp.protocols.Planner`.
 
     It needs no policy, and the time of a simulation does not depend on the number of states: one core runs 10
@@ -55,6 +56,7 @@ class PomcpPlanner:
         leaf_values: str = "mdp",
         seed: int = 0,
     ) -> None:
+        check_type("pomdp", pomdp, Pomdp)
         _check_options(simulations, seconds, exploration, seed)
         self.pomdp, self.simulations = pomdp, simulations
         self.seconds = np.inf if seconds is None else seconds
@@ -64,11 +66,6 @@ class PomcpPlanner:
 
     def __repr__(self) -> str:
         return f"<PomcpPlanner: {len(self.pomdp.states)} states, {self.simulations} simulations per step>"
-
-    @property
-    def start(self) -> Belief:
-        """(S,) the model's start belief."""
-        return self.pomdp.start
 
     def action(self, belief: Belief) -> str:
         """Search, and return the name of the best action at a belief (S,).
@@ -85,28 +82,22 @@ class PomcpPlanner:
             ModelError: `belief` is not a distribution over the states.
         """
         belief = check_belief(self.pomdp, belief)
-        self._set_root(belief)
+        if belief.tobytes() != self._belief:
+            self._root, self._belief = History(self._simulator.actions), belief.tobytes()
         draw, left = self._simulator.state_sampler(belief), self.simulations - self._root.total
         return self._tree_search.search(self._root, draw, simulations=left, seconds=self.seconds)
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:
-        """Return the belief (S,) after a named action and observation.
+        """Return the belief (S,) after a named action and observation; keep its part of the tree.
 
-        Raises:
-            ModelError: a name is unknown.
-            ObservationError: the observation is impossible.
+        Errors are those of `ModelPlanner.update`.
         """
-        a, o = self.pomdp.action_index(action), self.pomdp.observation_index(observation)
-        after = update(self.pomdp, belief, a, o)
+        after = super().update(belief, action, observation)
         if belief.tobytes() == self._belief:
+            a, o = self.pomdp.action_index(action), self.pomdp.observation_index(observation)
             self._root = self._root.children.get((a, o)) or History(self._simulator.actions)
             self._belief = after.tobytes()
         return after
-
-    def _set_root(self, belief: Belief) -> None:
-        """Start a new tree unless the root is of this belief."""
-        if belief.tobytes() != self._belief:
-            self._root, self._belief = History(self._simulator.actions), belief.tobytes()
 
 
 class ParticlePlanner:

@@ -1,8 +1,8 @@
-"""Trajectory sources: what the robot's sensors record of simulated people."""
+"""Simulated people, drawn from a domain's P-log program, and what the robot's sensors record of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,8 +10,25 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, DomainError
-from lcorpp.simulation.population import Person, Population
+from lcorpp.reasoning import Reasoner
 from lcorpp.values import Array, Dataset
+
+Person = Mapping[str, str]
+"""One person: every attribute of the simulation's program and its value."""
+
+
+class Population:
+    """People drawn from a domain's simulation program (section "Experimental Results" of the paper).
+
+    The program's rules order the draw, e.g. identity, then time and location, then intention.
+    """
+
+    def __init__(self, domain: Domain) -> None:
+        self._reasoner = Reasoner(domain.simulation.true_program)
+
+    def sample(self, count: int, rng: np.random.Generator, given: Mapping[str, str] = {}) -> list[Person]:
+        """Draw `count` people from the distribution conditioned on the values in `given`."""
+        return [self._reasoner.sample(rng, given) for _ in range(count)]
 
 
 class TrajectorySource(Protocol):
@@ -56,15 +73,13 @@ class RecordedTrajectories:
     dataset: Dataset
 
     def trajectories(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
-        labels = np.array(self.dataset.labels)
-        rows = []
+        labels, rows = np.array(self.dataset.labels), []
         for person in people:
             candidates = np.flatnonzero(labels == person[self.target])
             if not len(candidates):
                 raise DataError(f"no recorded track of class {person[self.target]!r} is left for the trials")
             rows.append(int(rng.choice(candidates)))
-        tracks: Array = self.dataset.trajectories[rows]
-        return tracks
+        return self.dataset.trajectories[rows]
 
 
 def simulate_dataset(
@@ -80,8 +95,7 @@ def simulate_dataset(
     people = [
         person for value in values for person in population.sample(per_class, rng, {domain.target: value})
     ]
-    order = rng.permutation(len(people))
-    people = [people[i] for i in order]
+    people = [people[i] for i in rng.permutation(len(people))]
     return Dataset(
         source.trajectories(people, rng),
         tuple(person[domain.target] for person in people),

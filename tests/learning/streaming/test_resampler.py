@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError
 from lcorpp.learning.features.resampling import resample
-from lcorpp.learning.streaming.track import RepairCounts, StreamRules, TrackResampler
+from lcorpp.learning.streaming.resampler import RepairCounts, StreamRules, TrackResampler
 
 INPUTS = ("x", "y", "facing")
 

@@ -5,28 +5,32 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.factored.variables import AFTER, Variable, check_word
+from lcorpp.planning.factored.variables import AFTER, Variable, build_scope, check_word
 from lcorpp.planning.formats.numbers import is_count
 from lcorpp.planning.formats.pomdpx.document import Document, Element
 
 MAX_COUNT = 1_000_000
 """Maximum number of values of a variable that only counts them."""
 
+MAX_DIGITS = 9
+"""Longer numbers are not converted: int() refuses more than 4300 digits."""
+
 VALUE_PREFIXES = {"StateVar": "s", "ObsVar": "o", "ActionVar": "a"}
 """Names of the values of a variable that only counts them: ``s0``, ``s1`` and so on."""
 
-_ATTRIBUTES = {
-    "StateVar": ("vnamePrev", "vnameCurr", "fullyObs"),
+_NAME_ATTRIBUTES = {
+    "StateVar": ("vnamePrev", "vnameCurr"),
     "ObsVar": ("vname",),
     "ActionVar": ("vname",),
     "RewardVar": ("vname",),
 }
+_TRUTH_VALUES = {"true": True, "1": True, "false": False, "0": False}
 
 
 class Declarations:
     """The variables that a ``<Variable>`` element declares.
 
-    states, actions, observations: the variables.
+    states, actions, observations: the variables. scope: all of them, by our names.
     names: name in the file -> our name; ``x'`` is x after an action.
     rewards: reward name -> its element.
 
@@ -38,38 +42,34 @@ class Declarations:
         self.document = document
         self.names: dict[str, str] = {}
         self.rewards: dict[str, Element] = {}
-        children = document.children(element, tuple(_ATTRIBUTES))
-        state_names = _shorten_state_names(
-            [child.attributes for child in children if child.name == "StateVar"], self._check_names(children)
-        )
+        children = document.check_children(element, tuple(_NAME_ATTRIBUTES))
+        names = self._check_names(children)
+        states = [child.attributes for child in children if child.name == "StateVar"]
+        state_names = _shorten_state_names(states, names)
         variables: dict[str, list[Variable]] = {kind: [] for kind in VALUE_PREFIXES}
         for child in children:
+            first, *others = (child.attributes[attribute] for attribute in _NAME_ATTRIBUTES[child.name])
             if child.name == "RewardVar":
-                document.children(child, (), _ATTRIBUTES[child.name])
-                self.rewards[child.attributes["vname"]] = child
-            elif child.name == "StateVar":
-                before, after = child.attributes["vnamePrev"], child.attributes["vnameCurr"]
-                name = state_names[before]
-                self.names |= {before: name, after: name + AFTER}
-                variables[child.name].append(
-                    self._read_variable(child, name, observed=self._is_observed(child))
-                )
-            else:
-                name = child.attributes["vname"]
-                self.names[name] = name
-                variables[child.name].append(self._read_variable(child, name))
+                document.check_children(child, (), ("vname",))
+                self.rewards[first] = child
+                continue
+            self.names[first] = state_names.get(first, first)
+            self.names |= dict.fromkeys(others, self.names[first] + AFTER)
+            variables[child.name].append(self._read_variable(child, self.names[first]))
+        # without observation variables the robot observes only parts of the state
         for kind, what in (("StateVar", "state"), ("ActionVar", "action")):
             if not variables[kind]:
                 raise document.error(element, f"a problem needs a variable for the {what}: <{kind}>")
         self.states, self.actions, self.observations = (
             tuple(variables[kind]) for kind in ("StateVar", "ActionVar", "ObsVar")
         )
+        self.scope = build_scope(self.states, self.actions, self.observations)
 
     def _check_names(self, children: Sequence[Element]) -> set[str]:
-        """Return all names of the file; each is a single word and unique."""
+        """Check that each name is a single word and unique; return all names."""
         names: set[str] = set()
         for child in children:
-            for attribute in _ATTRIBUTES[child.name][:2]:
+            for attribute in _NAME_ATTRIBUTES[child.name]:
                 name = self.document.attribute(child, attribute)
                 if name in names:
                     raise self.document.error(child, f"two variables have the name {name!r}")
@@ -82,32 +82,28 @@ class Declarations:
                 names.add(name)
         return names
 
-    def _read_variable(self, element: Element, name: str, *, observed: bool = False) -> Variable:
+    def _read_variable(self, element: Element, name: str) -> Variable:
         document = self.document
-        document.children(element, ("ValueEnum", "NumValues"), _ATTRIBUTES[element.name])
+        text = document.attribute(element, "fullyObs", "false") if element.name == "StateVar" else "false"
+        # published files contain Python's True
+        observed = _TRUTH_VALUES.get(text.strip().lower())
+        if observed is None:
+            raise document.error(element, f"fullyObs must be 'true' or 'false', not {text[:40]!r}")
+        attributes = (*_NAME_ATTRIBUTES[element.name], *(["fullyObs"] if element.name == "StateVar" else []))
+        document.check_children(element, ("ValueEnum", "NumValues"), attributes)
         child = document.only_child(element, "ValueEnum", "NumValues")
         if child.name == "ValueEnum":
             values = document.words(child)
         else:
-            values = self._make_numbered_values(child, element.name)
+            word = document.word(child)
+            if not is_count(word) or len(word) > MAX_DIGITS or not 0 < int(word) <= MAX_COUNT:
+                message = f"expected a number of values from 1 to {MAX_COUNT}, found {word[:40]!r}"
+                raise document.error(child, message, 0)
+            values = [f"{VALUE_PREFIXES[element.name]}{i}" for i in range(int(word))]
         try:
             return Variable(name, tuple(values), observed)
         except ModelError as error:
             raise document.error(child, str(error)) from None
-
-    def _make_numbered_values(self, element: Element, kind: str) -> list[str]:
-        word = self.document.word(element)
-        if not is_count(word) or len(word) > 9 or not 0 < int(word) <= MAX_COUNT:
-            message = f"expected a number of values from 1 to {MAX_COUNT}, found {word[:40]!r}"
-            raise self.document.error(element, message, 0)
-        return [f"{VALUE_PREFIXES[kind]}{i}" for i in range(int(word))]
-
-    def _is_observed(self, element: Element) -> bool:
-        text = self.document.attribute(element, "fullyObs", "false")
-        # published files contain Python's True
-        if text.strip().lower() not in ("true", "false", "1", "0"):
-            raise self.document.error(element, f"fullyObs must be 'true' or 'false', not {text[:40]!r}")
-        return text.strip().lower() in ("true", "1")
 
 
 def _shorten_state_names(states: Sequence[Mapping[str, str]], used: set[str]) -> dict[str, str]:
@@ -116,10 +112,11 @@ def _shorten_state_names(states: Sequence[Mapping[str, str]], used: set[str]) ->
     for attributes in states:
         before, after = attributes["vnamePrev"], attributes["vnameCurr"]
         stem = before[:-1].removesuffix("_")
-        short[before] = stem if (before, after) == (before[:-1] + "0", before[:-1] + "1") and stem else before
+        is_pair = before.endswith("0") and after == before[:-1] + "1"
+        short[before] = stem if is_pair and stem else before
     stems = list(short.values())
     # a name that would become ambiguous stays as in the file
     return {
-        before: before if name != before and (stems.count(name) > 1 or name in used) else name
+        before: name if stems.count(name) == 1 and name not in used else before
         for before, name in short.items()
     }

@@ -1,26 +1,21 @@
-"""Resample the samples of one person to a fixed rate as they arrive: order, check, interpolate.
+"""Resample one person's samples to a fixed rate as they arrive: order, check, interpolate.
 
 `StreamRules` are the options, `TrackResampler` applies them to one person, `RepairCounts` counts its repairs,
 and `Clock` measures time by the stamps of all people.
-
-An invalid sample is rejected; a late one and a duplicate are dropped.
 """
 
 from __future__ import annotations
 
 from bisect import insort
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from math import hypot, isfinite, pi
-from typing import Self
 
 from lcorpp.errors import DataError
+from lcorpp.learning.data.tracks import MAX_NUMBER
 from lcorpp.learning.features.resampling import SAME_TIME
 
 Sample = tuple[float, ...]
 """The measurements at one time, in the order of the inputs."""
-
-MAX_COORDINATE = 1e9
-"""Larger coordinates, in metres, are rejected."""
 
 JUMP_TOLERANCE = 0.1
 """Seconds added to the time between two samples before their speed is compared with `max_speed`: trackers are
@@ -68,7 +63,7 @@ class RepairCounts:
     """Counts of the samples, and of the repairs, of one person or of many.
 
     samples: samples that arrived.
-    rejected: samples that are not finite or beyond `MAX_COORDINATE`; first_rejected describes the first one.
+    rejected: samples that are not finite or beyond `MAX_NUMBER`; first_rejected describes the first one.
     duplicates: samples dropped because of an equal time stamp; the first sample is kept.
     late: samples dropped because a later sample was already used.
     interpolated_gaps: gaps longer than the time between two points, interpolated linearly.
@@ -95,26 +90,26 @@ class RepairCounts:
                 setattr(self, field.name, getattr(self, field.name) + getattr(other, field.name))
         self.first_rejected = self.first_rejected or other.first_rejected
 
-    def copy(self) -> Self:
-        """Return a copy of the current counts."""
-        return type(self)(**asdict(self))
-
     def __str__(self) -> str:
         words = [f"{self.samples} samples"]
         if self.rejected:
             words.append(f"rejected: {self.rejected} (the first: {self.first_rejected})")
-        for what, count in (
-            ("duplicates dropped", self.duplicates),
-            ("late samples dropped", self.late),
-            ("gaps interpolated", self.interpolated_gaps),
-            ("new tracks after long gaps", self.long_gaps),
-            ("new tracks after jumps", self.jumps),
-            ("new tracks after clock resets", self.clock_resets),
-            ("new tracks after the maximal duration", self.overlong_tracks),
-        ):
-            if count:
-                words.append(f"{what}: {count}")
+        words += [
+            f"{text}: {getattr(self, name)}" for name, text in REPAIR_TEXTS.items() if getattr(self, name)
+        ]
         return "; ".join(words)
+
+
+REPAIR_TEXTS = {
+    "duplicates": "duplicates dropped",
+    "late": "late samples dropped",
+    "interpolated_gaps": "gaps interpolated",
+    "long_gaps": "new tracks after long gaps",
+    "jumps": "new tracks after jumps",
+    "clock_resets": "new tracks after clock resets",
+    "overlong_tracks": "new tracks after the maximal duration",
+}
+"""Count -> text in a report."""
 
 
 class TrackResampler:
@@ -134,7 +129,7 @@ class TrackResampler:
 
     def __init__(self, rules: StreamRules, inputs: tuple[str, ...], angles: tuple[int, ...]) -> None:
         self._rules, self._inputs, self._angles = rules, inputs, frozenset(angles)
-        self._xy = (inputs.index("x"), inputs.index("y")) if {"x", "y"} <= set(inputs) else None
+        self._xy = (inputs.index("x"), inputs.index("y")) if {"x", "y"} <= set(inputs) else ()
         self._waiting: list[tuple[float, Sample]] = []  # samples within `allowed_lateness`, by time
         self._latest = 0.0  # the latest stamp that arrived
         self._begin = 0.0  # stamp of the first sample of the track
@@ -160,16 +155,15 @@ class TrackResampler:
         """Add a sample; `take_points` returns the points that it completes."""
         repairs = self.repairs
         repairs.samples += 1
-        if not self._is_valid(time, sample):
+        if not self._accept(time, sample):
             return
-        if self._last is None and not self._waiting:
+        if self._last is None and not self._waiting:  # the first sample
             self._latest = time
         elif time < self._latest - self._rules.max_gap:
             repairs.clock_resets += 1
             self.flush()
             self._last, self._latest = None, time
-        elif time > self._latest:
-            self._latest = time
+        self._latest = max(self._latest, time)
         ready = self._latest - self._rules.allowed_lateness
         if self._last is not None and time - self._begin <= self._elapsed:
             if time - self._begin == self._elapsed:
@@ -197,62 +191,54 @@ class TrackResampler:
         self._points, self._is_new = [], False
         return taken
 
-    def _is_valid(self, time: float, sample: Sample) -> bool:
-        """Return whether a sample is finite and within `MAX_COORDINATE`; count it as rejected if not."""
-        if isfinite(time) and all(-MAX_COORDINATE <= value <= MAX_COORDINATE for value in sample):
+    def _accept(self, time: float, sample: Sample) -> bool:
+        """Return whether a sample is finite and within `MAX_NUMBER`; count it as rejected if not."""
+        bad = next((i for i, value in enumerate(sample) if not abs(value) <= MAX_NUMBER), None)
+        if not isfinite(time):
+            fault = f"its time is {time}"
+        elif bad is not None:
+            fault = f"{self._inputs[bad]} is {sample[bad]} at {time:.3f} s"
+        else:
             return True
-        if not self.repairs.rejected:
-            if not isfinite(time):
-                reason = f"its time is {time}"
-            else:
-                bad = next(
-                    i for i, value in enumerate(sample) if not -MAX_COORDINATE <= value <= MAX_COORDINATE
-                )
-                reason = f"{self._inputs[bad]} is {sample[bad]} at {time:.3f} s"
-            self.repairs.first_rejected = reason
+        self.repairs.first_rejected = self.repairs.first_rejected or fault
         self.repairs.rejected += 1
         return False
 
     def _use(self, time: float, sample: Sample) -> None:
         """Extend the track to the next sample, or start a new track with it."""
-        last, rules, repairs = self._last, self._rules, self.repairs
+        last, rate = self._last, self._rules.rate
         elapsed = time - self._begin
-        if last is None:
-            self._start(time, sample)
+        if last is None or self._is_broken(last, sample, elapsed):
+            self.track_count += 1
+            self._begin, self._elapsed, self._last, self._next = time, 0.0, sample, 1
+            self._points, self._is_new = [sample], True  # nobody needs the points of the previous track
             return
         gap = elapsed - self._elapsed
-        if gap > rules.max_gap:
-            repairs.long_gaps += 1
-            self._start(time, sample)
-            return
-        if self._xy is not None:
-            x, y = self._xy
-            if hypot(sample[x] - last[x], sample[y] - last[y]) > rules.max_speed * (gap + JUMP_TOLERANCE):
-                repairs.jumps += 1
-                self._start(time, sample)
-                return
-        if elapsed > rules.max_duration:
-            repairs.overlong_tracks += 1
-            self._start(time, sample)
-            return
-        if gap > 1 / rules.rate + SAME_TIME:
-            repairs.interpolated_gaps += 1
-        due = self._next / rules.rate
+        if gap > 1 / rate + SAME_TIME:
+            self.repairs.interpolated_gaps += 1
+        due = self._next / rate
         while elapsed >= due - SAME_TIME:
             weight = 1.0 if elapsed <= due else (due - self._elapsed) / gap
             self._points.append(self._interpolate(last, sample, weight))
             self._next += 1
-            due = self._next / rules.rate
+            due = self._next / rate
         self._last, self._elapsed = sample, elapsed
 
-    def _start(self, time: float, sample: Sample) -> None:
-        """Begin a new track with a sample, which is its first point."""
-        self.track_count += 1
-        self._begin, self._elapsed, self._last, self._next = time, 0.0, sample, 1
-        self._points, self._is_new = [sample], True
+    def _is_broken(self, last: Sample, sample: Sample, elapsed: float) -> bool:
+        """Return whether the track ends before a sample `elapsed` seconds after its start, and count why."""
+        rules, repairs, gap = self._rules, self.repairs, elapsed - self._elapsed
+        if gap > rules.max_gap:
+            repairs.long_gaps += 1
+        elif hypot(*(sample[i] - last[i] for i in self._xy)) > rules.max_speed * (gap + JUMP_TOLERANCE):
+            repairs.jumps += 1
+        elif elapsed > rules.max_duration:
+            repairs.overlong_tracks += 1
+        else:
+            return False
+        return True
 
     def _interpolate(self, start: Sample, end: Sample, weight: float) -> Sample:
-        """Interpolate one point as `resampling.interpolate` does; weight: that of `end`."""
+        """Interpolate one point as `resampling.interpolate` does. weight: of `end`, 0 to 1."""
         rest = 1 - weight
         return tuple(
             a + ((b - a + pi) % (2 * pi) - pi) * weight if channel in self._angles else a * rest + b * weight

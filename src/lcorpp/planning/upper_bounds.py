@@ -1,4 +1,4 @@
-"""The upper bound of a policy, without the tree of the search that computed it."""
+"""Upper bounds on the optimal value that solvers attach to policies (`policy.UpperBound`)."""
 
 from __future__ import annotations
 
@@ -12,9 +12,24 @@ from lcorpp.planning.belief import MIN_PROBABILITY
 from lcorpp.values import Array, Belief
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class PiecewiseLinearBound:
+    """The upper bound max over v of v.b + shift of vectors (K, S)."""
+
+    vectors: Array
+    shift: float = 0.0
+
+    def __repr__(self) -> str:
+        return f"<PiecewiseLinearBound: {len(self.vectors)} vectors + {self.shift:.3g}>"
+
+    def value(self, belief: Belief) -> float:
+        """Return the bound at a belief (S,)."""
+        return float((self.vectors @ belief).max()) + self.shift
+
+
 @dataclass(frozen=True, eq=False)
 class SawtoothBound:
-    """The fast informed bound and the sawtooth interpolation of points (`policy.UpperBound`).
+    """The fast informed bound and the sawtooth interpolation of points.
 
     bound(b) = min(max over a of Q(a).b, corners.b + min over the points (p, v) of phi(b, p) (v - corners.p)),
     with phi(b, p) = min over the support of p of b(s) / p(s), which is 0 if b does not contain the support of

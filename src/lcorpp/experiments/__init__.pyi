@@ -1,0 +1,29 @@
+from .active_learning import (
+    ActiveLearningOptions as ActiveLearningOptions,
+    BatchResult as BatchResult,
+    run_active_learning as run_active_learning,
+)
+from .classifier_training import load_trained as load_trained, train_classifier as train_classifier
+from .comparison import (
+    Comparison as Comparison,
+    ComparisonOptions as ComparisonOptions,
+    compare_strategies as compare_strategies,
+)
+from .exact_evaluation import evaluate_exactly as evaluate_exactly
+from .metrics import Scores as Scores
+from .results import write_batches as write_batches, write_comparison as write_comparison
+from .run_store import RunStore as RunStore
+from .setup import (
+    ClassifierSetup as ClassifierSetup,
+    EvidenceOptions as EvidenceOptions,
+    StoredOptions as StoredOptions,
+    TrainingOptions as TrainingOptions,
+    make_robot as make_robot,
+    solve_domain as solve_domain,
+)
+from .training_data import (
+    TrainingData as TrainingData,
+    read_training_data as read_training_data,
+    simulate_training_data as simulate_training_data,
+)
+from .trials import Experiment as Experiment, run_trials as run_trials

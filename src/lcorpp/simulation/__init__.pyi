@@ -1,0 +1,10 @@
+from .people import (
+    Population as Population,
+    RecordedTrajectories as RecordedTrajectories,
+    SimulatedTrajectories as SimulatedTrajectories,
+    simulate_dataset as simulate_dataset,
+)
+from .people_stream import DecisionResult as DecisionResult, PeopleStream as PeopleStream
+from .recordings import simulate_recording as simulate_recording
+from .simulated_classifier import NoisyChannel as NoisyChannel
+from .world import SimulatedWorld as SimulatedWorld, SimulationModel as SimulationModel
