@@ -51,10 +51,8 @@ def test_absorbing_beliefs():
     move = BeliefGraph(lcorpp, Policy.of(lcorpp, [[0.0] * 5], [0]))
     beliefs = SparseBeliefs.of(np.array([np.eye(5)[4], lcorpp.start]))
     nodes = report.add(beliefs)
-    assert report.absorbing[nodes].tolist() == [
-        True,
-        False,
-    ]  # a report in `term` has no cost and is a self-loop
+    # a report in `term` has no cost and is a self-loop
+    assert report.absorbing[nodes].tolist() == [True, False]
     nodes = move.add(beliefs)
     assert move.absorbing[nodes].tolist() == [False, False]  # a move has a cost
 

@@ -44,14 +44,11 @@ def read(tmp_path, text, model=tiger, blocks=None):
     return read_policy(path, model, blocks=blocks)
 
 
-def test_an_appl_file_is_read(tmp_path):
-    back = read(tmp_path, APPL)
+@pytest.mark.parametrize(("text", "vector"), [(APPL, [-81.5972, 28.4028]), (SPARSE, [0.0, 2.5])])
+def test_full_and_sparse_vectors_of_appl_are_read(tmp_path, text, vector):
+    back = read(tmp_path, text)
     assert back.actions.tolist() == [1, 0]
-    assert back.vectors[0].tolist() == [-81.5972, 28.4028]
-
-
-def test_a_sparse_vector_is_read(tmp_path):
-    assert read(tmp_path, SPARSE).vectors[0].tolist() == [0.0, 2.5]
+    assert back.vectors[0].tolist() == vector
 
 
 def test_a_policy_of_a_changed_model_is_refused(tmp_path):

@@ -61,14 +61,14 @@ def test_any_text_ends_in_a_model_or_a_typed_error(text):
 
 
 CUTS = st.lists(st.tuples(st.floats(0, 1), st.integers(0, 20), WORDS | st.text(max_size=2)), max_size=4)
-NAMES = [
+NAMES = (
     "light_maze.POMDP",
     "network.pomdp",
     "hallway.pomdp",
     "mini-hall2.pomdp",
     "ejs3.pomdp",
     "shuttle.95.pomdp",
-]
+)
 REAL = [path.read_text(errors="replace") for name in NAMES if (path := SHARED / name).exists()]
 
 

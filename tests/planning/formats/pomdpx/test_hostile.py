@@ -40,47 +40,40 @@ def test_nesting_is_bounded():
         parse("<pomdpx>" + "<a>" * 5000)
 
 
-def test_a_diagram_over_many_variables_is_not_too_deep():
-    count = 200
-    names = [f"x{i}" for i in range(count)]
-    path = "".join(f'<Node var="{name}_0"><Edge val="a">' for name in names)
+def make_text(names: list[str], values: str, reward: str) -> str:
+    """Return a problem with some state variables that always have the value a."""
     variables = "".join(
-        f'<StateVar vnamePrev="{name}_0" vnameCurr="{name}_1"><ValueEnum>a</ValueEnum></StateVar>'
-        for name in names
+        f'<StateVar vnamePrev="{n}_0" vnameCurr="{n}_1"><ValueEnum>{values}</ValueEnum></StateVar>'
+        for n in names
     )
-    one = "<Parameter><Entry><Instance>-</Instance><ProbTable>1</ProbTable></Entry></Parameter>"
-    starts = "".join(f"<CondProb><Var>{name}_0</Var><Parent>null</Parent>{one}</CondProb>" for name in names)
-    moves = "".join(f"<CondProb><Var>{name}_1</Var><Parent>null</Parent>{one}</CondProb>" for name in names)
-    parents = " ".join(f"{name}_0" for name in names)
-    reward = function("Func", "r", parents, path + number(3) + "</Edge></Node>" * count)
-    text = f"""<pomdpx><Discount>0.5</Discount><Variable>{variables}
+    starts = "".join(function("CondProb", f"{n}_0", "null", surely(f"{n}_0", "a")) for n in names)
+    moves = "".join(function("CondProb", f"{n}_1", "null", surely(f"{n}_1", "a")) for n in names)
+    return f"""<pomdpx><Discount>0.5</Discount><Variable>{variables}
       <ActionVar vname="act"><NumValues>1</NumValues></ActionVar><RewardVar vname="r"/></Variable>
       <InitialStateBelief>{starts}</InitialStateBelief>
       <StateTransitionFunction>{moves}</StateTransitionFunction>
       <RewardFunction>{reward}</RewardFunction></pomdpx>"""
-    assert flatten(parse(text)).reward.tolist() == [[3.0]]
+
+
+def test_a_diagram_over_many_variables_is_not_too_deep():
+    names = [f"x{i}" for i in range(200)]
+    path = "".join(f'<Node var="{name}_0"><Edge val="a">' for name in names)
+    parents = " ".join(f"{name}_0" for name in names)
+    reward = function("Func", "r", parents, path + number(3) + "</Edge></Node>" * len(names))
+    assert flatten(parse(make_text(names, "a", reward))).reward.tolist() == [[3.0]]
 
 
 def test_templates_that_multiply_are_bounded(monkeypatch):
     monkeypatch.setattr(pomdpx_diagrams, "MAX_BRANCHES", 1000)
     names = [f"x{i}" for i in range(12)]
-    variables = "".join(
-        f'<StateVar vnamePrev="{n}_0" vnameCurr="{n}_1"><ValueEnum>a b</ValueEnum></StateVar>' for n in names
-    )
-    starts = "".join(function("CondProb", f"{n}_0", "null", surely(f"{n}_0", "a")) for n in names)
-    moves = "".join(function("CondProb", f"{n}_1", "null", surely(f"{n}_1", "a")) for n in names)
     ways = [f'<SubDAG type="template" idref="t{i}"/>' for i in range(13)]
     templates = "".join(
         template(f"t{i}", node(f"{n}_0", a=ways[i + 1], b=ways[i + 1])) for i, n in enumerate(names)
     )
-    reward = function(
-        "Func", "r", " ".join(f"{n}_0" for n in names), ways[0], templates + template("t12", number(1))
+    parents = " ".join(f"{n}_0" for n in names)
+    text = make_text(
+        names, "a b", function("Func", "r", parents, ways[0], templates + template("t12", number(1)))
     )
-    text = f"""<pomdpx><Discount>0.5</Discount><Variable>{variables}
-      <ActionVar vname="act"><NumValues>1</NumValues></ActionVar><RewardVar vname="r"/></Variable>
-      <InitialStateBelief>{starts}</InitialStateBelief>
-      <StateTransitionFunction>{moves}</StateTransitionFunction>
-      <RewardFunction>{reward}</RewardFunction></pomdpx>"""
     with pytest.raises(ParseError, match="the decision diagram has over 1000 branches"):
         parse(text)
     monkeypatch.undo()
