@@ -194,21 +194,22 @@ class Factored:
             pomdp.file,
         )
 
+    def _kinds(self) -> tuple[tuple[str, tuple[Variable, ...]], ...]:
+        return ("state", self.states), ("action", self.actions), ("observation", self.observations)
+
     def __repr__(self) -> str:
         name = f"{self.file}: " if self.file else ""
-        kinds = (("states", self.states), ("actions", self.actions), ("observations", self.observations))
-        sizes = ", ".join(
-            f"{kind} {' x '.join(str(len(v.values)) for v in variables)}"
-            for kind, variables in kinds
+        sizes = (
+            f"{kind}s {' x '.join(str(len(v.values)) for v in variables)}, "
+            for kind, variables in self._kinds()
             if variables
         )
-        return f"<Factored {name}{sizes}, discount {self.discount:g}>"
+        return f"<Factored {name}{''.join(sizes)}discount {self.discount:g}>"
 
     def _repr_html_(self) -> str:
-        kinds = (("state", self.states), ("action", self.actions), ("observation", self.observations))
         rows = [
             ("observed state" if variable.observed else kind, variable.name, join_some(variable.values))
-            for kind, variables in kinds
+            for kind, variables in self._kinds()
             for variable in variables
         ]
         return html_table(("kind", "variable", "values"), rows, caption=repr(self)[1:-1])

@@ -61,9 +61,7 @@ def draw_graph(
         for node in selected
     ]
     lines = [
-        _make_arrow(
-            graph, number[source], number[target], all_arrows[source, target], bool(graph.complete[source])
-        )
+        _make_arrow(graph, number[source], number[target], all_arrows[source, target])
         for source, target in drawn_arrows
     ]
     caption = []
@@ -107,18 +105,16 @@ def _select_most_visited(
     return sorted(nodes), sorted(selected)
 
 
-def _make_arrow(graph: PolicyGraph, source: int, target: int, edges: Sequence[int], complete: bool) -> Arrow:
-    """Return all edges from one node to another as one arrow."""
-    total = float(graph.probabilities[edges].sum())
-    width = 0.8 + 1.6 * total
+def _make_arrow(graph: PolicyGraph, source: int, target: int, edges: Sequence[int]) -> Arrow:
+    """Return all edges from one node to another as one arrow between two boxes."""
+    node, label = graph.sources[edges[0]], _label_lines(graph, edges)
+    width = 0.8 + 1.6 * float(graph.probabilities[edges].sum())
     if len(edges) > 1:
-        covers_all = complete and len(edges) == np.count_nonzero(graph.sources == graph.sources[edges[0]])
-        return Arrow(source, target, ["any"] if covers_all else _label_lines(graph, edges), MUTED, "-", width)
-    number = int(graph.observations[edges[0]])
-    style = LINE_STYLES[number // len(ARROW_COLOURS) % len(LINE_STYLES)]
-    return Arrow(
-        source, target, _label_lines(graph, edges), ARROW_COLOURS[number % len(ARROW_COLOURS)], style, width
-    )
+        covers_all = graph.complete[node] and len(edges) == np.count_nonzero(graph.sources == node)
+        return Arrow(source, target, ["any"] if covers_all else label, MUTED, "-", width)
+    row, column = divmod(int(graph.observations[edges[0]]), len(ARROW_COLOURS))
+    style = LINE_STYLES[row % len(LINE_STYLES)]
+    return Arrow(source, target, label, ARROW_COLOURS[column], style, width)
 
 
 def _label_lines(graph: PolicyGraph, edges: Sequence[int]) -> list[str]:

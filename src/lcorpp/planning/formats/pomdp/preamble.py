@@ -154,8 +154,7 @@ def _read_start(tokens: Tokens, preamble: Preamble) -> None:
     mode = tokens.take()
     if mode != ":":
         tokens.take()
-    first = tokens.offset
-    if mode != ":":
+        first = tokens.offset
         states = _read_states(tokens, preamble)
         states = set(range(S)) - states if mode == "exclude" else states
         if not states:
@@ -165,6 +164,7 @@ def _read_start(tokens: Tokens, preamble: Preamble) -> None:
         tokens.take()
         preamble.declared_start = _make_uniform_start(S, range(S))
     elif is_number(tokens.peek()) and (S == 1 or not _is_single_count(tokens)):
+        first = tokens.offset
         start = tokens.probabilities(S, "the start belief")[0][0]
         total = start.sum()
         if abs(total - 1) > ROW_TOLERANCE:
