@@ -55,13 +55,11 @@ class BeliefSlice:
 
     def belief(self, weights: npt.ArrayLike) -> Belief:
         """Return (S,) the belief with weights (n,) of the corners."""
-        belief: Belief = np.asarray(weights, dtype=np.float64) @ self.corners
-        return belief
+        return np.asarray(np.asarray(weights, dtype=np.float64) @ self.corners)
 
     def value(self, weights: Array) -> Array:
         """Return (m,) the policy's value at weights (m, n)."""
-        values: Array = (weights @ self.values.T).max(axis=1)
-        return values
+        return np.asarray((weights @ self.values.T).max(axis=1))
 
 
 def slice_policy(
@@ -94,7 +92,9 @@ def slice_policy(
     rest[list(chosen)] = 0
     corners = np.tile(rest, (len(chosen), 1))
     corners[np.arange(len(chosen)), chosen] = share
-    sets = _find_sets(policy, corners.sum(axis=0))
+    # the vector sets that cover all possible states; all sets if none does, as in `Policy`
+    support = np.flatnonzero(corners.any(axis=0))
+    sets = [part for part in policy.vector_sets if np.isin(support, part.states).all()] or policy.vector_sets
     values = np.concatenate([_compute_corner_values(part, policy.floor, corners) for part in sets])
     actions = np.concatenate([part.actions for part in sets])
     _, first = np.unique(values, axis=0, return_index=True)
@@ -102,19 +102,11 @@ def slice_policy(
     return BeliefSlice(chosen, share, corners, values[first], actions[first])
 
 
-def _find_sets(policy: Policy, support: Array) -> Sequence[AlphaVectors]:
-    """Return the vector sets that cover the support; all sets if none does, as in `Policy`."""
-    needed = np.flatnonzero(support)
-    return [part for part in policy.vector_sets if np.isin(needed, part.states).all()] or policy.vector_sets
-
-
 def _compute_corner_values(part: AlphaVectors, floor: float, corners: Array) -> Array:
     """Return (K, n) the values of a set's vectors at the corners."""
     inside = corners[:, part.states]
-    values: Array = part.vectors @ inside.T + floor * np.maximum(
-        0.0, corners.sum(axis=1) - inside.sum(axis=1)
-    )
-    return values
+    outside = np.maximum(0.0, corners.sum(axis=1) - inside.sum(axis=1))
+    return np.asarray(part.vectors @ inside.T + floor * outside)
 
 
 def _find_intervals(line: BeliefSlice) -> list[Region]:
@@ -160,8 +152,7 @@ def grid(n: int) -> Array:
     """Return ((n + 1)(n + 2) / 2, 3) weights of three corners on a regular grid."""
     first, second = np.indices((n + 1, n + 1)).reshape(2, -1)
     inside = first + second <= n
-    weights: Array = np.stack([first, second, n - first - second], axis=1)[inside] / n
-    return weights
+    return np.stack([first, second, n - first - second], axis=1)[inside] / np.float64(n)
 
 
 def _clip(points: Array, normal: Array) -> Array:

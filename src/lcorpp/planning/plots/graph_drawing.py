@@ -212,8 +212,7 @@ def _sample_points(path: Path) -> Array:
     corners = np.asarray(path.to_polygons(closed_only=False)[0], dtype=np.float64)
     run = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     steps = np.linspace(0, run[-1], max(2, int(run[-1] / SEGMENT)))
-    points: Array = np.stack([np.interp(steps, run, corners[:, i]) for i in (0, 1)], axis=1)
-    return points
+    return np.stack([np.interp(steps, run, corners[:, i]) for i in (0, 1)], axis=1)
 
 
 def _draw_label(
