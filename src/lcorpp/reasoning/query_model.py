@@ -79,13 +79,11 @@ class QueryModel:
             return self._estimate()
 
     def _compute(self, *, exact: bool) -> QueryAnswer:
-        conditions = self._format_conditions()
+        parts = [str(part)[:-1] for part in (*self.query.observations, *self.query.interventions)]
+        conditions = f" has {', '.join(parts)}" if parts else ""
+        worlds = self.worlds
         weights: Mapping[str, Fraction | float]
-        weights = (
-            self.worlds.compute_exact_weights(self.term, {})
-            if exact
-            else self.worlds.compute_float_weights(self.term, {})
-        )
+        weights = (worlds.compute_exact_weights if exact else worlds.compute_float_weights)(self.term, {})
         if self.query.subject:
             return normalise_marginal(self.program, self.term, weights, conditions)  # type: ignore[type-var, return-value]
         total = sum(weights.values())
@@ -103,12 +101,6 @@ class QueryModel:
         if share:
             raise make_no_value_error(self.program, self.term, share)
         return dict(estimates)
-
-    def _format_conditions(self) -> str:
-        parts = [
-            str(part).removesuffix(".") for part in (*self.query.observations, *self.query.interventions)
-        ]
-        return f" has {', '.join(parts)}" if parts else ""
 
 
 class EnumeratedQuery:
