@@ -188,8 +188,8 @@ def test_arithmetic_reads_back_equal(number: Number | Arithmetic) -> None:
 
 
 TOKENS = r"""
-s p f X Y 1 2.5 .. . , : :- = != < ( ) { } [ ] | ? - + * / \ -> # #domain not random pr obs do mod sorts attributes
-statements boolean #s #const #semantics +- :+ %* *% & ! _ 2018 true %"""
+s p f X Y 1 2.5 .. . , : :- = != < ( ) { } [ ] | ? - + * / \ -> # #domain not random pr obs do mod sorts
+attributes statements boolean #s #const #semantics +- :+ %* *% & ! _ 2018 true %"""
 WORDS = st.sampled_from([*TOKENS.split(), "\n"])
 
 

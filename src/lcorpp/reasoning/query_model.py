@@ -104,22 +104,13 @@ class QueryModel:
 
 
 class EnumeratedQuery:
-    """A query to a program with cr-rules, which enumeration answers.
-
-    Args:
-        enumeration: the reasoner.
-        query: a query resolved by `resolve_query`.
-    """
+    """A query to a program with cr-rules, resolved by `resolve_query`, which enumeration answers."""
 
     def __init__(self, enumeration: Enumeration, query: Query) -> None:
         self.enumeration, self.query = enumeration, query
 
     def answer(self, *, exact: bool) -> QueryAnswer:
-        """Compute the answer, as fractions if `exact`.
-
-        Raises:
-            ProgramError, UndefinedError: as `Enumeration.ask`.
-        """
+        """Compute the answer, as fractions if `exact`; raise the errors of `Enumeration.ask`."""
         answer = self.enumeration.ask(self.query)
         if isinstance(answer, dict):
             return {value: p if exact else float(p) for value, p in answer.items()}

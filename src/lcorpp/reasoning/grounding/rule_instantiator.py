@@ -6,13 +6,13 @@ as soon as its variables are bound; `grounder` adds the lines that emit a clause
 begins:
 
     def run():
-     for v_X, v_Y,  in k2.get(('true', ), ()):
-      if not ((h := k3.get((v_X, v_Y, ))) is not None and compare_values(h, '=', 'true')): continue
+     for v_X, v_Y,  in k1.get(('true', ), ()):
+      if not ((h := k2.get((v_X, v_Y, ))) is not None and compare_values(h, '=', 'true')): continue
       if not (v_X != 3): continue
-      if not (v_X in k4): continue
-      if not (v_Y in k5): continue
+      if not (v_X in k3): continue
+      if not (v_Y in k4): continue
 
-k2 is an index over the facts, k3 the table of the facts, k4 and k5 contain the members of `node`. Generated
+k1 is an index over the facts, k2 the table of the facts, k3 and k4 contain the members of `node`. Generated
 source runs faster than closures.
 """
 
