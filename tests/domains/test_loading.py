@@ -281,18 +281,14 @@ def test_a_preset_of_a_missing_table(folder):
         load_domain(folder)
 
 
-def test_the_domain_sets_the_interval_of_simulated_tracks(tmp_path):
-    shutil.copytree(ROOMS, tmp_path / "rooms")
-    file = tmp_path / "rooms" / "domain.toml"
-    file.write_text(file.read_text().replace("tracks = 60", "tracks = 60\ninterval = 0.4"))
-    assert (load_domain(ROOMS).learning.interval, load_domain(tmp_path / "rooms").learning.interval) == (
-        0.033,
-        0.4,
-    )
-    assert simulate_training_data(load_domain(tmp_path / "rooms"), 0).dataset.interval == 0.4
-    file.write_text(file.read_text().replace("0.4", "0"))
+def test_the_domain_sets_the_interval_of_simulated_tracks(folder):
+    edit(folder / TOML, "tracks = 60", "tracks = 60\ninterval = 0.45")
+    changed = load_domain(folder)
+    assert (load_domain(ROOMS).learning.interval, changed.learning.interval) == (0.033, 0.45)
+    assert simulate_training_data(changed, 0).dataset.interval == 0.45
+    edit(folder / TOML, "0.45", "0")
     with pytest.raises(DomainError, match="interval"):
-        load_domain(tmp_path / "rooms")
+        load_domain(folder)
 
 
 def test_repr_is_one_line():
