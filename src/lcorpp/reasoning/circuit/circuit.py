@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from functools import cached_property
 from math import prod
 from operator import itemgetter
 
@@ -78,9 +79,8 @@ class Circuit:
         self.values = {name: program.attributes[name.partition("(")[0]].values for name in names}
         self.layers, self.ending = tuple(layers), ending
         self._variables = {name: i for i, name in enumerate(names)}
-        self._max_cached = min(
-            CACHE_SIZE, 100 * CACHE_SIZE // (len(self.inputs) + 1)
-        )  # a key contains all inputs
+        # a key contains all inputs
+        self._max_cached = min(CACHE_SIZE, 100 * CACHE_SIZE // (len(self.inputs) + 1))
         # two caches: by the values of all inputs if all are observed; by (input or None, ...) otherwise
         self._full_answers: dict[object, Answer] = {}
         self._partial_answers: dict[tuple[str | None, ...], tuple[int, Answer]] = {}
@@ -88,7 +88,6 @@ class Circuit:
         self._get_inputs = itemgetter(*self.inputs) if self.inputs else itemgetter(0)
         self._world_queries = world_queries
         self._has_table = AnswerTable.is_feasible(self._encoder.sizes)
-        self._built_table: AnswerTable | None = None
 
     def __repr__(self) -> str:
         given, queries = _shorten(self.inputs), _shorten(self.queries)
@@ -147,11 +146,9 @@ class Circuit:
             self._partial_answers[tuple(map(evidence.get, self.inputs))] = len(evidence), answer
         return answer
 
-    @property
+    @cached_property
     def _table(self) -> AnswerTable:
-        if self._built_table is None:
-            self._built_table = AnswerTable(self._encoder.sizes, self._compute_weights)
-        return self._built_table
+        return AnswerTable(self._encoder.sizes, self._compute_weights)
 
     def _look_up(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
         table = self._table
@@ -162,8 +159,7 @@ class Circuit:
 
     def _run_pass(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
         row = np.full((1, len(self.inputs)), -1, dtype=np.intp)
-        for column, code in codes.items():
-            row[0, column] = code
+        row[0, list(codes)] = list(codes.values())
         return {
             query: self._read_row(query, normalize_rows(weights)[0], evidence)
             for query, weights in self._compute_weights(row).items()
@@ -196,7 +192,7 @@ class Circuit:
         if not self._has_table or any(not isinstance(c, list) or len(c) != len(columns[0]) for c in columns):
             return self._answer_batch(self.encode(evidence), undefined)
         inputs = tuple([self._encoder.columns[name] for name in evidence])
-        codes = [self._encoder.get_codes(name) for name in evidence]
+        codes = [self._encoder.codes[name] for name in evidence]
         try:
             rows = self._table.find_rows_of_values(inputs, columns, codes)
         except (KeyError, TypeError):
