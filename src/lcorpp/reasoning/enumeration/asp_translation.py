@@ -25,7 +25,7 @@ import clingo
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.enumeration.measures import AnswerSet, AssignmentAtom, SelectionAtom
-from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.arithmetic import canonical_text, find_variables, iter_variables
 from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.safety import find_variable_sorts
@@ -47,7 +47,7 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     Variable,
 )
-from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions, list_pr_variables
+from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions, list_variables
 
 
 def enumerate_answer_sets(
@@ -215,7 +215,7 @@ class _Translator:
     def _translate_cr_rule(self, index: int, rule: CrRule) -> str:
         """Translate to the rule under one abducible per instance, and minimise the number of abducibles."""
         inner = rule.statement
-        abducible = f"cr({index},{_write_variables(list_expressions(inner))})"
+        abducible = f"cr({index},{_write_variables(list_variables(inner))})"
         text = f"{{ {abducible} }} :- {self._translate_body(inner, ())}. "
         text += f"#minimize {{ 1,{index},I : cr({index},I) }}. "
         return text + self._translate_statement(index, inner, f"{abducible}; ")
@@ -225,7 +225,8 @@ class _Translator:
         label = _write_tuple(selection.label.arguments if selection.label else ())
         dynamic = selection.range
         conditions = list(iter_expressions(dynamic.condition)) if dynamic else []
-        instance = _write_variables(list_expressions(selection), conditions)
+        shared = find_variables(*list_expressions(selection)) & find_variables(*conditions)
+        instance = _write_variables(sorted(shared))
         applies = f"rnd({index},{label},{instance},{term})"
         body = abducible + self._translate_body(selection, selection.body)
         range_sort = self._signature.attributes[selection.term.name].range
@@ -241,7 +242,7 @@ class _Translator:
 
     def _translate_probability(self, index: int, atom: Probability) -> str:
         term, label = _write_expression(atom.term), _write_tuple(atom.label.arguments if atom.label else ())
-        instance = _write_tuple([Variable(name) for name in list_pr_variables(atom)])
+        instance = _write_variables(list_variables(atom))
         conditions, value = self._translate_body(atom, atom.condition), _write_expression(atom.value)
         return f"pr({index},{label},{instance},{term},{value}) :- {conditions}; selected({term})."
 
@@ -290,10 +291,8 @@ class _Translator:
         return [f"h({term},{fresh})", f"{fresh} {literal.relation} {value}"]
 
 
-def _write_variables(*scopes: Sequence[Expression]) -> str:
-    """Write the tuple of the variables that occur in all scopes, sorted by name."""
-    names = [{v.name for expression in scope for v in iter_variables(expression)} for scope in scopes]
-    return _write_tuple([Variable(name) for name in sorted(set.intersection(*names))])
+def _write_variables(names: Iterable[str]) -> str:
+    return _write_tuple([Variable(name) for name in names])
 
 
 def _write_tuple(expressions: Iterable[Expression]) -> str:
