@@ -22,12 +22,16 @@ def check_type(name: str, value: object, *kinds: type) -> None:
 
 
 def check_solver_arguments(
-    pomdp: object, precision: float, time_limit: float, callback: object = None
-) -> None:
-    """Check the arguments that all solvers have, except the start.
+    pomdp: Pomdp, start: npt.ArrayLike | None, precision: float, time_limit: float, callback: object = None
+) -> Array:
+    """Check the arguments that all solvers have; return the start beliefs (N, S).
+
+    Args:
+        start: None for the model's own, one belief (S,) or several (N, S).
 
     Raises:
-        ModelError: an argument has a wrong type, or precision or time limit are not positive.
+        ModelError: an argument has a wrong type, precision or time limit are not positive, a belief is not a
+            distribution over the states, or there is none.
     """
     check_type("pomdp", pomdp, Pomdp)
     check_type("precision", precision, Real)
@@ -36,14 +40,6 @@ def check_solver_arguments(
         raise ModelError(f"callback must be a function, not {shorten(callback)}")
     if not precision > 0 or not time_limit > 0:
         raise ModelError(f"precision {precision} and time limit {time_limit} must be positive")
-
-
-def check_starts(pomdp: Pomdp, start: npt.ArrayLike | None) -> Array:
-    """Return the start beliefs (N, S): the model's own for None, one (S,) or several (N, S).
-
-    Raises:
-        ModelError: a belief is not a distribution over the states, or there is none.
-    """
     try:
         beliefs = np.atleast_2d(np.asarray(pomdp.start if start is None else start))
     except ValueError:

@@ -31,7 +31,9 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
 
     Source: Bayes' rule; Kaelbling, Littman and Cassandra, 1998, section 3.3.
     """
-    weights: Belief = _condition(pomdp, pomdp.transition.forward(action, belief), action, observation)
+    predicted, weights = pomdp.transition.forward(action, belief), np.zeros(len(pomdp.states))
+    states, likelihood = pomdp.observation.column(action, observation)
+    weights[states] = predicted[states] * likelihood
     total = weights.sum()
     if not total >= MIN_PROBABILITY:
         raise ObservationError(
@@ -39,14 +41,6 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
             f" {pomdp.actions[action]!r} in belief {format_belief(pomdp, belief)}"
         )
     weights /= total
-    return weights
-
-
-def _condition(pomdp: Pomdp, predicted: Belief, action: int, observation: int) -> Belief:
-    """Return (S,) the predicted belief (S,) times the likelihood of an observation, not normalised."""
-    states, likelihood = pomdp.observation.column(action, observation)
-    weights = np.zeros(len(predicted))
-    weights[states] = predicted[states] * likelihood
     return weights
 
 

@@ -100,22 +100,17 @@ class SparseTables:
 
     @classmethod
     def _of_matrices(cls, matrices: Sequence[Any]) -> SparseTables:
-        parts = [matrix.tocsr(copy=True) for matrix in matrices]
-        for part in parts:
-            part.sum_duplicates()
-            part.eliminate_zeros()
-            if part.shape != parts[0].shape:
+        from scipy.sparse import vstack
+
+        shape = matrices[0].shape
+        for matrix in matrices:
+            if matrix.shape != shape:
                 raise ModelError(
-                    f"the matrices of a table must have equal shapes, not {parts[0].shape} and {part.shape}"
+                    f"the matrices of a table must have equal shapes, not {shape} and {matrix.shape}"
                 )
-        ends = np.cumsum([0, *(part.nnz for part in parts)])
-        begins = [part.indptr[:-1].astype(np.int64) + end for part, end in zip(parts, ends[:-1], strict=True)]
-        return cls(
-            (len(parts), *parts[0].shape),
-            np.concatenate([*begins, ends[-1:]]),
-            np.concatenate([part.indices for part in parts]).astype(np.int32),
-            np.concatenate([part.data for part in parts]),
-        )
+        stack = vstack([matrix.tocsr() for matrix in matrices], format="csr")
+        stack.sum_duplicates()
+        return cls((len(matrices), *shape), stack.indptr, stack.indices, stack.data)
 
     @classmethod
     def of_entries(
@@ -187,6 +182,11 @@ class SparseTables:
         part = slice(begins[at], begins[at + 1])
         return rows[part], values[part]
 
+    def row_entries(self, rows: npt.NDArray[np.integer]) -> tuple[Int64Array, npt.NDArray[np.intp]]:
+        """Return the indices (k,) of the entries of rows a R + r (n,), and their positions in `rows` (k,)."""
+        sizes = self.begins[rows + 1] - self.begins[rows]
+        return ragged_indices(self.begins[rows], sizes), np.repeat(np.arange(len(rows)), sizes)
+
     def forward(self, action: int, weights: Array) -> Array:
         """Return (N,) the weights (R,) times the matrix of an action."""
         rows, columns, values = self._parts[action]
@@ -222,6 +222,25 @@ class SparseTables:
         return SparseTables(
             self.shape, self.begins, self.columns, self.values * factors.reshape(-1)[self.rows]
         )
+
+
+def joint_matrix(
+    transition: SparseTables, observation: SparseTables, action: int
+) -> tuple[Any, Int64Array, Int64Array]:
+    """Return P(s', o | s, a) of an action as a sparse matrix, and the observation and state of its rows.
+
+    The matrix (k, S) has a column for each s' and a row for each of the k possible pairs (o, s), by rising o.
+    """
+    from scipy.sparse import csr_array
+
+    T, Z, S = transition, observation, transition.shape[1]
+    part = T.action_slice(action)
+    z_entry, offset = Z.row_entries(action * S + T.columns[part].astype(np.int64))
+    t_entry = part.start + offset
+    keys = Z.columns[z_entry] * np.int64(S) + T.rows[t_entry] - action * S
+    pairs, row = np.unique(keys, return_inverse=True)
+    entries = T.values[t_entry] * Z.values[z_entry], (row, T.columns[t_entry])
+    return csr_array(entries, shape=(len(pairs), S)), *np.divmod(pairs, S)
 
 
 def ragged_indices(begins: npt.NDArray[np.integer], sizes: npt.NDArray[np.integer]) -> Int64Array:

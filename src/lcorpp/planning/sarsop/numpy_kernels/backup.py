@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, find_row_entries
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices
 from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode, predict
 from lcorpp.planning.sarsop.numpy_kernels.refresh import (
     forget_lower,
@@ -68,7 +68,7 @@ def _make_vector(state: SearchState, node: BeliefNode, action: int) -> tuple[Arr
         state.sets[g].find(stamp) for g, stamp in zip(branch.group, branch.best_vectors, strict=True)
     ]
     states = model.group_states(node.belief.group)
-    index, owner = find_row_entries(model.transition, action * model.states + states)
+    index, owner = model.transition.row_entries(action * model.states + states)
     reached, which = np.unique(model.transition.columns[index].astype(np.intp), return_inverse=True)
     next_values, default_stamps = _compute_next_values(state, node, action, chosen, reached)
     sums = np.bincount(owner, model.transition.values[index] * next_values[which], minlength=len(states))
@@ -91,7 +91,7 @@ def _compute_next_values(
         The values, and the stamps of the default vectors that were used.
     """
     model = state.model
-    index, owner = find_row_entries(model.observation, action * model.states + reached)
+    index, owner = model.observation.row_entries(action * model.states + reached)
     observation, next_state = model.observation.columns[index], reached[owner]
     block, values, default_stamps = model.block[next_state], np.empty(len(index)), []
     for b in np.unique(block):

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from lcorpp.planning.sarsop.numpy_kernels.model import Indices, Model, find_row_entries
-from lcorpp.planning.sparse import SparseTables
+from lcorpp.planning.sarsop.numpy_kernels.model import Model
+from lcorpp.planning.sparse import SparseTables, joint_matrix
 from lcorpp.values import Array
 
 
@@ -79,10 +79,10 @@ def fast_informed_bound(model: Model, Q: Array, tolerance: float, seconds: float
     deadline = monotonic() + seconds
     gamma = model.discount
     Q = copy_table(model, Q)
-    joint = [_make_joint_matrix(model, a) for a in range(model.actions)]
+    joint = [joint_matrix(model.transition, model.observation, a) for a in range(model.actions)]
     while monotonic() < deadline:
         lowered = np.empty_like(Q)
-        for a, (matrix, state) in enumerate(joint):
+        for a, (matrix, _, state) in enumerate(joint):
             best = (matrix @ np.ascontiguousarray(Q.T)).max(axis=1)
             lowered[a] = model.reward[a] + gamma * np.bincount(state, best, minlength=model.states)
         change = Q - lowered
@@ -119,19 +119,3 @@ def _make_matrices(table: SparseTables) -> list[Any]:
         begins = table.begins[a * table.shape[1] : (a + 1) * table.shape[1] + 1] - part.start
         matrices.append(csr_array((table.values[part], table.columns[part], begins), shape=table.shape[1:]))
     return matrices
-
-
-def _make_joint_matrix(model: Model, action: int) -> tuple[Any, Indices]:
-    """Return P(s', o | s, a) of one action, and the state s of each row.
-
-    The matrix (k, S) has a row for each of the k possible pairs (s, o) and a column for each s'.
-    """
-    T, Z = model.transition, model.observation
-    part = T.action_slice(action)
-    reached = T.columns[part].astype(np.intp)
-    index, owner = find_row_entries(Z, action * model.states + reached)
-    state = T.rows[part][owner] - action * model.states
-    weight = T.values[part][owner] * Z.values[index]
-    pair, row = np.unique(state * model.observations + Z.columns[index], return_inverse=True)
-    shape = (len(pair), model.states)
-    return csr_array((weight, (row, reached[owner])), shape=shape), pair // model.observations

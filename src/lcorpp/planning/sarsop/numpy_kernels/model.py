@@ -165,19 +165,6 @@ class Model:
         return np.argsort(np.argsort(first))[inverse]
 
 
-def find_row_entries(table: SparseTables, rows: Indices) -> tuple[Indices, Indices]:
-    """Return the indices (k,) of the entries of rows (n,) of a table, concatenated, and the position (k,) of
-    each entry's row in `rows`."""
-    return concatenate_ranges(table.begins[rows], table.begins[rows + 1])
-
-
-def concatenate_ranges(begins: Indices, ends: Indices) -> tuple[Indices, Indices]:
-    """Return the half-open ranges begins[i], ..., ends[i] - 1, concatenated, and the i of each number."""
-    counts = ends - begins
-    owner = np.repeat(np.arange(len(counts)), counts)
-    return np.arange(len(owner)) + np.repeat(begins - (np.cumsum(counts) - counts), counts), owner
-
-
 def _check_distributions(
     shape: tuple[int, int, int],
     begins: npt.NDArray[np.int64],

@@ -117,20 +117,18 @@ class DenseModel:
         parts.sort(key=lambda part: len(part[0]))
         sums, witnesses = parts[0]
         for added, others in parts[1:]:
-            self._check_size(len(sums) * len(added))
+            count = len(sums) * len(added)
+            if 8 * count * self.states > MAX_BYTES:
+                raise ModelError(
+                    f"the exact value function needs sums of {count} vectors over {self.states} states, too"
+                    " many for memory; use the solver sarsop or perseus"
+                )
             candidates = (sums[:, None, :] + added).reshape(-1, self.states)
             near = np.concatenate([witnesses, others, beliefs])
             pruned = prune(candidates, near, tolerance=tolerance, deadline=deadline)
             sums, witnesses = candidates[pruned.rows], pruned.witnesses
             loss += pruned.loss
         return Backup(self.reward[action] + sums, np.full(len(sums), action), witnesses, loss)
-
-    def _check_size(self, count: int) -> None:
-        if 8 * count * self.states > MAX_BYTES:
-            raise ModelError(
-                f"the exact value function needs sums of {count} vectors over {self.states} states, too many"
-                " for memory; use the solver sarsop or perseus"
-            )
 
     def look_ahead(self, vectors: Array, beliefs: Array) -> Controller:
         """Compute the best plan at each of some beliefs.

@@ -16,7 +16,7 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.arguments import check_solver_arguments, check_starts
+from lcorpp.planning.arguments import check_solver_arguments
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import BoundsRecord, Progress, Solution
@@ -77,8 +77,8 @@ def solve_exact(
 
     Source: Cassandra, Littman and Zhang, UAI 1997.
     """
-    check_solver_arguments(pomdp, precision, time_limit, callback)
-    search = _ValueIteration(pomdp, check_starts(pomdp, start), precision, time_limit)
+    starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
+    search = _ValueIteration(pomdp, starts, precision, time_limit)
     try:
         reason = search.run(callback)
     except KeyboardInterrupt:

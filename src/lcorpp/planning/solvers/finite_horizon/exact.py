@@ -11,7 +11,7 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.arguments import check_count, check_discount, check_solver_arguments, check_starts
+from lcorpp.planning.arguments import check_count, check_discount, check_solver_arguments
 from lcorpp.planning.policy import AlphaVectors
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Progress
@@ -58,11 +58,11 @@ def solve_finite_horizon_exact(
 
     Source: Cassandra, Littman and Zhang, UAI 1997.
     """
-    check_solver_arguments(pomdp, precision, time_limit, callback)
+    starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
     horizon = check_count("horizon", horizon, 1)
     factor = check_discount(pomdp, discount)
     began = monotonic()
-    search = _FiniteValueIteration(pomdp, check_starts(pomdp, start), factor, began)
+    search = _FiniteValueIteration(pomdp, starts, factor, began)
     try:
         reason = search.run(horizon, precision, began + time_limit, callback)
     except KeyboardInterrupt:
