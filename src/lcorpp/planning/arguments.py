@@ -50,22 +50,14 @@ def check_solver_arguments(
 
 
 def check_count(name: str, number: object, minimum: int) -> int:
-    """Return an argument that is an integer of at least `minimum`.
-
-    Raises:
-        ModelError: it is not; the message names it.
-    """
+    """Return an argument that is an integer of at least `minimum`; a ModelError names any other."""
     if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < minimum:
         raise ModelError(f"{name} must be an integer of at least {minimum}, not {number!r}")
     return int(number)
 
 
 def check_discount(pomdp: Pomdp, discount: float | None) -> float:
-    """Return the discount of a finite horizon, the model's own for None.
-
-    Raises:
-        ModelError: it is not a number above 0 and at most 1.
-    """
+    """Return the discount of a finite horizon, the model's own for None; reject invalid ones."""
     if discount is None:
         return pomdp.discount
     check_type("discount", discount, Real)

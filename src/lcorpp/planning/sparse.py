@@ -15,6 +15,7 @@ from lcorpp.values import Array
 
 Int32Array = npt.NDArray[np.int32]
 Int64Array = npt.NDArray[np.int64]
+Indices = npt.NDArray[np.intp]
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
@@ -160,7 +161,7 @@ class SparseTables:
         return table
 
     @cached_property
-    def rows(self) -> npt.NDArray[np.intp]:
+    def rows(self) -> Indices:
         """(entries,) the row a R + r of each entry."""
         return np.repeat(np.arange(len(self.begins) - 1), np.diff(self.begins))
 
@@ -175,14 +176,14 @@ class SparseTables:
         part = slice(int(self.begins[at]), int(self.begins[at + 1]))
         return self.columns[part], self.values[part]
 
-    def column(self, action: int, column: int) -> tuple[npt.NDArray[np.intp], Array]:
+    def column(self, action: int, column: int) -> tuple[Indices, Array]:
         """Return the rows, increasing, and the values of one column of an action."""
         begins, rows, values = self._by_column
         at = action * self.shape[2] + column
         part = slice(begins[at], begins[at + 1])
         return rows[part], values[part]
 
-    def row_entries(self, rows: npt.NDArray[np.integer]) -> tuple[Int64Array, npt.NDArray[np.intp]]:
+    def row_entries(self, rows: npt.NDArray[np.integer]) -> tuple[Int64Array, Indices]:
         """Return the indices (k,) of the entries of rows a R + r (n,), and their positions in `rows` (k,)."""
         sizes = self.begins[rows + 1] - self.begins[rows]
         return ragged_indices(self.begins[rows], sizes), np.repeat(np.arange(len(rows)), sizes)
@@ -198,14 +199,14 @@ class SparseTables:
         return np.asarray(np.bincount(rows, values * column[columns], self.shape[1]), dtype=np.float64)
 
     @cached_property
-    def _parts(self) -> list[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Array]]:
+    def _parts(self) -> list[tuple[Indices, Indices, Array]]:
         """For each action the rows, columns and values of its entries."""
         A, R, _ = self.shape
         rows, columns = self.rows % R, self.columns.astype(np.intp)
         return [(rows[part], columns[part], self.values[part]) for part in map(self.action_slice, range(A))]
 
     @cached_property
-    def _by_column(self) -> tuple[list[int], npt.NDArray[np.intp], Array]:
+    def _by_column(self) -> tuple[list[int], Indices, Array]:
         A, R, N = self.shape
         key = self.rows // R * N + self.columns
         order = np.argsort(key, kind="stable")

@@ -15,11 +15,7 @@ class SlowKernelsWarning(UserWarning):
 
 @cache
 def load_kernels(*, numpy: bool = False) -> Kernels:
-    """Return the compiled kernels if they are installed, otherwise the numpy kernels with a warning.
-
-    Args:
-        numpy: return the numpy kernels in any case, without a warning.
-    """
+    """Return the compiled kernels if they are installed, otherwise, or if requested, the numpy kernels."""
     if not numpy:
         try:
             from lcorpp.planning import _native

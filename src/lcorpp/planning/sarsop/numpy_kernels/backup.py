@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch
 from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode, predict
 from lcorpp.planning.sarsop.numpy_kernels.refresh import (
     forget_lower,
@@ -16,6 +16,7 @@ from lcorpp.planning.sarsop.numpy_kernels.refresh import (
     update_upper_bound,
 )
 from lcorpp.planning.sarsop.numpy_kernels.search_state import MIN_GAIN, SearchState
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array
 
 
@@ -81,14 +82,9 @@ def _compute_next_values(
 ) -> tuple[Array, list[int]]:
     """Return (n,) expected values after an action that ends in the states `reached` (n,).
 
-    For an observation that is impossible at the node any vector is valid; the default vector is used, because
-    it serves the neighbouring beliefs.
-
-    Args:
-        chosen: (O,) by observation the vector of its block, -1 for an impossible observation.
-
-    Returns:
-        The values, and the stamps of the default vectors that were used.
+    `chosen` (O,) is the vector after each observation, -1 after one that is impossible at the node. There any
+    vector is valid; the default vector serves the neighbouring beliefs. The second result lists the stamps of
+    the default vectors that were used.
     """
     model = state.model
     index, owner = model.observation.row_entries(action * model.states + reached)

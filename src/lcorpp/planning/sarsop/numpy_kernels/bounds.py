@@ -3,7 +3,8 @@
 Let F be a monotone operator that shifts by gamma c if its argument shifts by c (all three operators below).
 Its fixed point lies between F(v) + gamma / (1 - gamma) times the minimum and the maximum of F(v) - v. Every
 sweep therefore ends with a shift: if all values change by similar amounts, as under slow discounts, few
-sweeps suffice. Every sweep yields a valid bound, so the iteration may stop at any time.
+sweeps suffice. Every sweep yields a valid bound, so the iteration may stop at any time: the result is
+within `tolerance`, in reward units, or `seconds` of wall-clock time are over.
 
 Sources: Hauskrecht, Value-function approximations for POMDPs, JAIR 2000 (blind policies, MDP, fast informed
 bound); MacQueen, A modified dynamic programming method for Markovian decision problems, 1966 (the shift).
@@ -24,15 +25,7 @@ from lcorpp.values import Array
 
 
 def blind_policies(model: Model, tolerance: float, seconds: float) -> Array:
-    """Return (A, S) lower bounds on the value of repeating one action forever.
-
-    Args:
-        tolerance: largest error of the result, in reward units, if time suffices.
-        seconds: of wall-clock time.
-
-    Raises:
-        ValueError: tolerance or seconds are NaN, or the tolerance is negative.
-    """
+    """Return (A, S) lower bounds on the value of repeating one action forever."""
     _check_limits(tolerance, seconds)
     deadline = monotonic() + seconds
     gamma = model.discount
@@ -52,8 +45,7 @@ def blind_policies(model: Model, tolerance: float, seconds: float) -> Array:
 
 
 def mdp_bound(model: Model, tolerance: float, seconds: float) -> Array:
-    """Return (A, S) upper bounds on the Q values of the fully observable problem; arguments as in
-    `blind_policies`."""
+    """Return (A, S) upper bounds on the Q values of the fully observable problem."""
     _check_limits(tolerance, seconds)
     deadline = monotonic() + seconds
     gamma, matrices = model.discount, _make_matrices(model.transition)
@@ -73,7 +65,6 @@ def fast_informed_bound(model: Model, Q: Array, tolerance: float, seconds: float
     """Return (A, S) the fast informed bound, iterated downwards from Q values (A, S) that are upper bounds.
 
     Q(a, s) <- R(a, s) + gamma sum over o of max over a' of sum over s' of P(s', o | s, a) Q(a', s').
-    Arguments as in `blind_policies`.
     """
     _check_limits(tolerance, seconds)
     deadline = monotonic() + seconds
@@ -94,11 +85,7 @@ def fast_informed_bound(model: Model, Q: Array, tolerance: float, seconds: float
 
 
 def copy_table(model: Model, table: Array) -> Array:
-    """Return a copy of a table (A, S).
-
-    Raises:
-        ValueError: the shape is different, or a number is not finite.
-    """
+    """Return a copy of a table (A, S) of finite numbers; raise a ValueError for another."""
     copy = np.array(table, dtype=np.float64)
     if copy.shape != (model.actions, model.states) or not np.isfinite(copy).all():
         raise ValueError("expected a table of finite numbers of actions by states")

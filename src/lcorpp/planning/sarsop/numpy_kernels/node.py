@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.planning.belief import MIN_PROBABILITY
-from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, Model
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Model
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array
 
 PREDICTOR_BINS = 32

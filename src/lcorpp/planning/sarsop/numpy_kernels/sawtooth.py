@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from lcorpp.planning.belief import MIN_PROBABILITY
 from lcorpp.planning.sarsop.kernel_protocols import PointArrays
-from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, Model
-from lcorpp.planning.sparse import ragged_indices
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Model
+from lcorpp.planning.sparse import Indices, ragged_indices
 from lcorpp.values import Array
 
 CHUNK_SIZE = 1 << 21
@@ -65,12 +65,7 @@ class Points:
         return int(self.stamps[k]), self.positions[part], self.weights[part], float(self.values[k])
 
     def append(self, positions: Indices, weights: Array, value: float, corners: Array, stamp: int) -> Points:
-        """Return the points and one more, with weights (n,) at positions (n,).
-
-        Args:
-            corners: (size,) the bound at the corners of the group.
-            stamp: larger than all others.
-        """
+        """Return the points and one more, for the bound at the corners (size,) of the group."""
         counts = self.counts.copy()
         counts[positions] += 1
         return Points(

@@ -14,10 +14,8 @@ import numpy.typing as npt
 from lcorpp.errors import ModelError
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solvers.exact.pruning import prune
-from lcorpp.planning.sparse import MAX_BYTES
+from lcorpp.planning.sparse import MAX_BYTES, Indices
 from lcorpp.values import Array
-
-Indices = npt.NDArray[np.intp]
 
 
 class Controller(NamedTuple):
