@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from lcorpp.errors import ModelError
 from lcorpp.planning import Pomdp, Progress, Solution, parse_pomdp, read_pomdp
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
-from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.exact.value_iteration import solve_exact
 from lcorpp.planning.solvers.perseus import solve_perseus
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
 from tests.planning.sarsop.kernels import random_model
