@@ -21,15 +21,6 @@ struct Shape {
     Index rows() const { return units + channels + 1; }  // K
 };
 
-// The weights of the LSTM in the order in which the kernels read them; `Kernels::pack` makes it from (K, U, 4) gates.
-//
-// forward: for each group of units, for each row, all gates of the group.
-// backward: for each group of the U output rows, for each gate of each unit, all rows of the group.
-struct Packed {
-    const float* forward;
-    const float* backward;
-};
-
 // The activations of up to kLanes cases over T time points.
 //
 // rows: (T + 1, K, kLanes); input: the inputs and ones of the first T, and the outputs of the first.
@@ -48,11 +39,13 @@ struct Pass {
 // The kernels for one instruction set. Lanes from `cases` on are unused; their numbers are arbitrary.
 struct Kernels {
     const char* name;
-    // The sizes of `forward` and `backward` of Packed, in floats.
+    // The weights of the gates (K, U, 4) in the orders in which `step` and `back` read them, and their sizes in floats:
+    // forward: for each group of units, for each row, all gates of the group.
+    // backward: for each group of the U output rows, for each gate of each unit, all rows of the group.
     Index (*forward_size)(Shape);
     Index (*backward_size)(Shape);
     void (*pack)(Shape, const float* gates, float* forward, float* backward);
-    // One time step: computes gates, cells and outputs from the rows and cells before it.
+    // One time step: computes gates, cells and outputs from the rows and cells before it. new_cells may be cells.
     void (*step)(Shape, const float* forward, Index cases, const float* rows, const float* cells, float* gates,
                  float* new_cells, float* outputs);
     // Backpropagation through time; adds the gradient of the weights to `gradient` (K, U, 4).

@@ -17,6 +17,7 @@ class Floats {
     explicit Floats(Index n) : size_(n), data_(new (std::align_val_t(kAlign)) float[static_cast<std::size_t>(n)]()) {}
     float* data() { return data_.get(); }
     const float* data() const { return data_.get(); }
+    float& operator[](Index i) { return data_[static_cast<std::size_t>(i)]; }
     Index size() const { return size_; }
 
   private:
@@ -31,28 +32,26 @@ class Floats {
 // K = U + C + 1 rows: hidden units, input channels, bias.
 struct Layout {
     Shape shape;
-    // The indices after the last weight of the gates, of the dense layer, and of its bias.
-    Index gates() const { return shape.rows() * shape.units * 4; }
-    Index dense() const { return gates() + shape.outputs * shape.units; }
-    Index all() const { return dense() + shape.outputs; }
+    // The indices of the first weight of the dense layer and of its first bias, and the number of all weights.
+    Index dense() const { return shape.rows() * shape.units * 4; }
+    Index dense_bias() const { return dense() + shape.outputs * shape.units; }
+    Index size() const { return dense_bias() + shape.outputs; }
 };
 
 // The weights as numpy arrays: inputs (4 U, C), recurrent (4 U, U), bias (4 U), dense (O, U), dense bias (O).
-struct ConstArrays {
-    const float *inputs, *recurrent, *bias, *dense, *dense_bias;
-};
-struct Arrays {
-    float *inputs, *recurrent, *bias, *dense, *dense_bias;
+template <typename T>
+struct NumpyArrays {
+    T *inputs, *recurrent, *bias, *dense, *dense_bias;
 };
 
 // Copies the weights from numpy arrays, and to them.
-Floats gather(Shape shape, const ConstArrays& arrays);
-void scatter(Shape shape, const float* weights, const Arrays& arrays);
+Floats from_numpy_arrays(Shape shape, const NumpyArrays<const float>& arrays);
+void to_numpy_arrays(Shape shape, const float* weights, const NumpyArrays<float>& arrays);
 
 // The forward pass with fixed weights.
 class Network {
   public:
-    Network(const Kernels& kernels, Shape shape, const ConstArrays& arrays);
+    Network(const Kernels& kernels, Shape shape, const NumpyArrays<const float>& arrays);
 
     const Shape& shape() const { return layout_.shape; }
 
@@ -64,11 +63,11 @@ class Network {
 
   private:
     // The scores (cases, O) of the outputs (U, kLanes) of the units, by the dense layer.
-    void dense(Index cases, const float* outputs, float* scores) const;
+    void apply_dense(Index cases, const float* outputs, float* scores) const;
 
     const Kernels& kernels_;
     Layout layout_;
-    Floats weights_, forward_, backward_;
+    Floats weights_, forward_;
 };
 
 // The training set: tracks (n, times, C), the class of each, and its weight in the loss.
@@ -82,7 +81,7 @@ struct TrainingSet {
 // A training: the current weights and the moments of Adam.
 class Trainer {
   public:
-    Trainer(const Kernels& kernels, Shape shape, const ConstArrays& arrays, TrainingSet cases, Index batch, float keep);
+    Trainer(const Kernels& kernels, Shape shape, const NumpyArrays<const float>& arrays, TrainingSet cases, Index batch, float keep);
 
     const Shape& shape() const { return layout_.shape; }
     const TrainingSet& cases() const { return cases_; }
@@ -92,7 +91,7 @@ class Trainer {
     // `check` is called before every update.
     void epoch(const std::int64_t* order, const bool* mask, const double* rates, const std::function<void()>& check);
 
-    void weights(const Arrays& arrays) const { scatter(layout_.shape, weights_.data(), arrays); }
+    void weights(const NumpyArrays<float>& arrays) const { to_numpy_arrays(layout_.shape, weights_.data(), arrays); }
 
   private:
     void add_gradients(Index cases, const std::int64_t* order, const bool* mask, Index batch);

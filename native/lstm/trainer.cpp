@@ -29,16 +29,16 @@ void replace_by_loss_gradients(Index outputs, Index cases, const std::int32_t* t
 
 }  // namespace
 
-Trainer::Trainer(const Kernels& kernels, Shape shape, const ConstArrays& arrays, TrainingSet cases, Index batch, float keep)
+Trainer::Trainer(const Kernels& kernels, Shape shape, const NumpyArrays<const float>& arrays, TrainingSet cases, Index batch, float keep)
     : kernels_(kernels),
       layout_{shape},
       cases_(std::move(cases)),
       batch_(batch),
       keep_(keep),
-      weights_(gather(shape, arrays)),
-      gradients_(layout_.all()),
-      first_(layout_.all()),
-      second_(layout_.all()),
+      weights_(from_numpy_arrays(shape, arrays)),
+      gradients_(layout_.size()),
+      first_(layout_.size()),
+      second_(layout_.size()),
       forward_(kernels.forward_size(shape)),
       backward_(kernels.backward_size(shape)),
       rows_((cases_.times + 1) * shape.rows() * kLanes),
@@ -74,9 +74,9 @@ void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* 
     for (Index i = 0; i < cases; ++i) {
         const float* track = cases_.tracks.data() + order[i] * T * C;
         for (Index t = 0; t < T; ++t) {
-            for (Index c = 0; c < C; ++c) rows_.data()[(t * K + U + c) * kLanes + i] = track[t * C + c];
+            for (Index c = 0; c < C; ++c) rows_[(t * K + U + c) * kLanes + i] = track[t * C + c];
         }
-        for (Index u = 0; u < U; ++u) masks_.data()[u * kLanes + i] = mask[i * U + u] ? 1.0f / keep_ : 0.0f;
+        for (Index u = 0; u < U; ++u) masks_[u * kLanes + i] = mask[i * U + u] ? 1.0f / keep_ : 0.0f;
         targets[i] = cases_.targets[static_cast<std::size_t>(order[i])];
         factors[i] = cases_.weights[static_cast<std::size_t>(order[i])] / static_cast<float>(batch);
     }
@@ -87,9 +87,9 @@ void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* 
     }
 
     float* const last = rows_.data() + T * K * kLanes;
-    for (Index i = 0; i < U * kLanes; ++i) last[i] *= masks_.data()[i];
-    const float* dense = weights_.data() + layout_.gates();
-    const float* bias = weights_.data() + layout_.dense();
+    for (Index i = 0; i < U * kLanes; ++i) last[i] *= masks_[i];
+    const float* dense = weights_.data() + layout_.dense();
+    const float* bias = weights_.data() + layout_.dense_bias();
     Floats scores(O * kLanes);
     for (Index o = 0; o < O; ++o) {
         float* score = scores.data() + o * kLanes;
@@ -101,8 +101,8 @@ void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* 
     replace_by_loss_gradients(O, cases, targets, factors, scores.data());
 
     // Unused lanes have gradients of 0, and so add nothing to any sum.
-    float* const dense_gradient = gradients_.data() + layout_.gates();
-    float* const bias_gradient = gradients_.data() + layout_.dense();
+    float* const dense_gradient = gradients_.data() + layout_.dense();
+    float* const bias_gradient = gradients_.data() + layout_.dense_bias();
     std::fill_n(hidden_.data(), U * kLanes, 0.0f);
     std::fill_n(cell_.data(), U * kLanes, 0.0f);
     for (Index o = 0; o < O; ++o) {
@@ -113,7 +113,7 @@ void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* 
             float sum = 0.0f;
             for (Index i = 0; i < cases; ++i) {
                 sum += score[i] * last[at + i];
-                hidden_.data()[at + i] += score[i] * dense[o * U + u] * masks_.data()[at + i];
+                hidden_[at + i] += score[i] * dense[o * U + u] * masks_[at + i];
             }
             dense_gradient[o * U + u] += sum;
         }
@@ -126,7 +126,7 @@ void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* 
 void Trainer::update(double rate) {
     first_decay_ *= 0.9;
     second_decay_ *= 0.999;
-    kernels_.adam(layout_.all(), static_cast<float>(rate / (1 - first_decay_)),
+    kernels_.adam(layout_.size(), static_cast<float>(rate / (1 - first_decay_)),
                   static_cast<float>(std::sqrt(1 - second_decay_)), weights_.data(), gradients_.data(), first_.data(),
                   second_.data());
 }

@@ -7,7 +7,7 @@ import io
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from lcorpp.errors import FileError, expected_one_of
-from lcorpp.files import write_atomically
+from lcorpp.files import FIGURE_SUFFIXES, write_atomically
 
 INK, MUTED, PALE = "#1f2933", "#7b8794", "#e4e7eb"
 BLUE, ORANGE = "#2f6db5", "#d9822b"
@@ -37,9 +37,6 @@ RC_PARAMS = {
     "svg.fonttype": "path",
 }
 
-SUFFIXES = (".png", ".svg", ".pdf")
-"""Supported figure formats."""
-
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -60,6 +57,11 @@ class Fill(NamedTuple):
         """Text colour that is readable on this fill."""
         red, green, blue = (int(self.colour[i : i + 2], 16) for i in (1, 3, 5))
         return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 110 else "white"
+
+    @property
+    def text_background(self) -> dict[str, Any] | None:
+        """Background of a text on this fill (`bbox` of matplotlib): its colour if it is hatched."""
+        return {"facecolor": self.colour, "linewidth": 0, "pad": 1.5} if self.hatch else None
 
 
 def with_style(draw: Callable[P, R]) -> Callable[P, R]:
@@ -93,17 +95,17 @@ def check_suffix(path: str | Path) -> None:
     """Check the suffix of a figure file before the figure is computed.
 
     Raises:
-        FileError: the suffix is not among `SUFFIXES`.
+        FileError: the suffix is not among `FIGURE_SUFFIXES`.
     """
-    if Path(path).suffix.lower() not in SUFFIXES:
-        raise FileError(f"{path}: not a figure file; {expected_one_of(SUFFIXES)} as its suffix")
+    if Path(path).suffix.lower() not in FIGURE_SUFFIXES:
+        raise FileError(f"{path}: not a figure file; {expected_one_of(FIGURE_SUFFIXES)} as its suffix")
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure completely or not at all, in the format of the suffix.
 
     Raises:
-        FileError: the suffix is not among `SUFFIXES`, or the file cannot be written.
+        FileError: the suffix is not among `FIGURE_SUFFIXES`, or the file cannot be written.
     """
     check_suffix(path)
     kind = Path(path).suffix.lower()[1:]

@@ -24,10 +24,9 @@ from .formats.pomdpx.reader import (
 )
 from .formats.pomdpx.writer import format_pomdpx as format_pomdpx, write_pomdpx as write_pomdpx
 from .planner import Planner as Planner
+from .plots.belief_figures import draw_line as draw_line, draw_triangle as draw_triangle
 from .plots.bounds import draw_bounds as draw_bounds
 from .plots.policy_graph import draw_graph as draw_graph
-from .plots.three_states import draw_triangle as draw_triangle
-from .plots.two_states import draw_line as draw_line
 from .policy import AlphaVectors as AlphaVectors, Policy as Policy, UpperBound as UpperBound
 from .pomdp import Pomdp as Pomdp
 from .sarsop import solve as solve

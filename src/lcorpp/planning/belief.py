@@ -36,12 +36,17 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
     weights[states] = predicted[states] * likelihood
     total = weights.sum()
     if not total >= MIN_PROBABILITY:
-        raise ObservationError(
-            f"observation {pomdp.observations[observation]!r} is impossible after action"
-            f" {pomdp.actions[action]!r} in belief {format_belief(pomdp, belief)}"
-        )
+        raise make_impossible_error(pomdp, belief, action, observation)
     weights /= total
     return weights
+
+
+def make_impossible_error(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> ObservationError:
+    """Return the error that an observation is impossible after an action in a belief."""
+    return ObservationError(
+        f"observation {pomdp.observations[observation]!r} is impossible after action"
+        f" {pomdp.actions[action]!r} in belief {format_belief(pomdp, belief)}"
+    )
 
 
 def observation_probabilities(pomdp: Pomdp, belief: Belief, action: int) -> Array:

@@ -122,10 +122,7 @@ def test_sixty_three_of_sixty_three_is_not_certain():
 
 @settings(max_examples=60)
 @given(
-    st.integers(0, 2**32 - 1),
-    st.integers(2, 4),
-    st.integers(1, 60),
-    st.sampled_from([0.0, 1.0, 30.0, 1e4]),
+    st.integers(0, 2**32 - 1), st.integers(2, 4), st.integers(1, 60), st.sampled_from([0.0, 1.0, 30.0, 1e4])
 )
 def test_any_scores_are_calibrated_to_distributions(seed, k, cases, spread):
     """Also one class only, certain ones, constant ones: no warning, no zero, no NaN."""

@@ -193,10 +193,7 @@ def test_a_track_too_short_for_two_points_is_an_error():
         ({"rate": 1e9}, "a rate of 1000000000.0"),
         ({"interval": 0.0}, "the interval is 0.0 s"),
         ({"interval": float("inf")}, "the interval is inf s"),
-        (
-            {"features": ("x", "z")},
-            "unknown feature 'z'; expected one of x, y, velocity, heading",
-        ),
+        ({"features": ("x", "z")}, "unknown feature 'z'; expected one of x, y, velocity, heading"),
         ({"features": "x"}, "features must be a non-empty sequence of names, not 'x'"),
         ({"features": ()}, r"a non-empty sequence of names, not \(\)"),
         ({"features": ("x", "x")}, "features are x, x; expected every name once"),

@@ -54,11 +54,7 @@ def test_a_prefix_of_samples_gives_a_prefix_of_points(seed, end):
         ([0, 1], np.zeros((2, 3)), r"not \(2,\) and \(2, 3\)"),
         ([0, np.nan, 2], np.zeros((2, 3)), r"sample 1 \(counted from 0\): its time is not finite"),
         ([0, 1, 2], [[0, 0, np.inf]], r"sample 2 \(counted from 0\): it is not finite"),
-        (
-            [0, 2, 2],
-            np.zeros((2, 3)),
-            "sample 2 .* has time 2 s, its predecessor 2 s; expected incr",
-        ),
+        ([0, 2, 2], np.zeros((2, 3)), "sample 2 .* has time 2 s, its predecessor 2 s; expected incr"),
         ([0, 2, 1.5], np.zeros((2, 3)), "sample 2 .* has time 1.5 s"),
         ([0, 1e12], np.zeros((2, 2)), r"the track lasts 1e\+12 s; expected less than 1e\+07 s"),
     ],

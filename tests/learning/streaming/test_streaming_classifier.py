@@ -122,11 +122,7 @@ def test_people_do_not_influence_each_other(seed, name):
 
 
 @settings(max_examples=30)
-@given(
-    seed=st.integers(0, 10**6),
-    lateness=st.floats(0.02, 0.5),
-    name=st.sampled_from(["lstm", "by way"]),
-)
+@given(seed=st.integers(0, 10**6), lateness=st.floats(0.02, 0.5), name=st.sampled_from(["lstm", "by way"]))
 def test_the_order_of_arrival_within_the_allowed_lateness_does_not_matter(seed, lateness, name):
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.uniform(0.01, 0.06, 60))
@@ -310,10 +306,7 @@ def test_a_trained_classifier_is_streamed_with_its_calibration():
 @pytest.mark.parametrize(
     ("pipeline", "words"),
     [
-        (
-            LogisticRegression(),
-            "a Pipeline of Motion, .*; this one begins with LogisticRegr",
-        ),
+        (LogisticRegression(), "a Pipeline of Motion, .*; this one begins with LogisticRegr"),
         (make_pipeline(ChannelStandardizer(), ByWay()), "this one begins with ChannelStandardizer"),
         (make_pipeline(Motion()), "a Pipeline of Motion, which"),
     ],

@@ -28,6 +28,7 @@ from lcorpp.learning.classifiers.trained import TrainedClassifier
 from lcorpp.learning.evaluation.calibration import Calibration
 from lcorpp.learning.evaluation.thresholds import DecisionThreshold
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
+from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.learning.lstm import LstmClassifier
 from lcorpp.values import ConfusionMatrix
 
@@ -129,7 +130,6 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
 def _native_kinds() -> dict[str, Any]:
     """The natively stored steps by their name in files, which does not change with the class name."""
     from lcorpp.learning.classifiers.logistic import QuadraticLogistic
-    from lcorpp.learning.features.summaries import SummaryFeatures
 
     return {
         "Motion": Motion,
@@ -154,11 +154,11 @@ def _load_step(step: dict[str, Any], arrays: dict[str, npt.NDArray[Any]]) -> Any
         return load_step(step["name"], own[SKOPS])
     if kind not in kinds:
         raise DataError(f"step of unknown kind {kind!r}; {expected_one_of(list(kinds))}")
-    current_names = {stored: name for name, stored in STORED_NAMES.get(kind, {}).items()}
     parameters = {  # JSON has no tuples
-        current_names.get(key, key): tuple(value) if isinstance(value, list) else value
-        for key, value in step["parameters"].items()
+        key: tuple(value) if isinstance(value, list) else value for key, value in step["parameters"].items()
     }
+    for name, stored in STORED_NAMES.get(kind, {}).items():
+        parameters[name] = parameters.pop(stored)
     return kinds[kind](**parameters).restore_arrays(own)
 
 

@@ -168,10 +168,7 @@ def compute_shortcut_features(track: Track) -> dict[str, Array]:
 
 
 def _find_collinear(track: Track, tolerance: float) -> Flags:
-    """(samples - 2,) whether each inner sample lies on the line between its neighbours, in place and time.
-
-    tolerance: rounding error of a position, in metres.
-    """
+    """(samples - 2,) whether each inner sample is on the line between its neighbours; tolerance: metres."""
     step = np.diff(track.times)
     velocity = np.diff(track.positions, axis=1) / step
     deviation = np.abs(np.diff(velocity, axis=1)) * np.minimum(step[1:], step[:-1])  # metres
@@ -211,10 +208,7 @@ def _find_missing_requirement(data: Dataset | Recording) -> str | None:
 def _measure_shortcut(
     name: str, features: Array, labels: Strings, groups: Strings, folds: Indices, seed: int
 ) -> ShortcutScore:
-    """Measure how well features (cases, features) predict the labels.
-
-    labels, groups: (cases,). folds: (splits, cases) the test fold of each case.
-    """
+    """Measure how well features (cases, features) predict the labels; folds: (splits, cases) test folds."""
     features = features[:, np.ptp(features, axis=0) > 0]
     if not features.shape[1]:  # constant features predict nothing
         return ShortcutScore(name, Interval(0.5, 0.5, 0.5))
@@ -288,9 +282,8 @@ def _compute_mean_auc(scores: Array, truth: Flags) -> float:
 
     For two classes the second one suffices: the two scores of a case sum to 0.
     """
-    columns = [1] if truth.shape[1] == 2 else range(truth.shape[1])
     areas = []
-    for column in columns:
+    for column in [1] if truth.shape[1] == 2 else range(truth.shape[1]):
         positive = truth[:, column]
         p, n = int(positive.sum()), int((~positive).sum())
         ranks = rankdata(scores[:, :, column], axis=1)[:, positive].sum(axis=1)

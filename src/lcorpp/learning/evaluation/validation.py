@@ -105,8 +105,7 @@ class Validation:
 
     def with_predictions(self, predictions: Sequence[str]) -> Validation:
         """Return a copy with other predicted classes (cases,), e.g. by another decision threshold."""
-        counts = confusion_matrix(self.labels, list(predictions), labels=list(self.classes))
-        confusion = ConfusionMatrix(self.classes, counts.astype(np.float64))
+        confusion = _count_confusion(self.classes, self.labels, predictions)
         return replace(self, confusion=confusion, predictions=tuple(predictions))
 
 
@@ -199,18 +198,20 @@ def fit_and_validate(
             if progress is not None:
                 progress(done, len(parts))
 
-    predictions = classes[probabilities.argmax(axis=1)]
-    counts = confusion_matrix(labels, predictions, labels=classes).astype(np.float64)
+    predictions = tuple(classes[probabilities.argmax(axis=1)].tolist())
+    confusion = _count_confusion(tuple(classes.tolist()), dataset.labels, predictions)
     auc = float(roc_auc_score(labels == classes[1], probabilities[:, 1])) if len(classes) == 2 else None
+    held_out = tuple(fold_of.tolist())
     return final, Validation(
-        ConfusionMatrix(tuple(classes.tolist()), counts),
-        tuple(predictions.tolist()),
-        probabilities,
-        auc,
-        tuple(fold_of.tolist()),
-        dataset.labels,
-        dataset.groups,
+        confusion, predictions, probabilities, auc, held_out, dataset.labels, dataset.groups
     )
+
+
+def _count_confusion(
+    classes: tuple[str, ...], labels: Sequence[str], predictions: Sequence[str]
+) -> ConfusionMatrix:
+    counts = confusion_matrix(labels, predictions, labels=classes)
+    return ConfusionMatrix(classes, counts.astype(np.float64))
 
 
 def assign_folds(dataset: Dataset, folds: int, seed: int) -> Indices:

@@ -58,9 +58,8 @@ class TrackPoints:
     @property
     def heading(self) -> Array:
         """(2, ..., points) direction of motion: measured, else that of the increment."""
-        if "heading" in self.inputs:
-            return self._compute_direction("heading")
-        return _normalize(self.increment)
+        measured = "heading" in self.inputs
+        return self._compute_direction("heading") if measured else _normalize(self.increment)
 
     @property
     def facing(self) -> Array:
@@ -78,10 +77,8 @@ class TrackPoints:
         return self.points[..., self.inputs.index(name), :]
 
     def _compute_vector_from(self, other: Array) -> Array:
-        x, y = self.inputs.index("x"), self.inputs.index("y")
-        return self._rotate(
-            self.points[..., x, :] - other[..., x, :], self.points[..., y, :] - other[..., y, :]
-        )
+        rows = [self.inputs.index("x"), self.inputs.index("y")]
+        return self._rotate(*(self.points[..., row, :] - other[..., row, :] for row in rows))
 
     def _compute_direction(self, name: str) -> Array:
         relative = self._find(name) - self.robot[2]

@@ -29,11 +29,17 @@ except ModuleNotFoundError:
 
 
 class TorchTrainer:
-    """A `Trainer` with the gradients of torch."""
+    """A `Trainer` with the gradients of torch.
+
+    Raises:
+        DataError: the device is "cuda", and torch sees no GPU.
+    """
 
     def __init__(
         self, start: Weights, training_set: TrainingSet, config: TrainingConfig, device: str
     ) -> None:
+        if device == "cuda" and not torch.cuda.is_available():
+            raise DataError("device 'cuda' is not available here: torch sees no GPU; expected cpu")
         self._config, self._device, self._binary = config, device, training_set.classes == 2
         # Created on "meta", so that torch's global random state is not used.
         lstm = nn.LSTM(start.channels, start.units, batch_first=True, device="meta")
@@ -46,9 +52,8 @@ class TorchTrainer:
         self._dense_bias = _tensor(start.dense_bias).to(device).requires_grad_()
         self._adam = _Adam(self._parameters())
         self._inputs = _tensor(training_set.inputs).to(device)
-        self._targets = _tensor(training_set.targets).to(
-            device, torch.float32 if self._binary else torch.int64
-        )
+        kind = torch.float32 if self._binary else torch.int64
+        self._targets = _tensor(training_set.targets).to(device, kind)
         self._weights = _tensor(training_set.weights).to(device)
 
     def run_epoch(self, order: Indices, dropout_mask: Flags, rates: Array) -> None:
@@ -75,13 +80,11 @@ class TorchTrainer:
 
     def _loss(self, rows: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         last = self._lstm(self._inputs[rows])[0][:, -1]
-        scores = functional.linear(last * mask, self._dense, self._dense_bias)
+        scores, targets = functional.linear(last * mask, self._dense, self._dense_bias), self._targets[rows]
         if self._binary:
-            losses = functional.binary_cross_entropy_with_logits(
-                scores[:, 0], self._targets[rows], reduction="none"
-            )
+            losses = functional.binary_cross_entropy_with_logits(scores[:, 0], targets, reduction="none")
         else:
-            losses = functional.cross_entropy(scores, self._targets[rows], reduction="none")
+            losses = functional.cross_entropy(scores, targets, reduction="none")
         return (losses * self._weights[rows]).mean()
 
 
@@ -107,16 +110,6 @@ class _Adam:
             first.lerp_(gradient, 0.1)
             second.mul_(0.999).addcmul_(gradient, gradient, value=0.001)
             parameter.addcdiv_(first, (second.sqrt() / correction).add_(1e-8), value=-size)
-
-
-def check_cuda() -> None:
-    """Check that torch can use a GPU.
-
-    Raises:
-        DataError: it cannot.
-    """
-    if not torch.cuda.is_available():
-        raise DataError("device 'cuda' is not available here: torch sees no GPU; expected cpu")
 
 
 def _tensor(array: npt.NDArray[Any]) -> torch.Tensor:

@@ -11,6 +11,9 @@ import numpy.typing as npt
 from lcorpp.learning.lstm.network import Floats, Weights, load_kernels
 from lcorpp.values import Array
 
+Indices = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
@@ -39,10 +42,6 @@ class TrainingConfig:
     batch_size: int
     learning_rate: float
     schedule: str
-
-
-Indices = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 
 class Trainer(Protocol):
@@ -74,14 +73,9 @@ class CompiledTrainer:
         *,
         instruction_set: str | None = None,
     ) -> None:
+        cases = training_set.inputs, training_set.targets, training_set.weights
         self._trainer = load_kernels().Trainer(
-            **start.arrays(),
-            tracks=training_set.inputs,
-            targets=training_set.targets,
-            weights=training_set.weights,
-            batch=config.batch_size,
-            keep=1 - config.dropout,
-            instruction_set=instruction_set,
+            *start.arrays().values(), *cases, config.batch_size, 1 - config.dropout, instruction_set
         )
 
     def run_epoch(self, order: Indices, dropout_mask: Flags, rates: Array) -> None:

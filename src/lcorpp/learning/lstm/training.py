@@ -100,12 +100,10 @@ def select_trainer(device: str) -> Callable[[Weights, TrainingSet, TrainingConfi
     """Return the trainer for a device: the compiled one, or torch's on a GPU and without kernels.
 
     Raises:
-        DataError: the device is not available, or there are neither compiled kernels nor torch.
+        DataError: there are neither compiled kernels nor torch.
     """
     if device == "cpu" and load_kernels() is not None:
         return CompiledTrainer
-    from lcorpp.learning.lstm.torch_trainer import TorchTrainer, check_cuda
+    from lcorpp.learning.lstm.torch_trainer import TorchTrainer
 
-    if device == "cuda":
-        check_cuda()
     return partial(TorchTrainer, device=device)

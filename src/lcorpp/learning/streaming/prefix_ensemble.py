@@ -165,9 +165,6 @@ def with_prefix_ensemble(
 
 
 def _average_geometrically(probabilities: Array, weights: Array) -> Array:
-    """(n, K) weighted geometric mean, normalised, of distributions (copies, n, K).
-
-    weights: (n, copies), summing to 1 for each track.
-    """
+    """(n, K) normalised geometric mean of distributions (copies, n, K) by weights (n, copies) of sum 1."""
     logs = np.log(np.maximum(probabilities, MIN_PROBABILITY))
     return np.asarray(softmax(np.einsum("nc,cnk->nk", weights, logs), axis=1))

@@ -44,34 +44,31 @@ class RecurrentState:
     def __init__(self, motion: Motion, standardizers: Sequence[ChannelStandardizer], classifier: Any) -> None:
         self._motion, self._standardizers, self._classifier = motion, standardizers, classifier
         self._state = classifier.begin(0)
-        self._first = self._previous = np.empty((0, len(motion.inputs)))
-        self._new = np.empty(0, dtype=np.bool_)  # (slots,) whether the next point is a track's first
+        # (slots, 2, inputs) first and previous point of each track; NaN before the first
+        self._known = np.empty((0, 2, len(motion.inputs)))
 
     def grow(self, size: int) -> None:
         """As `StreamState.grow`."""
-        old_size = len(self._new)
+        old_size = len(self._known)
         state = self._classifier.begin(size)
         state.put(np.arange(old_size), self._state)
         self._state = state
-        more = np.zeros((size - old_size, self._first.shape[1]))
-        self._first, self._previous = (np.append(a, more, axis=0) for a in (self._first, self._previous))
-        self._new = np.append(self._new, np.ones(len(more), dtype=np.bool_))
+        more = np.full((size - old_size, *self._known.shape[1:]), np.nan)
+        self._known = np.concatenate([self._known, more])
 
     def reset(self, slots: Slots) -> None:
         """As `StreamState.reset`."""
         self._state.put(slots, self._classifier.begin(len(slots)))
-        self._new[slots] = True
+        self._known[slots] = np.nan
 
     def advance(self, slots: Slots, points: Array) -> Array:
         """As `StreamState.advance`."""
-        new = self._new[slots]
-        if new.any():
-            self._first[slots[new]] = self._previous[slots[new]] = points[new]
-            self._new[slots] = False
-        features = self._motion.compute_features(
-            points[..., None], self._previous[slots][..., None], self._first[slots][..., None]
-        )
-        self._previous[slots] = points
+        known = self._known[slots]
+        new = np.isnan(known[:, 0, 0])
+        known[new] = points[new, None]
+        first, previous = known[:, 0, :, None], known[:, 1, :, None]
+        features = self._motion.compute_features(points[..., None], previous, first)
+        self._known[slots] = np.stack([known[:, 0], points], axis=1)
         for standardizer in self._standardizers:
             features = standardizer.standardize(features)
         state = self._state.take(slots)

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import ObservationError
-from lcorpp.planning.belief import MIN_PROBABILITY, format_belief
+from lcorpp.planning.belief import MIN_PROBABILITY, make_impossible_error
 from lcorpp.planning.evaluation.batch_policy import batch_policy
 from lcorpp.planning.evaluation.mdp import find_self_loop_classes
 from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
@@ -164,17 +163,10 @@ class BeliefGraph:
             impossible = np.flatnonzero(posterior.totals() < MIN_PROBABILITY)
             if len(impossible):
                 i = chunk.start + int(impossible[0])
-                raise self._make_impossible_error(int(parent[i]), int(observation[i]))
+                belief = beliefs.dense(i, len(self.pomdp.states))
+                raise make_impossible_error(self.pomdp, belief, int(actions[i]), int(observation[i]))
             nodes[chunk] = self.add(posterior)
         return nodes
-
-    def _make_impossible_error(self, node: int, observation: int) -> ObservationError:
-        pomdp = self.pomdp
-        belief = self.beliefs.dense(node, len(pomdp.states))
-        return ObservationError(
-            f"observation {pomdp.observations[observation]!r} is impossible after action"
-            f" {pomdp.actions[self._actions[node]]!r} in belief {format_belief(pomdp, belief)}"
-        )
 
     def expand(self, nodes: Indices) -> Children:
         """Return all children of nodes (k,), at least one, without observations below `MIN_PROBABILITY`."""

@@ -12,8 +12,7 @@ from lcorpp.errors import ModelError
 from lcorpp.notebook import html_table
 from lcorpp.planning.arguments import check_type
 from lcorpp.planning.belief import check_belief, format_belief
-from lcorpp.planning.evaluation.policy_evaluation import Evaluation, Shortfall, evaluate
-from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.evaluation.policy_evaluation import Evaluation, evaluate
 from lcorpp.planning.solution import Solution
 
 TOLERANCE = 1e-6
@@ -130,7 +129,12 @@ def certificate(
     )
     verdict, certain, reason = _decide(lower - tolerance, upper + tolerance, evaluation)
     if verdict == "refuted" and vector_value >= lower - tolerance > evaluation.interval.estimate:
-        reason += "; " + _explain_loss(pomdp, evaluation.shortfall)
+        loss = evaluation.shortfall
+        reason += (
+            f"; the largest loss is in belief {format_belief(pomdp, loss.belief)}, where the vector of"
+            f" {pomdp.actions[loss.action]!r} has value {loss.vector_value:.6g} but its backup"
+            f" {loss.backup_value:.6g}"
+        )
     return Certificate(lower, upper, vector_value, tolerance, evaluation, verdict, reason, certain)
 
 
@@ -149,12 +153,3 @@ def _decide(lower: float, upper: float, evaluation: Evaluation) -> tuple[Verdict
         if low >= lower:
             return "confirmed", certain, f"the policy's value reaches the claimed lower bound{how}"
     return "open", False, "the claim is within the interval; more trials or beliefs could decide"
-
-
-def _explain_loss(pomdp: Pomdp, loss: Shortfall) -> str:
-    """Return the belief of the largest loss in words."""
-    return (
-        f"the largest loss is in belief {format_belief(pomdp, loss.belief)}, where the vector of"
-        f" {pomdp.actions[loss.action]!r} has value {loss.vector_value:.6g} but its backup"
-        f" {loss.backup_value:.6g}"
-    )

@@ -94,10 +94,10 @@ class PolicyGraph:
 
     def positions(self) -> Array:
         """Return (n, 2) coordinates for drawing: x with each layer centred at 0, y minus the depth."""
-        coordinates = np.stack([np.zeros(len(self)), 0.0 - self.depths], axis=1)
+        x = np.zeros(len(self))
         for layer in self.layers():
-            coordinates[layer, 0] = np.arange(len(layer)) - (len(layer) - 1) / 2
-        return coordinates
+            x[layer] = np.arange(len(layer)) - (len(layer) - 1) / 2
+        return np.stack([x, 0.0 - self.depths], axis=1)
 
     def edges_by_nodes(self) -> dict[tuple[int, int], list[int]]:
         """Return the edges from each source to each target, for drawing them as one arrow."""
@@ -175,7 +175,7 @@ def policy_graph(
     graph = BeliefGraph(pomdp, policy)
     layer = graph.add(SparseBeliefs.of(belief[None]))
     nodes, depths, complete = layer.tolist(), [0], [True]
-    node_of_key = {_make_key(graph, int(layer[0]), merge): 0}
+    node_of_key = {int(graph.vector_indices[layer[0]] if merge == "vector" else layer[0]): 0}
     edges: list[tuple[int, int, int, float]] = []
     depth = 0
     while len(layer) and (max_depth is None or depth < max_depth):
@@ -185,7 +185,7 @@ def policy_graph(
         for owner, observation, probability, child in zip(
             *(column.tolist() for column in graph.expand(layer)), strict=True
         ):
-            source, key = source_of[owner], _make_key(graph, child, merge)
+            source, key = source_of[owner], int(graph.vector_indices[child]) if merge == "vector" else child
             if probability < min_probability or (key not in node_of_key and len(nodes) >= max_nodes):
                 complete[source] = False
                 continue
@@ -197,21 +197,7 @@ def policy_graph(
             edges.append((source, node_of_key[key], observation, probability))
         layer = np.array(nodes[begin:], dtype=np.intp)
     complete[len(nodes) - len(layer) :] = [False] * len(layer)
-    return _build(graph, nodes, depths, complete, edges)
-
-
-def _make_key(graph: BeliefGraph, node: int, merge: str) -> int:
-    return int(graph.vector_indices[node]) if merge == "vector" else node
-
-
-def _build(
-    graph: BeliefGraph,
-    nodes: list[int],
-    depths: list[int],
-    complete: list[bool],
-    edges: list[tuple[int, int, int, float]],
-) -> PolicyGraph:
-    which, pomdp = np.array(nodes, dtype=np.intp), graph.pomdp
+    which = np.array(nodes, dtype=np.intp)
     sources, targets, observations, probabilities = zip(*edges, strict=True) if edges else ((), (), (), ())
     return PolicyGraph(
         actions=graph.actions[which].astype(np.intp),

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lcorpp.errors import ModelError
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.table_builder import Selector, TableBuilder
-from lcorpp.planning.factored.variables import AFTER, ALL, EACH, Scope, Variable
+from lcorpp.planning.factored.variables import AFTER, ALL, EACH, Scope
 
 Words = str | int | Iterable[object]
 """Several words: a text with blanks, or an iterable with one word per item, such as `range(5)`."""
@@ -59,18 +59,16 @@ def split_words(text: Words) -> tuple[str, ...]:
 
 
 def build_table(scope: Scope, spec: Spec, children: tuple[str, ...], what: str) -> Table:
-    """Build P(children | parents) from its text form.
-
-    Raises:
-        ModelError: a variable or value is unknown, or an array has a wrong shape.
-    """
+    """Build P(children | parents) from its text form; raise a ModelError that names table and row."""
     after = all(child.endswith(AFTER) for child in children)
     if isinstance(spec, str) and spec == SAME and after and not _is_value(scope, children, SAME):
         spec = cpt([child.removesuffix(AFTER) for child in children], {(ALL,) * len(children): SAME})
     parents, rows = (spec.parents, spec.rows) if isinstance(spec, Cpt) else ((), {"": spec})
     for name in parents:
         if name not in scope:
-            raise ModelError(f"{what} depends on {name!r}, which is not a variable; {_list_names(scope)}")
+            raise ModelError(
+                f"{what} depends on {name!r}, which is not a variable; known are {', '.join(scope)}"
+            )
     reader = _RowReader(scope, parents, children, what)
     if isinstance(rows, Mapping):
         for key, row in rows.items():
@@ -85,7 +83,7 @@ class _RowReader:
 
     def __init__(self, scope: Scope, parents: Sequence[str], children: Sequence[str], what: str) -> None:
         self.scope, self.what = scope, what
-        self.parents, self.children = parents, children
+        self.parents, self.children, self.each = parents, children, [EACH] * len(children)
         try:
             self.builder = TableBuilder(scope, parents, children)
         except ModelError as error:
@@ -95,14 +93,15 @@ class _RowReader:
         """Read one row; errors name it."""
         try:
             place = self._find_selectors(key)
+            rule = [ALL if selector == EACH else selector for selector in place]
             if not self.children:
                 self._put_array(place, row)
             elif isinstance(row, str | int | np.integer):
-                self._put_word(place, str(row))
+                self._put_word(rule, str(row))
             elif isinstance(row, Mapping):
-                self._put_outcomes(place, row)
+                self._put_outcomes(rule, row)
             else:
-                self._put_array((*place, *(EACH for _ in self.children)), row)
+                self._put_array([*place, *self.each], row)
         except ModelError as error:
             which = f", row {' '.join(split_words(key))!r}" if self.parents else ""
             raise ModelError(f"{self.what}{which}: {error}") from None
@@ -124,8 +123,7 @@ class _RowReader:
             self._put_outcomes(place, {row: 1.0})
         elif row == UNIFORM:
             count = int(np.prod([len(self.scope[child].values) for child in self.children]))
-            broadcast = [ALL if selector == EACH else selector for selector in place]
-            self.builder.put([*broadcast, *(ALL for _ in self.children)], 1.0 / count)
+            self.builder.put([*place, *(ALL for _ in self.children)], 1.0 / count)
         elif row == SAME:
             self._put_same(place)
         else:
@@ -139,31 +137,18 @@ class _RowReader:
             if name not in self.parents:
                 raise ModelError(f"{SAME!r} needs {name!r} among the variables it depends on")
         axes = [self.parents.index(name) for name in before]
-        axis_values = [
-            np.arange(self.builder.sizes[axis]) if isinstance(place[axis], str) else np.array([place[axis]])
-            for axis in axes
-        ]
-        values_before = [index.reshape(-1) for index in np.meshgrid(*axis_values, indexing="ij")]
-        broadcast = [ALL if selector == EACH else selector for selector in place]
-        for axis in axes:
-            broadcast[axis] = EACH if isinstance(place[axis], str) else place[axis]
-        parents = [
-            values_before[axes.index(axis)] for axis, selector in enumerate(broadcast) if selector == EACH
-        ]
-        self.builder.put_entries(
-            [*broadcast, *(EACH for _ in self.children)],
-            [*parents, *values_before],
-            np.ones(len(values_before[0])),
-        )
+        # each combination of the values before the action, as far as the place leaves them open
+        choices = [np.arange(self.builder.sizes[i]) if place[i] == ALL else [place[i]] for i in axes]
+        values = [index.reshape(-1) for index in np.meshgrid(*choices, indexing="ij")]
+        opened = [EACH if i in axes and selector == ALL else selector for i, selector in enumerate(place)]
+        parents = [values[axes.index(i)] for i, selector in enumerate(opened) if selector == EACH]
+        self.builder.put_entries([*opened, *self.each], [*parents, *values], np.ones(len(values[0])))
 
     def _put_outcomes(self, place: Sequence[Selector], row: Mapping[str, float]) -> None:
         """Put the probabilities of some outcomes."""
         outcomes = [self._find_outcome(key) for key in row]
-        broadcast = [ALL if selector == EACH else selector for selector in place]
         index = [np.array(axis) for axis in zip(*outcomes, strict=True)] or [np.zeros(0)] * len(self.children)
-        self.builder.put_entries(
-            [*broadcast, *(EACH for _ in self.children)], index, _check_finite(list(row.values()))
-        )
+        self.builder.put_entries([*place, *self.each], index, _check_finite(list(row.values())))
 
     def _find_outcome(self, key: Words) -> tuple[int, ...]:
         values = split_words(key) if len(self.children) > 1 else (str(key),)
@@ -196,7 +181,3 @@ def _check_finite(numbers: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
 def _is_value(scope: Scope, children: Sequence[str], word: str) -> bool:
     return len(children) == 1 and word in scope[children[0]].values
-
-
-def _list_names(scope: Mapping[str, Variable]) -> str:
-    return "known are " + ", ".join(scope)

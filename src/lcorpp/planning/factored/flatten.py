@@ -21,6 +21,9 @@ from lcorpp.values import Array
 Values = Mapping[str, Numbers]
 """Indices (n,) of the values of each variable, for n states."""
 
+_Entries = tuple[Numbers, Numbers, Array]
+"""The entries of an action: the number in each row, their columns and their values."""
+
 MAX_STATES = 2**24
 """The maximal number of flat states: the names of more do not fit into memory."""
 
@@ -62,27 +65,29 @@ def flatten(problem: Factored, *, reachable: bool = False) -> Pomdp:
     codes = step.reachable(start_codes) if reachable else np.arange(states.count)
     before = states.decode(codes)
     S, A = len(codes), actions.count
-    transition, observation = _TableParts(A, S), _TableParts(A, S)
+    transition: list[_Entries] = []
+    observation: list[_Entries] = []
     reward = np.zeros((A, S))
     for a in range(A):
         joint = step.transition(before, S, a)
         following = np.searchsorted(codes, step.states_after.encode(joint.values))
-        transition.add(joint.case, following, joint.weight)
+        transition.append(_sort_entries(S, joint.case, following, joint.weight))
         reward[a] = step.reward(joint, before, S, a)
         observed = step.observation(before, S, a)
         columns = np.broadcast_to(observations.encode(observed.values), observed.case.shape)
-        observation.add(observed.case, columns, observed.weight)
+        observation.append(_sort_entries(S, observed.case, columns, observed.weight))
     # of a single variable all values are included, of several variables only combinations that occur
     single = len(observations.variables) == 1
-    columns = np.arange(observations.count) if single else observation.columns()
+    possible = [np.arange(observations.count)] if single else [np.unique(part[1]) for part in observation]
+    columns = np.unique(np.concatenate(possible))
     start = np.zeros(S)
     start[np.searchsorted(codes, start_codes)] = start_weights
     return Pomdp(
         states.labels(codes),
         actions.labels(np.arange(A)),
         observations.labels(columns),
-        transition.build(np.arange(S)),
-        observation.build(columns),
+        _build_table(transition, np.arange(S)),
+        _build_table(observation, columns),
         reward,
         problem.discount,
         start / start.sum() if abs(start.sum() - 1) > SUM_TOLERANCE else start,
@@ -163,41 +168,26 @@ class _Step:
         return self.actions.decode(np.array(action))
 
 
-class _TableParts:
-    """The entries of a table (A, R, N), collected action by action."""
+def _sort_entries(rows: int, row: Numbers, column: Numbers, value: Array) -> _Entries:
+    """Return the row sizes, columns and values of entries in non-decreasing rows, without zeros."""
+    positive = value > 0
+    if not positive.all():
+        row, column, value = row[positive], column[positive], value[positive]
+    if not ((np.diff(row) > 0) | (np.diff(column) > 0)).all():
+        order = np.lexsort((column, row))
+        column, value = column[order], value[order]
+    return np.bincount(row, minlength=rows), column, value
 
-    def __init__(self, actions: int, rows: int) -> None:
-        self.actions, self.height = actions, rows
-        self._parts: list[tuple[Numbers, Numbers, Array]] = []  # of each action: row sizes, columns, values
 
-    def add(self, row: Numbers, column: Numbers, value: Array) -> None:
-        """Add the entries of the next action, by non-decreasing row."""
-        positive = value > 0
-        if not positive.all():
-            row, column, value = row[positive], column[positive], value[positive]
-        if not ((np.diff(row) > 0) | (np.diff(column) > 0)).all():
-            order = np.lexsort((column, row))
-            column, value = column[order], value[order]
-        self._parts.append((np.bincount(row, minlength=self.height), column, value))
-
-    def columns(self) -> Numbers:
-        """Return the columns with entries, increasing."""
-        return np.unique(np.concatenate([np.unique(column) for _, column, _ in self._parts]))
-
-    def build(self, columns: Numbers) -> SparseTables:
-        """Return the table of these columns; rows with accumulated rounding errors are normalised."""
-        counts = np.concatenate([np.zeros(1, dtype=np.int64), *(count for count, _, _ in self._parts)])
-        table = SparseTables(
-            (self.actions, self.height, len(columns)),
-            np.cumsum(counts),
-            np.concatenate(
-                [np.searchsorted(columns, column).astype(np.int32) for _, column, _ in self._parts]
-            ),
-            np.concatenate([value for _, _, value in self._parts]),
-        )
-        sums = table.row_sums()
-        off = np.abs(sums - 1) > SUM_TOLERANCE
-        return table.scale_rows(np.where(off, 1 / sums, 1.0)) if off.any() else table
+def _build_table(actions: Sequence[_Entries], columns: Numbers) -> SparseTables:
+    """Return the table of these columns; rows with accumulated rounding errors are normalised."""
+    sizes, column, value = (np.concatenate(part) for part in zip(*actions, strict=True))
+    shape = (len(actions), len(sizes) // len(actions), len(columns))
+    places = np.searchsorted(columns, column).astype(np.int32)
+    table = SparseTables(shape, np.concatenate([[0], np.cumsum(sizes)]), places, value)
+    sums = table.row_sums()
+    off = np.abs(sums - 1) > SUM_TOLERANCE
+    return table.scale_rows(np.where(off, 1 / sums, 1.0)) if off.any() else table
 
 
 def _find_ancestors(tables: Sequence[Table], names: Iterable[str]) -> Iterator[Table]:

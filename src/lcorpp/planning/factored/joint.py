@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.variables import Variable
+from lcorpp.planning.sparse import ragged_indices
 from lcorpp.values import Array
 
 Numbers = npt.NDArray[np.int64]
@@ -47,8 +48,7 @@ class Joint:
         if (counts != 1).any():
             counts = np.broadcast_to(counts, self.case.shape)
             source = np.repeat(np.arange(len(case)), counts)
-            # the first entry of the row, plus the number of previous outcomes of the same source
-            begin = begin[source] + np.arange(len(source)) - np.repeat(np.cumsum(counts) - counts, counts)
+            begin = ragged_indices(begin, counts)
             case, weight = case[source], weight[source]
             values = {name: v[source] if v.ndim else v for name, v in values.items()}
         values = dict(values)
@@ -104,7 +104,7 @@ class MixedRadix:
         values = self.decode(code)
         single = len(self.variables) == 1
         columns = [
-            np.array([value if single else f"{v.name}={value}" for value in v.values], dtype=object)[
+            np.array(v.values if single else [f"{v.name}={value}" for value in v.values], object)[
                 values[name]
             ]
             for v, name in zip(self.variables, self.names, strict=True)

@@ -215,16 +215,15 @@ class Factored:
 
     def equals(self, other: Factored) -> bool:
         """Return whether both problems are bitwise equal; the source file does not count."""
-        mine, others = (
-            (
-                (f.states, f.actions, f.observations, f.discount, tuple(f.reward)),
-                (f.start, f.transition, f.observation, tuple(f.reward.values())),
-            )
-            for f in (self, other)
+        names, other_names = (
+            (f.states, f.actions, f.observations, f.discount, tuple(f.reward)) for f in (self, other)
         )
-        return mine[0] == others[0] and all(
-            len(a) == len(b) and all(x.equals(y) for x, y in zip(a, b, strict=True))
-            for a, b in zip(mine[1], others[1], strict=True)
+        # each variable is the child of one table, so equal tables belong to the same kind
+        tables, other_tables = (
+            (*f.start, *f.transition, *f.observation, *f.reward.values()) for f in (self, other)
+        )
+        return (names, len(tables)) == (other_names, len(other_tables)) and all(
+            table.equals(other_table) for table, other_table in zip(tables, other_tables, strict=True)
         )
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.factored.variables import Scope, format_values
+from lcorpp.planning.factored.variables import Scope
 from lcorpp.planning.pomdp import SUM_TOLERANCE
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
@@ -57,8 +58,7 @@ class Table:
     @property
     def strides(self) -> tuple[int, ...]:
         """The row stride of each parent's value."""
-        sizes = self.shape[: len(self.parents)]
-        return tuple(prod(sizes[i + 1 :]) for i in range(len(sizes)))
+        return compute_strides(self.shape[: len(self.parents)])
 
     def __repr__(self) -> str:
         condition = f" | {', '.join(self.parents)}" if self.parents else ""
@@ -76,20 +76,23 @@ class Table:
 
     def equals(self, other: Table) -> bool:
         """Return whether both tables contain bitwise equal numbers for the same variables."""
-        return (
-            (self.parents, self.children, self.shape) == (other.parents, other.children, other.shape)
-            and np.array_equal(self.rows.begins, other.rows.begins)
-            and np.array_equal(self.rows.columns, other.rows.columns)
-            and np.array_equal(self.rows.values, other.rows.values)
+        return (self.parents, self.children, self.shape) == (
+            other.parents,
+            other.children,
+            other.shape,
+        ) and all(
+            np.array_equal(getattr(self.rows, field), getattr(other.rows, field))
+            for field in ("begins", "columns", "values")
         )
 
 
-def check_distributions(table: Table, scope: Scope, what: str) -> None:
-    """Check that each row is a distribution.
+def compute_strides(sizes: Sequence[int]) -> tuple[int, ...]:
+    """Return the stride of each axis in the index of a combination; the last axis varies fastest."""
+    return tuple(prod(sizes[i + 1 :]) for i in range(len(sizes)))
 
-    Raises:
-        ModelError: a probability is negative, or a row does not sum to 1; the message names the row.
-    """
+
+def check_distributions(table: Table, scope: Scope, what: str) -> None:
+    """Raise a ModelError that names a row if it is no distribution."""
     rows = table.rows
     if len(rows.values) and not rows.values.min() >= 0:
         at = int(rows.values.argmin())
@@ -107,4 +110,8 @@ def check_distributions(table: Table, scope: Scope, what: str) -> None:
 
 def format_row(table: Table, scope: Scope, row: int) -> str:
     """Return a row's condition for messages, `` given x=1, y=2``; empty for a table of one row."""
-    return f" given {format_values(scope, table.parents, row)}" if table.parents else ""
+    if not table.parents:
+        return ""
+    indices = np.unravel_index(row, table.shape[: len(table.parents)])
+    parts = (f"{name}={scope[name].values[i]}" for name, i in zip(table.parents, indices, strict=True))
+    return f" given {', '.join(parts)}"

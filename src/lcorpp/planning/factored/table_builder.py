@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.factored.table import Table
-from lcorpp.planning.factored.variables import ALL, EACH, Scope, count_combinations
+from lcorpp.planning.factored.table import Table, compute_strides
+from lcorpp.planning.factored.variables import ALL, EACH, Scope
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 
@@ -32,21 +32,18 @@ class TableBuilder:
     def __init__(self, scope: Scope, parents: Sequence[str], children: Sequence[str]) -> None:
         self.parents, self.children = tuple(parents), tuple(children)
         self.sizes = tuple(len(scope[name].values) for name in (*parents, *children))
-        self._height, self._width = count_combinations(scope, parents), count_combinations(scope, children)
+        heights, widths = self.sizes[: len(parents)], self.sizes[len(parents) :]
+        self._height, self._width = prod(heights), prod(widths)
         if max(self._height, self._width) > MAX_NUMBERS:
             raise ModelError(
                 f"a table of {self._height} rows of {self._width} numbers is too large,"
                 f" with over {MAX_NUMBERS}"
             )
-        heights, widths = self.sizes[: len(parents)], self.sizes[len(parents) :]
         # the index of a cell is row * width + column, a sum of a term for each variable
-        self._strides = [
-            *(prod(heights[i + 1 :]) * self._width for i in range(len(heights))),
-            *(prod(widths[i + 1 :]) for i in range(len(widths))),
-        ]
+        self._strides = compute_strides(self.sizes)
         self._turn = 0
         self._cleared = np.full(self._height, -1, dtype=np.int32)  # the last statement about the whole row
-        self._single: tuple[list[int], list[float], list[int]] = ([], [], [])  # cell, value, turn
+        self._single: list[tuple[int, float, int]] = []  # cell, value, turn
         self._blocks: list[tuple[Indices, Array, int]] = []
         self._count = 0
 
@@ -56,12 +53,14 @@ class TableBuilder:
         Args:
             place: for each parent, then each child, the index of a value, `ALL` or `EACH`.
             values: an axis for each `EACH`, in the order of `place`, or another shape of equal size.
-
-        Raises:
-            ModelError: the table becomes too large.
         """
         if EACH not in place and ALL not in place:
-            self._put_one(place, float(np.asarray(values).reshape(())))
+            cell = sum(int(s) * t for s, t in zip(place, self._strides, strict=True))
+            if not self.children:
+                self._cleared[cell] = self._turn
+            self._single.append((cell, float(np.asarray(values).reshape(())), self._turn))
+            self._turn += 1
+            self._count_numbers(1)
             return
         block = np.asarray(values, dtype=np.float64).reshape(-1)
         shape = [n for n, selector in zip(self.sizes, place, strict=True) if selector == EACH]
@@ -89,30 +88,17 @@ class TableBuilder:
 
     def build(self) -> Table:
         """Return the table."""
-        cell = np.concatenate([*(block[0] for block in self._blocks), np.array(self._single[0], np.int64)])
-        value = np.concatenate([*(block[1] for block in self._blocks), np.array(self._single[1], float)])
-        turns = [np.full(len(block[0]), block[2], dtype=np.int32) for block in self._blocks]
-        turn = np.concatenate([*turns, np.array(self._single[2], dtype=np.int32)])
-        row = cell // self._width
-        valid = turn >= self._cleared[row]
-        order = np.lexsort((turn[valid], cell[valid]))
-        shape = (1, self._height, self._width)
-        row, column = row[valid][order], (cell % self._width)[valid][order]
-        return Table(
-            self.parents,
-            self.children,
-            self.sizes,
-            SparseTables.of_entries(shape, row, column, value[valid][order]),
-        )
-
-    def _put_one(self, place: Sequence[Selector], value: float) -> None:
-        cell = sum(int(s) * t for s, t in zip(place, self._strides, strict=True))
-        if not self.children:
-            self._cleared[cell // self._width] = self._turn
-        for column, item in zip(self._single, (cell, value, self._turn), strict=True):
-            column.append(item)  # type: ignore[attr-defined]
-        self._turn += 1
-        self._count_numbers(1)
+        kinds = [("cell", np.int64), ("value", np.float64), ("turn", np.int32)]
+        single = np.array(self._single, dtype=kinds)
+        turns = [np.full(len(cells), turn, dtype=np.int32) for cells, _, turn in self._blocks]
+        cell = np.concatenate([*(cells for cells, _, _ in self._blocks), single["cell"]])
+        value = np.concatenate([*(values for _, values, _ in self._blocks), single["value"]])
+        turn = np.concatenate([*turns, single["turn"]])
+        valid = np.flatnonzero(turn >= self._cleared[cell // self._width])
+        valid = valid[np.argsort(turn[valid], kind="stable")]  # the last of several numbers of a cell counts
+        row, column = np.divmod(cell[valid], self._width)
+        rows = SparseTables.of_entries((1, self._height, self._width), row, column, value[valid])
+        return Table(self.parents, self.children, self.sizes, rows)
 
     def _has_whole_rows(self, place: Sequence[Selector]) -> bool:
         return all(isinstance(selector, str) for selector in place[len(self.parents) :])

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import prod
 
 from lcorpp.errors import ModelError, expected_one_of
 
@@ -68,11 +67,7 @@ def check_word(word: object, what: str) -> None:
 def build_scope(
     states: Sequence[Variable], actions: Sequence[Variable], observations: Sequence[Variable]
 ) -> dict[str, Variable]:
-    """Return the variables by name.
-
-    Raises:
-        ModelError: two variables have the same name, or there is none for states or actions.
-    """
+    """Return the variables by name; raise a ModelError if one is missing or two have the same name."""
     scope: dict[str, Variable] = {}
     for kind, variables in (("states", states), ("actions", actions)):
         if not variables:
@@ -82,17 +77,3 @@ def build_scope(
             raise ModelError(f"two variables have the name {variable.name!r}")
         scope[variable.name] = variable
     return scope | {variable.name + AFTER: variable for variable in states}
-
-
-def count_combinations(scope: Scope, names: Iterable[str]) -> int:
-    """Return the number of combinations of the variables' values."""
-    return prod(len(scope[name].values) for name in names)
-
-
-def format_values(scope: Scope, names: Sequence[str], number: int) -> str:
-    """Return a combination of values as text, ``x=1, y=2``; the last variable varies fastest."""
-    parts = []
-    for name in reversed(names):
-        number, value = divmod(number, len(scope[name].values))
-        parts.append(f"{name}={scope[name].values[value]}")
-    return ", ".join(reversed(parts))

@@ -38,8 +38,8 @@ SEGMENT = 0.05
 """Length of an arrow's segments in the cost of labels."""
 
 
-class Node(NamedTuple):
-    """text: of its box. fill: of the box. first: strong frame. cut: dashed frame."""
+class Box(NamedTuple):
+    """A node. depth: its layer. first: whether it has a strong frame. cut: a dashed frame."""
 
     text: str
     fill: Fill
@@ -74,7 +74,7 @@ class Rectangle(NamedTuple):
         return max(0.0, width) * max(0.0, height)
 
 
-def draw(nodes: Sequence[Node], arrows: Sequence[Arrow], *, title: str = "", caption: str = "") -> Figure:
+def draw(nodes: Sequence[Box], arrows: Sequence[Arrow], *, title: str = "", caption: str = "") -> Figure:
     """Draw nodes in layers by their depth, from left to right, and arrows between them."""
     positions, routes = layout_graph(
         [node.depth for node in nodes], [(arrow.source, arrow.target) for arrow in arrows]
@@ -135,7 +135,7 @@ def draw(nodes: Sequence[Node], arrows: Sequence[Arrow], *, title: str = "", cap
     return figure
 
 
-def _draw_box(axes: Axes, node: Node, centre: Array, width: float) -> Rectangle:
+def _draw_box(axes: Axes, node: Box, centre: Array, width: float) -> Rectangle:
     """Draw the box of a node; return its rectangle."""
     x, y = centre.tolist()
     shape = FancyBboxPatch(
@@ -151,9 +151,8 @@ def _draw_box(axes: Axes, node: Node, centre: Array, width: float) -> Rectangle:
         zorder=3,
     )
     axes.add_patch(shape)
-    background = {"facecolor": node.fill.colour, "linewidth": 0, "pad": 1.5} if node.fill.hatch else None
     text = axes.text(x, y, node.text, ha="center", va="center", fontsize=9, color=node.fill.text_colour)
-    text.set(bbox=background, zorder=4)
+    text.set(bbox=node.fill.text_background, zorder=4)
     return Rectangle(x - width / 2, y - BOX_HEIGHT / 2, x + width / 2, y + BOX_HEIGHT / 2)
 
 

@@ -23,6 +23,10 @@ DUMMY_SIZE = 0.45
 """Height of a dummy node, relative to a node."""
 
 
+Neighbours = tuple[list[list[int]], list[list[int]]]
+"""The left and the right neighbours of each node."""
+
+
 class Layout(NamedTuple):
     """positions: (n, 2) layer and height of each node. routes: (m, 2) of each arrow: ends and dummy nodes."""
 
@@ -52,7 +56,8 @@ def layout_graph(depths: Sequence[int], arrows: Sequence[tuple[int, int]]) -> La
             links += pairwise(chain)
         chains.append(chain if low == source else chain[::-1])
     sizes = np.array([1.0 if node < len(depths) else DUMMY_SIZE for node in range(count)])
-    heights = _compute_heights(_order_layers(layers, links, count), links, sizes)
+    sides = _find_neighbours(links, count)
+    heights = _compute_heights(_order_layers(layers, links, sides), sides, sizes)
     layer_of = np.zeros(count)
     for number, layer in enumerate(layers):
         layer_of[layer] = number
@@ -60,40 +65,40 @@ def layout_graph(depths: Sequence[int], arrows: Sequence[tuple[int, int]]) -> La
     return Layout(positions[: len(depths)], [positions[chain] for chain in chains])
 
 
-def _find_neighbours(links: list[tuple[int, int]], count: int) -> tuple[list[list[int]], list[list[int]]]:
+def _find_neighbours(links: list[tuple[int, int]], count: int) -> Neighbours:
     """Return the left and the right neighbours of each node."""
-    left: list[list[int]] = [[] for _ in range(count)]
-    right: list[list[int]] = [[] for _ in range(count)]
+    left, right = ([list[int]() for _ in range(count)] for _ in range(2))
     for low, high in links:
         left[high].append(low)
         right[low].append(high)
     return left, right
 
 
-def _order_layers(layers: list[list[int]], links: list[tuple[int, int]], count: int) -> list[list[int]]:
+def _order_layers(
+    layers: list[list[int]], links: list[tuple[int, int]], sides: Neighbours
+) -> list[list[int]]:
     """Order each layer so that few links cross."""
-    sides = _find_neighbours(links, count)
     best, fewest = layers, _count_crossings(layers, links)
     current = [list(layer) for layer in layers]
     for sweep in range(SWEEPS):
         side = sides[sweep % 2]
         inner = range(1, len(current)) if sweep % 2 == 0 else range(len(current) - 2, -1, -1)
-        rank = np.zeros(count)
+        rank = np.zeros(len(side))
         for layer in current:
-            rank[layer] = np.linspace(0, 1, len(layer)) if len(layer) > 1 else 0.5
+            rank[layer] = _spread(len(layer))
         for number in inner:
-            means = {
-                node: float(np.mean(rank[side[node]])) if side[node] else rank[node]
-                for node in current[number]
-            }
+            means = {node: np.mean(rank[side[node] or node]) for node in current[number]}
             current[number].sort(key=means.__getitem__)
-            rank[current[number]] = (
-                np.linspace(0, 1, len(current[number])) if len(current[number]) > 1 else 0.5
-            )
+            rank[current[number]] = _spread(len(current[number]))
         crossings = _count_crossings(current, links)
         if crossings < fewest:
             best, fewest = [list(layer) for layer in current], crossings
     return best
+
+
+def _spread(count: int) -> Array:
+    """Return (count,) equally spaced ranks from 0 to 1."""
+    return np.linspace(0, 1, count) if count > 1 else np.array([0.5])
 
 
 def _count_crossings(layers: list[list[int]], links: list[tuple[int, int]]) -> int:
@@ -109,21 +114,16 @@ def _count_crossings(layers: list[list[int]], links: list[tuple[int, int]]) -> i
     return crossings
 
 
-def _compute_heights(layers: list[list[int]], links: list[tuple[int, int]], sizes: Array) -> Array:
+def _compute_heights(layers: list[list[int]], sides: Neighbours, sizes: Array) -> Array:
     """Return (count,) heights close to those of the neighbours, without overlap within a layer."""
-    left, right = _find_neighbours(links, len(sizes))
+    neighbours = [[*left, *right] for left, right in zip(*sides, strict=True)]
     heights = np.zeros(len(sizes))
     for layer in layers:
         ends = np.cumsum(sizes[layer])
         heights[layer] = ends - sizes[layer] / 2 - ends[-1] / 2
     for sweep in range(SWEEPS):
         for layer in layers if sweep % 2 == 0 else reversed(layers):
-            wanted = [
-                float(np.mean(heights[[*left[node], *right[node]]]))
-                if left[node] or right[node]
-                else heights[node]
-                for node in layer
-            ]
+            wanted = [np.mean(heights[neighbours[node] or node]) for node in layer]
             heights[layer] = _separate(np.array(wanted), sizes[layer])
     return heights
 

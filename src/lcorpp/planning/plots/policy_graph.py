@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.evaluation.policy_graph import PolicyGraph
-from lcorpp.planning.plots.graph_drawing import Arrow, Node, draw
+from lcorpp.planning.plots.graph_drawing import Arrow, Box, draw
 from lcorpp.plot_style import COLOURS, INK, MUTED, Fill, with_style
 
 MAX_NODES, MAX_ARROWS = 30, 60
@@ -51,7 +51,7 @@ def draw_graph(
     number = {node: place for place, node in enumerate(selected)}
     missing = {source for source, _ in all_arrows.keys() - set(drawn_arrows)}
     boxes = [
-        Node(
+        Box(
             graph.action_names[graph.actions[node]],
             Fill.of(int(graph.actions[node])),
             int(graph.depths[node]),

@@ -56,7 +56,7 @@ class Circuit:
     values: term -> range, for all of these terms.
     layers, ending: the matrices, see `matrices`.
 
-    Source: Darwiche, J. ACM 50(3), 2003; the order of terms as in frontier (path) elimination.
+    Source: Darwiche, J. ACM 50(3), 2003; the variable order as in frontier (path) elimination.
     """
 
     def __init__(

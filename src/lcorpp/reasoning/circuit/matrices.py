@@ -1,6 +1,6 @@
 """Compilation, steps 4 and 5: the layered arithmetic circuit (a product of sparse matrices), its evaluation.
 
-Let t1, ..., tn be the terms that evidence may name or a query may read, in elimination order; all other terms
+Let t1, ..., tn be the terms that evidence may name or a query may read, in variable order. All other terms
 are summed out. The probability of t1=v1, ..., tn=vn is
 
     ending . M_n[vn] ... M_2[v2] . M_1[v1] . [1]

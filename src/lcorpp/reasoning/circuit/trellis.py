@@ -20,7 +20,7 @@ from fractions import Fraction
 from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.gc_pause import pause_gc
-from lcorpp.reasoning.transitions.selection import ConditionViolation
+from lcorpp.reasoning.transitions.local_distribution import ConditionViolation
 from lcorpp.reasoning.transitions.transition import Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 

@@ -1,6 +1,6 @@
 """Likelihood weighting: estimates with standard errors, for programs that are too large to be compiled.
 
-A sampler decides the components in elimination order. It does not draw observed terms but multiplies the
+A sampler decides the components in their order. It does not draw observed terms but multiplies the
 weight of the world by the probability of the observed value. A world that violates a constraint has weight 0.
 
 Source: Fung and Chang, "Weighing and integrating evidence for stochastic simulation in Bayesian networks",
@@ -18,7 +18,7 @@ from math import sqrt
 from random import Random
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning.transitions.selection import Outcome
+from lcorpp.reasoning.transitions.local_distribution import Outcome
 from lcorpp.reasoning.transitions.transition import Effect
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 

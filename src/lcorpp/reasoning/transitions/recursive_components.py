@@ -19,14 +19,16 @@ from fractions import Fraction
 from typing import Any
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundLiteral, GroundProgram
-from lcorpp.reasoning.transitions.selection import (
+from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
+from lcorpp.reasoning.transitions.local_distribution import (
     ONE,
     ConditionViolation,
     GuardedClause,
     Outcome,
+    ProbabilityCache,
     enumerate_outcomes,
 )
+from lcorpp.reasoning.transitions.rule_templates import ASSIGN, DERIVE, RANGE, SELECT
 from lcorpp.reasoning.transitions.stratified import Stratified
 
 LOG = logging.getLogger("lcorpp.reasoning")
@@ -39,7 +41,7 @@ def build_component(
     program: GroundProgram,
     terms: tuple[int, ...],
     clauses: Sequence[GuardedClause],
-    cache: dict[object, Any],
+    probabilities: ProbabilityCache,
     queried: Iterable[int],
 ) -> RecursiveComponent | Stratified:
     """Choose the cheapest local distribution for a recursive component.
@@ -47,31 +49,28 @@ def build_component(
     Args:
         program: the ground program; its clauses are not used.
         terms: the terms of the component.
-        clauses: each clause, with the literals about `terms` as body, and the state bit that is set if the
-            other literals of its body are satisfied; 0 if there are none.
-        cache: shared by all components, see `enumerate_outcomes`.
+        clauses: the clauses about them.
         queried: the terms whose outcomes are computed at once, those of other terms on demand.
     """
-    has_selections = any(clause.kind is ClauseKind.SELECT for _, clause in clauses)
-    if not has_selections and not any(term in program.do for term in terms):
+    if program.do.keys().isdisjoint(terms) and all(guarded.clause.kind is not SELECT for guarded in clauses):
         stratified = Stratified.from_clauses(program, terms, clauses, queried)
         if stratified:
             return stratified
-    return RecursiveComponent(program, terms, clauses, cache)
+    return RecursiveComponent(program, terms, clauses, probabilities)
 
 
 @dataclass(slots=True, eq=False)
 class RecursiveComponent:
     """The local distribution of a recursive component by enumeration of its stable models.
 
-    program, terms, clauses, cache: as in `build_component`.
+    program, terms, clauses, probabilities: as in `build_component`.
     logged: whether the log reports the use of clingo already.
     """
 
     program: GroundProgram
     terms: tuple[int, ...]
     clauses: Sequence[GuardedClause]
-    cache: dict[object, Any]
+    probabilities: ProbabilityCache
     logged: bool = False
 
     def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:
@@ -79,7 +78,7 @@ class RecursiveComponent:
         return {state: self._compute_outcomes(state) for state in states}
 
     def _compute_outcomes(self, state: int) -> list[Outcome]:
-        clauses = [clause for bit, clause in self.clauses if not bit or state & bit]
+        clauses = [guarded for guarded in self.clauses if not guarded.bit or state & guarded.bit]
         models = (
             self._enumerate_single_term_models(clauses)
             if len(self.terms) == 1
@@ -87,7 +86,7 @@ class RecursiveComponent:
         )
         return [outcome for model in models if (outcome := self._weigh(model, clauses))]
 
-    def _enumerate_single_term_models(self, clauses: Sequence[Clause]) -> Iterator[dict[int, int]]:
+    def _enumerate_single_term_models(self, clauses: Sequence[GuardedClause]) -> Iterator[dict[int, int]]:
         """Enumerate the stable models of one term: each outcome that is the least model of its own reduct.
 
         `mask >> outcome & 1` is 1 if the outcome satisfies the literal with this mask.
@@ -102,43 +101,41 @@ class RecursiveComponent:
             grown = True
             while grown and len(values) < 2:
                 before = set(values)
-                for clause in reduct:
-                    if all(n or any(mask >> v & 1 for v in values) for _, mask, n in clause.body):
-                        if clause.kind is ClauseKind.DERIVE:
+                for _, clause, body in reduct:
+                    if all(n or any(mask >> v & 1 for v in values) for _, mask, n in body):
+                        if clause.kind is DERIVE:
                             values.add(clause.value)
-                        elif clause.kind is ClauseKind.SELECT and do_value is not None:
+                        elif clause.kind is SELECT and do_value is not None:
                             values.add(do_value)
-                        elif clause.kind is ClauseKind.SELECT and guess < no_value:
+                        elif clause.kind is SELECT and guess < no_value:
                             values.add(guess)  # other selected values are tested by their own guess
-                        elif clause.kind is ClauseKind.SELECT:
+                        elif clause.kind is SELECT:
                             values |= {0, 1}  # contradicts the guess that the term has no value
                 grown = values != before
             if values == ({guess} if guess < no_value else set()):
                 yield {term: guess}
 
-    def _enumerate_clingo_models(self, clauses: Sequence[Clause]) -> Iterator[dict[int, int]]:
+    def _enumerate_clingo_models(self, clauses: Sequence[GuardedClause]) -> Iterator[dict[int, int]]:
+        import clingo  # here, as few programs need it
+
+        file = self.program.source.file
+        names = ", ".join(self.program.names[term] for term in self.terms[:5])
+        names += ", ..." if len(self.terms) > 5 else ""
         if not self.logged:
             self.logged = True
-            LOG.info(
-                "%s: %s depend on each other: clingo enumerates their values",
-                self.program.source.file,
-                self._format_terms(),
-            )
-        for count, atoms in enumerate(enumerate_stable_models("\n".join(self._translate(clauses)))):
-            if count == MAX_MODELS:
-                raise ProgramError(
-                    f"{self.program.source.file}: more than {MAX_MODELS} stable models of"
-                    f" {self._format_terms()}"
-                )
-            model = {term: len(self.program.values[term]) for term in self.terms}
-            model.update(atoms)
-            yield model
+            LOG.info("%s: %s depend on each other: clingo enumerates their values", file, names)
+        control: Any = clingo.Control(["--models=0", "--warn=none"])
+        control.add("base", [], "\n".join(self._translate(clauses)))
+        control.ground([("base", [])])
+        with control.solve(yield_=True) as models:
+            for count, model in enumerate(models):
+                if count == MAX_MODELS:
+                    raise ProgramError(f"{file}: more than {MAX_MODELS} stable models of {names}")
+                outcomes = {term: len(self.program.values[term]) for term in self.terms}
+                atoms = [atom.arguments for atom in model.symbols(shown=True)]
+                yield outcomes | {term.number: value.number for term, value in atoms}
 
-    def _format_terms(self) -> str:
-        names = ", ".join(self.program.names[term] for term in self.terms[:5])
-        return f"{names}{', ...' if len(self.terms) > 5 else ''}"
-
-    def _translate(self, clauses: Sequence[Clause]) -> Iterator[str]:
+    def _translate(self, clauses: Sequence[GuardedClause]) -> Iterator[str]:
         """Translate the component to an answer set program.
 
         h(term, value): the term has the value; sel(selection): the body of the selection is true;
@@ -152,15 +149,15 @@ class RecursiveComponent:
         for term in self.terms:
             if term in do and self.program.do_is_fact:
                 yield f"h({term},{do[term]})."
-        for clause in clauses:
-            if clause.kind is ClauseKind.ASSIGN:  # pr-atoms do not change the models, only their weights
+        for _, clause, body in clauses:
+            if clause.kind is ASSIGN:  # pr-atoms do not change the models, only their weights
                 continue
-            condition, term = self._translate_body(clause.body, outcome_sets), clause.term
-            if clause.kind is ClauseKind.DERIVE:
+            condition, term = self._translate_body(body, outcome_sets), clause.term
+            if clause.kind is DERIVE:
                 yield f"h({term},{clause.value}) :- {condition}."
                 continue
             selection = selections.setdefault((clause.statement, clause.instance), len(selections))
-            if clause.kind is ClauseKind.RANGE:
+            if clause.kind is RANGE:
                 yield f"pos({selection},{term},{clause.value}) :- {condition}."
             elif not (term in do and self.program.do_is_fact):
                 last = len(self.program.values[term]) - 1
@@ -183,27 +180,16 @@ class RecursiveComponent:
             parts.append(f"not {name}" if negated else name)
         return ", ".join(parts) or "#true"
 
-    def _weigh(self, model: dict[int, int], clauses: Sequence[Clause]) -> Outcome | None:
+    def _weigh(self, model: dict[int, int], clauses: Sequence[GuardedClause]) -> Outcome | None:
         """Weigh a stable model by the probabilities of its random terms; None if it is not a world."""
-        clauses_of: dict[int, dict[ClauseKind, list[Clause]]] = {
-            term: {kind: [] for kind in ClauseKind} for term in self.terms
-        }
-        for clause in clauses:
-            if all(mask >> model[term] & 1 for term, mask, _ in clause.body):
-                clauses_of[clause.term][clause.kind].append(clause)
+        true_clauses: dict[int, list[Clause]] = {term: [] for term in self.terms}
+        for _, clause, body in clauses:
+            if all(mask >> model[term] & 1 for term, mask, _ in body):
+                true_clauses[clause.term].append(clause)
         weight: Fraction = ONE
         violation: ConditionViolation | None = None
-        for index, term in enumerate(self.terms):
-            kinds = clauses_of[term]
-            outcomes = enumerate_outcomes(
-                self.program,
-                term,
-                {clause.value for clause in kinds[ClauseKind.DERIVE]},
-                kinds[ClauseKind.SELECT],
-                kinds[ClauseKind.RANGE],
-                kinds[ClauseKind.ASSIGN],
-                self.cache,
-            )
+        for index, (term, own) in enumerate(true_clauses.items()):
+            outcomes = enumerate_outcomes(self.program, term, own, self.probabilities)
             outcome = next((outcome for outcome in outcomes if outcome[0] == model[term]), None)
             if outcome is None:
                 return None
@@ -212,16 +198,4 @@ class RecursiveComponent:
             if term_violation and not violation:
                 violation = term_violation  # a new object of each call, not shared
                 violation.term_index = index
-        return Outcome(tuple([model[term] for term in self.terms]), weight, violation)
-
-
-def enumerate_stable_models(text: str) -> Iterator[dict[int, int]]:
-    """Enumerate the stable models of an answer set program that shows h(term, value), as term -> value."""
-    import clingo  # here, as few programs need it
-
-    control: Any = clingo.Control(["--models=0", "--warn=none"])
-    control.add("base", [], text)
-    control.ground([("base", [])])
-    with control.solve(yield_=True) as models:
-        for model in models:
-            yield {a.arguments[0].number: a.arguments[1].number for a in model.symbols(shown=True)}
+        return Outcome(tuple(model.values()), weight, violation)

@@ -7,12 +7,14 @@ is. With three states and p true in states 0 and 2, q in state 2: ``r :- p, not 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from lcorpp.reasoning.grounding.ground_program import ClauseKind, GroundProgram
-from lcorpp.reasoning.transitions.elimination_order import find_strongly_connected_components
-from lcorpp.reasoning.transitions.selection import ONE, GuardedClause, Outcome
+from lcorpp.reasoning.grounding.ground_program import GroundProgram
+from lcorpp.reasoning.transitions.local_distribution import ONE, GuardedClause, Outcome
+from lcorpp.reasoning.transitions.rule_templates import DERIVE
+from lcorpp.reasoning.transitions.variable_order import find_strongly_connected_components
 
 Atom = tuple[int, int]
 """(term, value)"""
@@ -76,18 +78,18 @@ class Stratified:
         queried: Iterable[int],
     ) -> Stratified | None:
         """Stratify the clauses of a component; None if an atom depends on its own negation."""
-        derivations = [(bit, clause) for bit, clause in clauses if clause.kind is ClauseKind.DERIVE]
+        derivations = [guarded for guarded in clauses if guarded.clause.kind is DERIVE]
         number_of: dict[Atom, int] = {}
-        for _, clause in derivations:
+        for _, clause, _ in derivations:
             number_of.setdefault((clause.term, clause.value), len(number_of))
         rules: list[_Rule] = []
         needs: list[set[int]] = [set() for _ in number_of]
         negations: list[tuple[int, int]] = []  # (head, negated atom)
-        for bit, clause in derivations:
+        for bit, clause, body in derivations:
             head = number_of[clause.term, clause.value]
             positive: list[tuple[int, ...]] = []
             negative: list[int] = []
-            for term, mask, negated in clause.body:
+            for term, mask, negated in body:
                 atoms = tuple(
                     [n for v in range(len(program.values[term])) if (mask >> v & 1) != negated
                      and (n := number_of.get((term, v), -1)) >= 0]
@@ -106,14 +108,9 @@ class Stratified:
         strata: list[list[_Rule]] = [[] for _ in order]
         for rule in rules:
             strata[stratum_of[rule.head]].append(rule)
-        asked = set(queried)
-        return cls(
-            program,
-            terms,
-            tuple(number_of),
-            [rules for rules in strata if rules],
-            tuple([i for i, term in enumerate(terms) if term in asked]),
-        )
+        queried = set(queried)
+        indexes = tuple([i for i, term in enumerate(terms) if term in queried])
+        return cls(program, terms, tuple(number_of), [rules for rules in strata if rules], indexes)
 
     def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:
         """Return for each state the one outcome, or none if a term would have two values."""
@@ -147,7 +144,7 @@ class Stratified:
                 for rule in rules:
                     value = applies[rule.bit]
                     for atoms in rule.positive:
-                        if len(atoms) == 1:
+                        if len(atoms) == 1:  # usual, and faster
                             value &= truth[atoms[0]]
                         else:
                             either = 0
@@ -156,17 +153,15 @@ class Stratified:
                             value &= either
                     for atom in rule.negative:
                         value &= ~truth[atom]
-                    before = truth[rule.head]
-                    after = before | value
-                    if after != before:
-                        truth[rule.head] = after
+                    if value & ~truth[rule.head]:
+                        truth[rule.head] |= value
                         grown = True
         by_atom = dict(zip(self.atoms, truth, strict=True))
-        has_value: dict[int, int] = {}
+        has_value: defaultdict[int, int] = defaultdict(int)
         contradictory = 0
         for (term, _), value in by_atom.items():
-            contradictory |= has_value.get(term, 0) & value
-            has_value[term] = has_value.get(term, 0) | value
+            contradictory |= has_value[term] & value
+            has_value[term] |= value
         return by_atom, contradictory
 
     def _decode_values(self, term: int, truth: Mapping[Atom, int], n_states: int) -> list[int]:

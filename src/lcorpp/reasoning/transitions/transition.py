@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 
-from lcorpp.reasoning.transitions.rule_groups import ClauseGroup, Conditions, Dependency
-from lcorpp.reasoning.transitions.selection import LocalDistribution
+from lcorpp.reasoning.transitions.local_distribution import LocalDistribution
+from lcorpp.reasoning.transitions.rule_templates import Child, Conditions
 
 Effect = tuple[int, int, int, Mapping[int, int]]
 """The effect of an outcome on a state: (sets, requires, completes, satisfied_of).
@@ -27,7 +27,7 @@ MAX_ABSORBING_GROUPS = 64
 """A transition looks for redundant bits in at most this many clause groups. Beyond, equivalent states may
 remain distinct, which costs time and does not change answers."""
 
-_Completion = tuple[int, bool, int]
+_Update = tuple[int, bool, int]
 """A body that an outcome does not falsify: its falsified bit (0 if none), whether this is its last step, and
 its satisfied bit (0 for a constraint)."""
 
@@ -41,7 +41,7 @@ class Transition:
         n_terms: the number of terms in the component.
         distribution: the local distribution of the component.
         input_mask: the bits of the component's clauses, on which the distribution depends.
-        dependents: the dependencies of later rule groups on this step, each with the bits in its bit slots.
+        children: the components and constraints whose bodies the step updates.
         live_mask: the bits that later steps need.
 
     absorptions: pairs (satisfied, falsified bits): once a body of a group is satisfied, the others are
@@ -49,7 +49,7 @@ class Transition:
     is_shared: whether several steps of the system have this transition.
     """
 
-    __slots__ = ("_all_updates", "_completions", "_effects", "_open", "_relevant", "absorptions",
+    __slots__ = ("_conditional_updates", "_effects", "_open_bits", "_relevant", "_updates_of", "absorptions",
                  "distribution", "input_mask", "is_shared", "live_mask")  # fmt: skip
 
     def __init__(
@@ -57,33 +57,35 @@ class Transition:
         n_terms: int,
         distribution: LocalDistribution,
         input_mask: int,
-        dependents: Sequence[tuple[Dependency, Sequence[int]]],
+        children: Sequence[Child],
         live_mask: int,
     ) -> None:
         self.distribution, self.is_shared = distribution, False
         self.input_mask, self.live_mask = input_mask, live_mask
-        self.absorptions = _find_absorptions(dependents)
-        self._open = 0  # the falsified bits of the bodies that continue
+        self.absorptions = _find_absorptions(children)
+        self._open_bits = 0  # the falsified bits of the bodies that continue
         self._effects: dict[object, Effect | None] = {}
         # one term: outcome -> the bodies it does not falsify; several terms: all bodies with their conditions
-        self._completions: defaultdict[int, list[_Completion]] = defaultdict(list)
-        self._all_updates: list[tuple[Conditions, _Completion]] = []
-        self._relevant: tuple[int, ...] | None = None
-        for dependency, bits in dependents:
-            for conditions, falsified, is_last, satisfied in dependency.updates:
-                body = bits[falsified], is_last, bits[satisfied]  # bits[NO_SLOT] is 0
+        self._updates_of: defaultdict[int, list[_Update]] = defaultdict(list)
+        self._conditional_updates: list[tuple[Conditions, _Update]] = []
+        self._relevant: list[int] | None = (
+            None  # indexes of the terms in conditions, if there are several terms
+        )
+        for _, parent, bits in children:
+            for conditions, falsified_slot, is_last, satisfied_slot in parent.updates:
+                update = bits[falsified_slot], is_last, bits[satisfied_slot]
                 if not is_last:
-                    self._open |= body[0]
+                    self._open_bits |= update[0]
                 if n_terms > 1:
-                    self._all_updates.append((conditions, body))
+                    self._conditional_updates.append((conditions, update))
                     continue
                 mask = conditions[0][1]
                 while mask:
                     lowest = mask & -mask
-                    self._completions[lowest.bit_length() - 1].append(body)
+                    self._updates_of[lowest.bit_length() - 1].append(update)
                     mask ^= lowest
         if n_terms > 1:
-            self._relevant = tuple(sorted({i for conditions, _ in self._all_updates for i, _ in conditions}))
+            self._relevant = sorted({i for conditions, _ in self._conditional_updates for i, _ in conditions})
 
     def find_effect(self, values: Sequence[int]) -> Effect | None:
         """Return the effect of an outcome; None if a constraint forbids the outcome in all states.
@@ -94,24 +96,22 @@ class Transition:
         if self._relevant is None:
             value = values[0]
             if value not in self._effects:
-                self._effects[value] = self._compute_effect(self._completions.get(value, ()))
+                self._effects[value] = self._compute_effect(self._updates_of.get(value, ()))
             return self._effects[value]
         key = tuple([values[i] for i in self._relevant])
         if key not in self._effects:
             value_of = dict(zip(self._relevant, key, strict=True))
             self._effects[key] = self._compute_effect(
-                [
-                    body
-                    for conditions, body in self._all_updates
-                    if all(mask >> value_of[i] & 1 for i, mask in conditions)
-                ]
+                update
+                for conditions, update in self._conditional_updates
+                if all(mask >> value_of[i] & 1 for i, mask in conditions)
             )
         return self._effects[key]
 
-    def _compute_effect(self, bodies: Iterable[_Completion]) -> Effect | None:
-        sets, requires, completes = self._open, 0, 0
+    def _compute_effect(self, updates: Iterable[_Update]) -> Effect | None:
+        sets, requires, completes = self._open_bits, 0, 0
         satisfied_of: dict[int, int] = {}
-        for falsified, is_last, satisfied in bodies:
+        for falsified, is_last, satisfied in updates:
             if not is_last:
                 sets &= ~falsified
             elif not satisfied:
@@ -126,24 +126,20 @@ class Transition:
         return sets, requires, completes, satisfied_of
 
 
-def _find_absorptions(dependents: Sequence[tuple[Dependency, Sequence[int]]]) -> list[tuple[int, int]]:
+def _find_absorptions(children: Sequence[Child]) -> list[tuple[int, int]]:
     """Pair the satisfied bit of each clause group with the falsified bits of its partly decided bodies."""
     begun = [
-        (group, dependency.rank, bits)
-        for dependency, bits in dependents
-        for group in dependency.clause_groups
-        if bits[group.satisfied]
+        (group, parent.rank, bits)
+        for _, parent, bits in children
+        for group in parent.clause_groups
+        if bits[group.satisfied_slot]
     ]
     if len(begun) > MAX_ABSORBING_GROUPS:
         return []
-    pairs = [(bits[group.satisfied], _find_open_bits(group, rank, bits)) for group, rank, bits in begun]
-    return [pair for pair in pairs if pair[1]]
-
-
-def _find_open_bits(group: ClauseGroup, rank: int, bits: Sequence[int]) -> int:
-    """Compute the mask of the falsified bits of the bodies that the step of this rank leaves undecided."""
-    mask = 0
-    for body in group.bodies:
-        if body.first <= rank < body.last:
-            mask |= bits[body.falsified]
-    return mask
+    pairs = []
+    for group, rank, bits in begun:
+        # different bits, so their sum is their union
+        open_bits = sum([bits[b.falsified_slot] for b in group.bodies if b.first <= rank < b.last])
+        if open_bits:
+            pairs.append((bits[group.satisfied_slot], open_bits))
+    return pairs

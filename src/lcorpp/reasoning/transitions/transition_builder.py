@@ -1,9 +1,25 @@
-"""Compilation, step 2: build the transitions of all components in elimination order.
+"""Compilation, step 2: build the transitions of all steps, and allocate the bits of the state.
 
-First each component gets its rule group (`_register_rule_group`), which names bit slots. Then, step by step,
-each slot gets a bit of the state for as long as it is needed, as in register allocation (`build`). Components
-with the same rule group, bits and dependents share one `Transition`. `transitions/__init__.py` defines these
-terms.
+Later steps need to know of earlier ones only which bodies of their rules are satisfied, so the state has bits
+for bodies, not for terms. Example, decided in the order a, b, c, x:
+
+    x :- a, b=false.      x :- c.
+
+The component x is a *child* of the steps a, b and c, its *parents* (as in a Bayesian network; their *ranks*
+are 0, 1 and 2). Its *rule template* needs two bits, each in a *slot*: slot 0 for "a body of x=true is
+satisfied" and slot 1 for "the first body is falsified". The second body needs no bit, as one step decides it.
+The builder gives each slot a bit of the state for as long as it is needed, as in register allocation:
+
+    step  effect of the outcome on the state                   bits in use afterwards
+    a     a=false sets bit 1                                   1 (slot 1)
+    b     b=false sets bit 2, unless bit 1 is set              2 (slot 0)
+    c     c=true sets bit 2                                    2 (slot 0)
+    x     x=true if bit 2 is set, otherwise x has no value     none
+
+So a level of the decision diagram has two states (nodes), although there are eight outcomes of a, b and c.
+Components whose rules are equal up to the names of terms share a template; steps with the same template,
+bits and children share a `Transition`. A constraint is a child without a step of its own: if its body is
+satisfied, the world is impossible.
 """
 
 from __future__ import annotations
@@ -11,38 +27,29 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from heapq import heappop, heappush
-from typing import Any
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
+from lcorpp.reasoning.transitions.local_distribution import (
+    AcyclicTermDistribution,
+    GuardedClause,
+    LocalDistribution,
+    Outcome,
+    ProbabilityCache,
+)
 from lcorpp.reasoning.transitions.recursive_components import build_component
-from lcorpp.reasoning.transitions.rule_groups import Dependency, RuleGroup, describe_structure
-from lcorpp.reasoning.transitions.selection import AcyclicTerm, LocalDistribution
+from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
 from lcorpp.reasoning.transitions.transition import Transition
 
-_Dependents = list[tuple[RuleGroup, Dependency, list[int]]]
-"""The dependents of a step: (rule group, its dependency on the step, the bits in its bit slots)."""
 
-
-def build_transitions(
-    program: GroundProgram,
-    clauses: Sequence[Clause],
-    outcomes: Sequence[int],
-    order: Sequence[tuple[int, ...]],
-    queried: set[int],
-) -> list[Transition]:
-    """Build the transitions of the components in their order.
+class TransitionBuilder:
+    """Builds the transitions of all steps.
 
     Args:
         clauses: the simplified clauses.
         outcomes: the mask of the possible outcomes of each term.
-        order: the terms of each component, in the order of elimination.
+        order: step -> the terms that it decides.
         queried: the terms whose outcomes queries read.
     """
-    return _TransitionBuilder(program, clauses, outcomes, order).build(queried)
-
-
-class _TransitionBuilder:
-    """Builds the transitions; the arguments are those of `build_transitions`."""
 
     def __init__(
         self,
@@ -50,147 +57,143 @@ class _TransitionBuilder:
         clauses: Sequence[Clause],
         outcomes: Sequence[int],
         order: Sequence[tuple[int, ...]],
+        queried: set[int],
     ) -> None:
-        self._program, self._outcomes, self._order = program, outcomes, order
+        self._program, self._outcomes, self._order, self._queried = program, outcomes, order, queried
         self._step_of = [0] * len(outcomes)  # term -> the step that decides it
-        own_clauses: list[list[Clause]] = [[] for _ in order]
         for step, terms in enumerate(order):
             for term in terms:
                 self._step_of[term] = step
         # term -> its index in a component of several terms
         self._index_of = {term: i for terms in order if len(terms) > 1 for i, term in enumerate(terms)}
-        self._rule_group_of: dict[object, RuleGroup] = {}  # description of the structure -> rule group
-        self._dependents: list[_Dependents] = [[] for _ in order]
-        constraints: dict[tuple[int, ...], list[Clause]] = {}  # the terms of the body -> constraints
+        self._template_of: dict[object, RuleTemplate] = {}  # description of the structure -> template
+        self._children: list[list[Child]] = [[] for _ in order]  # of each step
+        self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
+        self._probabilities: ProbabilityCache = {}
+        own_clauses: list[list[Clause]] = [[] for _ in order]
+        constraints: dict[
+            tuple[int, ...], list[Clause]
+        ] = {}  # the terms of the body, in its order -> clauses
         for clause in clauses:
             if clause.term < 0:  # a constraint has no head
                 constraints.setdefault(tuple([literal[0] for literal in clause.body]), []).append(clause)
             else:
                 own_clauses[self._step_of[clause.term]].append(clause)
-        n_equal_sized = Counter(map(len, own_clauses))
-        self._rule_groups = [  # step -> (rule group, bits in its bit slots)
-            self._register_rule_group(terms, own, n_equal_sized[len(own)] > 1)
+        count_by_size = Counter(map(len, own_clauses))
+        self._components = [  # step -> (template, bits)
+            self._add_child(terms, own, count_by_size[len(own)] > 1)
             for terms, own in zip(order, own_clauses, strict=True)
         ]
-        n_equal_sized = Counter(map(len, constraints.values()))
-        for own in constraints.values():  # no step decides constraints: they are dependents only
-            self._register_rule_group((), own, n_equal_sized[len(own)] > 1)
+        count_by_size = Counter(map(len, constraints.values()))
+        for own in constraints.values():
+            self._add_child((), own, count_by_size[len(own)] > 1)
 
-    def _register_rule_group(
+    def _add_child(
         self, terms: tuple[int, ...], clauses: Sequence[Clause], has_equal_sized: bool
-    ) -> tuple[RuleGroup, list[int]]:
-        """Find or create the rule group of a component; make it a dependent of the steps that it depends on.
+    ) -> tuple[RuleTemplate, list[int]]:
+        """Find or create the template of a component, and add the component to the children of its parents.
 
         Args:
             terms: the terms of the component; none for constraints.
             clauses: the clauses of the component, or constraints over the same terms.
-            has_equal_sized: whether another component has the same number of clauses; only then can the rule
-                group be shared.
+            has_equal_sized: whether another component has the same number of clauses; only then can the
+                template be shared.
 
         Returns:
-            The rule group, and a list for the bits in its bit slots, whose last entry is for `NO_SLOT`: 0.
+            The template, and the bits of its slots, see `Child`.
         """
         structure: list[object] | None = None
-        needed: Collection[int]  # the terms of the bodies that earlier steps decide
-        if has_equal_sized and len(terms) < 2:
-            term = terms[0] if terms else -1
+        needed: Collection[int]  # the terms of the bodies that earlier steps decide, by first occurrence
+        term = terms[0] if terms else -1
+        if has_equal_sized and len(terms) < 2 and term not in self._program.do:
             structure, needed = describe_structure(self._program, term, clauses, self._outcomes)
         else:
             inner = set(terms)
             needed = dict.fromkeys([x[0] for clause in clauses for x in clause.body if x[0] not in inner])
-        step_of, index_of = self._step_of, self._index_of
-        steps = [step_of[term] for term in needed]  # below: without repetitions, in order
-        ranks: tuple[int, ...] = (0,) * len(steps)  # of the step of each needed term in `steps`
-        if len(steps) > 1:
-            unsorted, steps = steps, sorted(set(steps))
+        step_of_needed = [self._step_of[term] for term in needed]
+        if len(needed) > 1:
+            steps = sorted(set(step_of_needed))  # rank -> step
             rank_of = {step: rank for rank, step in enumerate(steps)}
-            ranks = tuple([rank_of[step] for step in unsorted])
-        key = rule_group = None
-        # the indexes of terms in their components are not in the structure: such rule groups are not shared
-        if structure is not None and not (index_of and any(term in index_of for term in needed)):
+            ranks = tuple([rank_of[step] for step in step_of_needed])
+        else:  # usual in chains, and faster
+            steps, ranks = step_of_needed, (0,) * len(needed)
+        key = None
+        # the structure does not contain the indexes of terms in components of several terms
+        if structure is not None and not (self._index_of and any(term in self._index_of for term in needed)):
             structure.append(ranks)
             key = tuple(structure)
-            rule_group = self._rule_group_of.get(key)
-        if rule_group is None:
-            rank_and_index = {
-                term: (rank, index_of.get(term, 0)) for term, rank in zip(needed, ranks, strict=True)
+        template = self._template_of.get(key)
+        if template is None:
+            places = {
+                term: (rank, self._index_of.get(term, 0)) for term, rank in zip(needed, ranks, strict=True)
             }
-            rule_group = RuleGroup.from_clauses(terms, clauses, rank_and_index, self._outcomes)
+            if terms:
+                template = RuleTemplate.from_clauses(terms, clauses, places, self._outcomes)
+            else:
+                template = RuleTemplate.from_constraints(clauses, places, self._outcomes)
             if key is not None:
-                self._rule_group_of[key] = rule_group
+                self._template_of[key] = template
         else:
-            rule_group.is_shared = True
-        bits = [0] * (rule_group.n_bit_slots + 1)
-        for dependency in rule_group.dependencies:
-            self._dependents[steps[dependency.rank]].append((rule_group, dependency, bits))
-        return rule_group, bits
+            template.is_shared = True
+        bits = [0] * (template.n_slots + 1)  # the last is bits[NO_SLOT]
+        for parent in template.parents:
+            self._children[steps[parent.rank]].append((template, parent, bits))
+        return template, bits
 
-    def build(self, queried: set[int]) -> list[Transition]:
+    def build(self) -> list[Transition]:
         """Allocate the bits step by step and build the transitions."""
         allocator = _BitAllocator()
-        cache: dict[object, Any] = {}
         transition_of: dict[object, Transition] = {}
-        bit_slots_of: dict[Dependency, list[int]] = {}
         transitions: list[Transition] = []
-        for (rule_group, own_bits), dependents, terms in zip(
-            self._rule_groups, self._dependents, self._order, strict=True
-        ):
-            is_shareable = rule_group.is_shared
-            for dependent, dependency, bits in dependents:
-                is_shareable = is_shareable and dependent.is_shared
-                for slot in dependency.allocates:
+        steps = zip(self._components, self._children, self._order, strict=True)
+        for (template, own_bits), children, terms in steps:
+            is_shareable = template.is_shared
+            for other, parent, bits in children:
+                is_shareable &= other.is_shared
+                for slot in parent.allocates:
                     bits[slot] = allocator.allocate()
-            # every body of the component is decided: only bits for *satisfied* are left
+            # all bodies of the component are decided, so only bits for "satisfied" are left
             input_mask = sum(own_bits)
             allocator.release(own_bits)
-            for _, dependency, bits in dependents:
-                if dependency.releases:
-                    allocator.release([bits[slot] for slot in dependency.releases])
-            key = transition = None
-            if is_shareable:  # equal keys: equal rule group, bits and dependents
-                parts: list[object] = [rule_group, allocator.live_mask, *own_bits]
-                for _, dependency, bits in dependents:
-                    if dependency not in bit_slots_of:
-                        bit_slots_of[dependency] = dependency.list_bit_slots()
-                    parts.append(dependency)
-                    parts += [bits[slot] for slot in bit_slots_of[dependency]]
+            for _, parent, bits in children:
+                if parent.releases:
+                    allocator.release([bits[slot] for slot in parent.releases])
+            key = None
+            if is_shareable:
+                parts: list[object] = [template, allocator.live_mask, *own_bits]
+                for _, parent, bits in children:
+                    parts.append(parent)
+                    parts += [bits[slot] for slot in parent.slots]
                 key = tuple(parts)
-                transition = transition_of.get(key)
+            transition = transition_of.get(key)
             if transition is None:
-                distribution = self._build_distribution(
-                    rule_group, own_bits, dependents, terms, queried, cache
-                )
-                updates = [(dependency, bits) for _, dependency, bits in dependents]
-                transition = Transition(len(terms), distribution, input_mask, updates, allocator.live_mask)
+                distribution = self._build_distribution(template, own_bits, children, terms)
+                transition = Transition(len(terms), distribution, input_mask, children, allocator.live_mask)
                 if key is not None:
                     transition_of[key] = transition
             else:
                 transition.is_shared = True
             transitions.append(transition)
-            for _, dependency, bits in dependents:
-                for slot in dependency.releases:
+            for _, parent, bits in children:  # only now: the transition reads these bits for the last time
+                for slot in parent.releases:
                     bits[slot] = 0
         return transitions
 
     def _build_distribution(
-        self,
-        rule_group: RuleGroup,
-        bits: list[int],
-        dependents: _Dependents,
-        terms: tuple[int, ...],
-        queried: set[int],
-        cache: dict[object, Any],
+        self, template: RuleTemplate, bits: list[int], children: Sequence[Child], terms: tuple[int, ...]
     ) -> LocalDistribution:
-        if not rule_group.recursive:
-            return AcyclicTerm(self._program, rule_group, bits, cache)
-        # the terms whose outcomes queries or dependents read
-        read_terms = queried.intersection(terms) if len(terms) > 1 else set(rule_group.terms)
-        for _, dependency, _ in dependents:
-            read_terms.update(
-                [rule_group.terms[i] for update in dependency.updates for i, _ in update.conditions]
-            )
-        clauses = [(bits[group.satisfied], group.clause) for group in rule_group.clause_groups]
-        return build_component(self._program, rule_group.terms, clauses, cache, read_terms)
+        if not template.recursive:
+            cache = self._outcomes_of.setdefault(template, {})
+            return AcyclicTermDistribution(self._program, template, bits, cache, self._probabilities)
+        # the terms whose outcomes queries or children read; a single term always counts, as others share it
+        read_terms = self._queried.intersection(terms) if len(terms) > 1 else set(template.terms)
+        for _, parent, _ in children:
+            read_terms.update([template.terms[i] for update in parent.updates for i, _ in update.conditions])
+        clauses = [
+            GuardedClause(bits[group.satisfied_slot], group.clause, group.own_literals)
+            for group in template.clause_groups
+        ]
+        return build_component(self._program, template.terms, clauses, self._probabilities, read_terms)
 
 
 class _BitAllocator:
@@ -200,14 +203,12 @@ class _BitAllocator:
     """
 
     def __init__(self) -> None:
-        self.live_mask, self._free, self._next = 0, [], 1  # type: int, list[int], int
+        self.live_mask = 0
+        self._free: list[int] = []  # below the highest bit in use
 
     def allocate(self) -> int:
         """Return a bit that is not in use."""
-        if self._free:
-            bit = heappop(self._free)
-        else:
-            bit, self._next = self._next, self._next << 1
+        bit = heappop(self._free) if self._free else self.live_mask + 1
         self.live_mask |= bit
         return bit
 

@@ -1,21 +1,21 @@
 """Compilation, step 2: a program as a transition system whose steps decide one component each.
 
-ground program -> simplification -> elimination order -> transitions. `circuit.trellis` expands the
-result to all reachable states; `likelihood_weighting` samples paths of it.
+ground program -> simplification -> variable order -> transitions
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, groupby
 
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
-from lcorpp.reasoning.transitions.elimination_order import order_components
 from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent
 from lcorpp.reasoning.transitions.transition import Transition
-from lcorpp.reasoning.transitions.transition_builder import build_transitions
+from lcorpp.reasoning.transitions.transition_builder import TransitionBuilder
+from lcorpp.reasoning.transitions.variable_order import order_components
 
 
 @dataclass(slots=True, eq=False)
@@ -43,7 +43,7 @@ class TransitionSystem:
 
 
 def build_transition_system(program: GroundProgram, queried: Iterable[str] = ()) -> TransitionSystem:
-    """Simplify a ground program, order its components and build their transitions.
+    """Simplify a ground program, order its components and build the transitions.
 
     Args:
         queried: the terms whose outcomes queries read.
@@ -56,12 +56,12 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
         term_numbers = {name: term for term, name in enumerate(program.names)}
         consistent = not any(c.term < 0 and not c.body for c in clauses)
         needed = {term_numbers[name] for name in queried if name in term_numbers}
-        transitions = build_transitions(program, clauses, outcomes, order, needed)
+        transitions = TransitionBuilder(program, clauses, outcomes, order, needed).build()
         if len(order) < len(components) and any(
             isinstance(transition.distribution, RecursiveComponent) for transition in transitions
         ):
             order = components  # a merged component is not stratified
-            transitions = build_transitions(program, clauses, outcomes, order, needed)
+            transitions = TransitionBuilder(program, clauses, outcomes, order, needed).build()
         return TransitionSystem(program, order, transitions, consistent, term_numbers)
 
 
@@ -77,20 +77,9 @@ def _merge_deterministic_neighbours(
         return order
     random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
     merged: list[tuple[int, ...]] = []
-    run: list[tuple[int, ...]] = []
-
-    def end_run() -> None:
-        if any(len(terms) > 1 for terms in run):
-            merged.append(tuple([term for terms in run for term in terms]))
-        else:
-            merged.extend(run)
-        run.clear()
-
-    for terms in order:
-        if random.isdisjoint(terms):
-            run.append(terms)
-        else:
-            end_run()
-            merged.append(terms)
-    end_run()
+    for is_deterministic, neighbours in groupby(order, random.isdisjoint):
+        run = list(neighbours)
+        if is_deterministic and any(len(terms) > 1 for terms in run):
+            run = [tuple(chain.from_iterable(run))]
+        merged.extend(run)
     return merged

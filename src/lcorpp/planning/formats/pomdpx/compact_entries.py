@@ -15,13 +15,12 @@ import numpy.typing as npt
 
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.variables import ALL, EACH, Scope
-from lcorpp.values import Array
 
 SPARSE_RATIO = 16
-"""Rows with fewer than one nonzero in this many numbers are written number by number."""
+"""A table with fewer than one nonzero in this many numbers is written number by number."""
 
 MAX_BLOCK_NUMBERS = 64
-"""Maximum number of numbers in an entry that contains the rows of all values of the last parent."""
+"""Maximum length of an entry that contains the rows of all values of the last parent."""
 
 RowClasses = npt.NDArray[np.int32]
 
@@ -36,16 +35,16 @@ _UNSET = -1
 
 def compact_entries(table: Table, scope: Scope) -> Iterator[Entry]:
     """Return the entries of a table; a later entry overrides earlier ones."""
-    writer = _Writer(table, scope)
+    writer = _EntryWriter(table, scope)
     if not table.children:
-        return writer.rewards()
+        return writer.make_reward_entries()
     rows = table.rows
     is_dense = rows.shape[1] * rows.shape[2] <= SPARSE_RATIO * len(rows.values)
-    return writer.rows() if is_dense else writer.numbers()
+    return writer.make_row_entries() if is_dense else writer.make_number_entries()
 
 
-class _Writer:
-    """Writes one table. classes: of its rows, see `_classify_rows`. content: columns and values of each."""
+class _EntryWriter:
+    """Writes one table. classes: of its rows, see `_classify_rows`. content: columns and values by class."""
 
     def __init__(self, table: Table, scope: Scope) -> None:
         self.table, self.width = table, table.rows.shape[2]
@@ -53,46 +52,44 @@ class _Writer:
         self.classes, first = _classify_rows(table)
         self.content = [table.rows.row(0, row) for row in first]
 
-    def rewards(self) -> Iterator[Entry]:
-        """One number for each entry; 0 needs no entry."""
+    def make_reward_entries(self) -> Iterator[Entry]:
+        """Yield an entry for each number; 0 needs none, so all rows begin in the class of empty rows."""
         zero = next((k for k, (columns, _) in enumerate(self.content) if not len(columns)), _UNSET)
-        for place, row_class, _ in _find_entries(self.classes, np.full_like(self.classes, zero)):
+        for place, row_class, _ in self._find_changes(zero):
             yield self._format_place(place), repr(float(self.content[row_class][1].sum()))
 
-    def rows(self) -> Iterator[Entry]:
-        """Whole rows, with their zeros."""
-        dense = [self._make_dense_row(k) for k in range(len(self.content))]
+    def make_row_entries(self) -> Iterator[Entry]:
+        """Yield whole rows, with their zeros."""
+        dense = np.zeros((len(self.content), self.width))
+        for row, (columns, values) in zip(dense, self.content, strict=True):
+            row[columns] = values
         each = [EACH] * len(self.table.children)
-        unset = np.full_like(self.classes, _UNSET)
-        places = [(place, row_class) for place, row_class, _ in _find_entries(self.classes, unset)]
+        places = [(place, row_class) for place, row_class, _ in self._find_changes(_UNSET)]
         for place, block in _join_blocks(places, self.classes.shape, self.width):
-            numbers = np.concatenate([dense[k] for k in block])
-            if not self.table.parents and (numbers == 1 / self.width).all():
+            rows = dense[block]
+            if not self.table.parents and (rows == 1 / self.width).all():
                 text = "uniform"
-            elif (
-                len(block) > 1 and len(each) == 1 and np.array_equal(numbers, np.eye(self.width).reshape(-1))
-            ):
+            elif len(block) > 1 and len(each) == 1 and np.array_equal(rows, np.eye(self.width)):
                 text = "identity"
             else:
-                text = " ".join(map(repr, numbers.tolist()))
+                text = " ".join(map(repr, rows.reshape(-1).tolist()))
             yield [*self._format_place(place), *each], text
 
-    def numbers(self) -> Iterator[Entry]:
-        """One nonzero number for each entry, and the zeros that override earlier entries."""
+    def make_number_entries(self) -> Iterator[Entry]:
+        """Yield an entry for each nonzero number, and for the zeros that override earlier entries."""
         sizes = self.table.shape[len(self.table.parents) :]
-        for place, row_class, before in _find_entries(self.classes, np.full_like(self.classes, _UNSET)):
-            numbers = dict.fromkeys((c for old in before for c in self.content[old][0].tolist()), 0.0)
-            numbers |= dict(zip(*(array.tolist() for array in self.content[row_class]), strict=True))
+        for place, row_class, overridden in self._find_changes(_UNSET):
+            numbers = dict.fromkeys((c for k in overridden for c in self.content[k][0].tolist()), 0.0)
+            columns, values = self.content[row_class]
+            numbers |= dict(zip(columns.tolist(), values.tolist(), strict=True))
             for column, value in numbers.items():
                 yield self._format_place([*place, *map(int, np.unravel_index(column, sizes))]), repr(value)
 
+    def _find_changes(self, initial: int) -> Iterator[tuple[Place, int, list[int]]]:
+        return _find_entries(self.classes, np.full_like(self.classes, initial))
+
     def _format_place(self, place: Sequence[int | str]) -> list[str]:
         return [s if isinstance(s, str) else names[s] for s, names in zip(place, self.values, strict=False)]
-
-    def _make_dense_row(self, row_class: int) -> Array:
-        row = np.zeros(self.width)
-        row[self.content[row_class][0]] = self.content[row_class][1]
-        return row
 
 
 def _classify_rows(table: Table) -> tuple[RowClasses, list[int]]:
@@ -121,21 +118,21 @@ def _find_entries(classes: RowClasses, current: RowClasses) -> Iterator[tuple[Pl
     """
     if np.array_equal(classes, current):
         return
-    if classes.min() == classes.max():
+    if classes.min() == classes.max():  # also if no parents are left
         overridden = [k for k in np.unique(current).tolist() if k != _UNSET]
         yield [ALL] * classes.ndim, int(classes.flat[0]), overridden
         return
-    if (current == current[0]).all():
+    if (current == current[0]).all():  # it does not depend on the first parent
         slices = [part.tobytes() for part in classes]
         most_common, count = Counter(slices).most_common(1)[0]
         if 2 * count > len(slices):
             common = classes[slices.index(most_common)]
-            for place, row_class, before in _find_entries(common, current[0]):
-                yield [ALL, *place], row_class, before
+            for place, row_class, overridden in _find_entries(common, current[0]):
+                yield [ALL, *place], row_class, overridden
             current = np.broadcast_to(common, classes.shape)
     for i, (part, current_part) in enumerate(zip(classes, current, strict=True)):
-        for place, row_class, before in _find_entries(part, current_part):
-            yield [i, *place], row_class, before
+        for place, row_class, overridden in _find_entries(part, current_part):
+            yield [i, *place], row_class, overridden
 
 
 def _join_blocks(
@@ -143,14 +140,14 @@ def _join_blocks(
 ) -> Iterator[tuple[Place, list[int]]]:
     """Join consecutive entries for all values of the last parent into one."""
     size = shape[-1] if shape else 1
-    at = 0
-    while at < len(places):
-        place, row_class = places[at]
-        run = places[at : at + size]
-        is_block = [p for p, _ in run] == [[*place[:-1], i] for i in range(size)]
-        if 1 < size <= MAX_BLOCK_NUMBERS // width and is_block:
+    joins = 1 < size <= MAX_BLOCK_NUMBERS // width
+    start = 0
+    while start < len(places):
+        place, row_class = places[start]
+        run = places[start : start + size]
+        if joins and [p for p, _ in run] == [[*place[:-1], i] for i in range(size)]:
             yield [*place[:-1], EACH], [k for _, k in run]
-            at += size
+            start += size
         else:
             yield place, [row_class]
-            at += 1
+            start += 1

@@ -37,7 +37,7 @@ class DiagramReader:
     def read(self) -> None:
         """Raise a ParseError if the diagram is malformed, has a cycle or too many branches."""
         parameter, document = self.function.parameter, self.document
-        for child in document.children(parameter, ("DAG", "SubDAGTemplate"), ("type",)):
+        for child in document.check_children(parameter, ("DAG", "SubDAGTemplate"), ("type",)):
             if child.name == "SubDAGTemplate":
                 name = document.attribute(child, "id")
                 if name in self.templates:
@@ -53,7 +53,7 @@ class DiagramReader:
             if branches > MAX_BRANCHES:
                 raise self.error(root, f"the decision diagram has over {MAX_BRANCHES} branches")
             parent, place, templates = stack.pop()
-            document.children(parent, ("Node", "SubDAG", "Terminal"), _BRANCH_ATTRIBUTES[parent.name])
+            document.check_children(parent, ("Node", "SubDAG", "Terminal"), _BRANCH_ATTRIBUTES[parent.name])
             branch = document.only_child(parent, "Node", "SubDAG", "Terminal")
             if branch.name == "Node":
                 stack += [(edge, next_place, 0) for edge, next_place in self._read_edges(branch, place)]
@@ -78,7 +78,7 @@ class DiagramReader:
     def _read_edges(
         self, node: Element, place: Sequence[Selector]
     ) -> list[tuple[Element, tuple[Selector, ...]]]:
-        edges = self.document.children(node, ("Edge",), ("var",))
+        edges = self.document.check_children(node, ("Edge",), ("var",))
         axis = self._find_axis(node, place)
         edge_of: dict[int, Element] = {}
         for edge in edges:
@@ -94,7 +94,7 @@ class DiagramReader:
         kind = self.document.attribute(element, "type")
         if kind not in _SHORTHAND_ATTRIBUTES:
             raise self.error(element, f"unknown type {kind!r}; {expected_one_of(_SHORTHAND_ATTRIBUTES)}")
-        self.document.children(element, (), _SHORTHAND_ATTRIBUTES[kind])
+        self.document.check_children(element, (), _SHORTHAND_ATTRIBUTES[kind])
         if kind != "template" and not self.function.children:
             raise self.error(element, f"{kind!r} is for probabilities, not for rewards")
         return kind

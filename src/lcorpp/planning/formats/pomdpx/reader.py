@@ -18,9 +18,9 @@ from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.table_builder import TableBuilder
 from lcorpp.planning.factored.variables import AFTER
 from lcorpp.planning.formats.pomdpx.decision_diagrams import DiagramReader
+from lcorpp.planning.formats.pomdpx.declarations import Declarations
 from lcorpp.planning.formats.pomdpx.document import Document, Element
 from lcorpp.planning.formats.pomdpx.tables import Function, normalize_rows, read_entries
-from lcorpp.planning.formats.pomdpx.variables import Declarations
 from lcorpp.planning.pomdp import Pomdp, discount_message
 
 _SECTIONS = ("InitialStateBelief", "StateTransitionFunction", "ObsFunction", "RewardFunction")
@@ -78,7 +78,7 @@ class _ProblemReader:
 
     def __init__(self, document: Document) -> None:
         self.document, root = document, document.root
-        self.parts = document.children(root, _PARTS, tuple(root.attributes))
+        self.parts = document.check_children(root, _PARTS, tuple(root.attributes))
         self.declarations = Declarations(document, document.only_child(root, "Variable"))
 
     def read(self) -> Factored:
@@ -109,8 +109,8 @@ class _ProblemReader:
     def _find_functions(self, section: str, kind: str) -> Iterator[tuple[Element, Element]]:
         """Yield the functions of a section, each with its ``<Var>``."""
         for part in self.parts:
-            for element in self.document.children(part, (kind,)) if part.name == section else ():
-                self.document.children(element, ("Var", "Parent", "Parameter"))
+            for element in self.document.check_children(part, (kind,)) if part.name == section else ():
+                self.document.check_children(element, ("Var", "Parent", "Parameter"))
                 yield element, self.document.only_child(element, "Var")
 
     def _read_start(self, names: Sequence[str]) -> tuple[Table, ...]:

@@ -14,8 +14,8 @@ from lcorpp.planning.factored.table import Table, format_row
 from lcorpp.planning.factored.table_builder import Selector, TableBuilder
 from lcorpp.planning.factored.variables import ALL, EACH
 from lcorpp.planning.formats.numbers import ROW_TOLERANCE
+from lcorpp.planning.formats.pomdpx.declarations import Declarations
 from lcorpp.planning.formats.pomdpx.document import Document, Element
-from lcorpp.planning.formats.pomdpx.variables import Declarations
 from lcorpp.planning.pomdp import SUM_TOLERANCE
 from lcorpp.values import Array
 
@@ -42,12 +42,8 @@ class Function:
 
 
 def read_entries(function: Function, builder: TableBuilder) -> None:
-    """Put the entries of a function into a table.
-
-    Raises:
-        ParseError: an entry is malformed.
-    """
-    for entry in function.declarations.document.children(function.parameter, ("Entry",), ("type",)):
+    """Put the entries of a function into a table; raise a ParseError if one is malformed."""
+    for entry in function.declarations.document.check_children(function.parameter, ("Entry",), ("type",)):
         _read_entry(function, builder, entry)
 
 
@@ -55,7 +51,7 @@ def _read_entry(function: Function, builder: TableBuilder, entry: Element) -> No
     document = function.declarations.document
     # the documentation itself uses ProbTable for rewards in place of ValueTable
     titles = ("ProbTable",) if function.children else ("ValueTable", "ProbTable")
-    document.children(entry, ("Instance", *titles))
+    document.check_children(entry, ("Instance", *titles))
     instance, numbers = document.only_child(entry, "Instance"), document.only_child(entry, *titles)
     place = _read_place(function, instance)
     keyword = numbers.text.strip().lower()
@@ -119,11 +115,7 @@ def check_probabilities(document: Document, element: Element, values: Array) -> 
 
 
 def normalize_rows(function: Function, table: Table) -> Table:
-    """Check that every row sums to 1, and remove the file's rounding errors.
-
-    Raises:
-        ParseError: a row is missing or has another sum.
-    """
+    """Check that each row is present and sums to 1; return the table without the file's rounding errors."""
     sums = table.rows.row_sums()
     errors = np.abs(sums - 1)
     wrong = np.flatnonzero(errors[0] > ROW_TOLERANCE)

@@ -1,4 +1,4 @@
-"""Elimination orders and strongly connected components."""
+"""Variable orders and strongly connected components."""
 
 from __future__ import annotations
 
@@ -6,18 +6,20 @@ from hypothesis import given, strategies as st
 
 from lcorpp.reasoning import parse_plog
 from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.transitions.elimination_order import find_strongly_connected_components
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
+from lcorpp.reasoning.transitions.variable_order import find_strongly_connected_components
 
 
 @given(edges=st.sets(st.tuples(st.integers(0, 7), st.integers(0, 7))))
 def test_components_are_the_classes_of_mutual_reachability(edges):
-    needs = [sorted(b for a, b in edges if a == node) for node in range(8)]
+    successors = [sorted(b for a, b in edges if a == node) for node in range(8)]
     reach = [{node} for node in range(8)]
     for _ in range(8):
-        reach = [own.union(*(reach[b] for b in own)) | {b for a in own for b in needs[a]} for own in reach]
+        reach = [
+            own.union(*(reach[b] for b in own)) | {b for a in own for b in successors[a]} for own in reach
+        ]
     classes = {tuple(b for b in range(8) if b in reach[a] and a in reach[b]) for a in range(8)}
-    components = find_strongly_connected_components(needs)
+    components = find_strongly_connected_components(successors)
     assert set(components) == classes
     assert len(components) == len(classes)
     position = {node: i for i, nodes in enumerate(components) for node in nodes}

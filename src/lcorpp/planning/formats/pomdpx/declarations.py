@@ -12,15 +12,19 @@ from lcorpp.planning.formats.pomdpx.document import Document, Element
 MAX_COUNT = 1_000_000
 """Maximum number of values of a variable that only counts them."""
 
+MAX_DIGITS = 9
+"""Longer numbers are not converted: int() refuses more than 4300 digits."""
+
 VALUE_PREFIXES = {"StateVar": "s", "ObsVar": "o", "ActionVar": "a"}
 """Names of the values of a variable that only counts them: ``s0``, ``s1`` and so on."""
 
-_ATTRIBUTES = {
-    "StateVar": ("vnamePrev", "vnameCurr", "fullyObs"),
+_NAME_ATTRIBUTES = {
+    "StateVar": ("vnamePrev", "vnameCurr"),
     "ObsVar": ("vname",),
     "ActionVar": ("vname",),
     "RewardVar": ("vname",),
 }
+_TRUTH_VALUES = {"true": True, "1": True, "false": False, "0": False}
 
 
 class Declarations:
@@ -38,20 +42,21 @@ class Declarations:
         self.document = document
         self.names: dict[str, str] = {}
         self.rewards: dict[str, Element] = {}
-        children = document.children(element, tuple(_ATTRIBUTES))
-        state_names = _shorten_state_names(
-            [child.attributes for child in children if child.name == "StateVar"], self._check_names(children)
-        )
+        children = document.check_children(element, tuple(_NAME_ATTRIBUTES))
+        names = self._check_names(children)
+        states = [child.attributes for child in children if child.name == "StateVar"]
+        state_names = _shorten_state_names(states, names)
         variables: dict[str, list[Variable]] = {kind: [] for kind in VALUE_PREFIXES}
         for child in children:
-            first, *others = (child.attributes[attribute] for attribute in _ATTRIBUTES[child.name][:2])
+            first, *others = (child.attributes[attribute] for attribute in _NAME_ATTRIBUTES[child.name])
             if child.name == "RewardVar":
-                document.children(child, (), _ATTRIBUTES[child.name])
+                document.check_children(child, (), ("vname",))
                 self.rewards[first] = child
                 continue
             self.names[first] = state_names.get(first, first)
             self.names |= dict.fromkeys(others, self.names[first] + AFTER)
             variables[child.name].append(self._read_variable(child, self.names[first]))
+        # without observation variables the robot observes only parts of the state
         for kind, what in (("StateVar", "state"), ("ActionVar", "action")):
             if not variables[kind]:
                 raise document.error(element, f"a problem needs a variable for the {what}: <{kind}>")
@@ -61,10 +66,10 @@ class Declarations:
         self.scope = build_scope(self.states, self.actions, self.observations)
 
     def _check_names(self, children: Sequence[Element]) -> set[str]:
-        """Return all names of the file; each is a single word and unique."""
+        """Check that each name is a single word and unique; return all names."""
         names: set[str] = set()
         for child in children:
-            for attribute in _ATTRIBUTES[child.name][:2]:
+            for attribute in _NAME_ATTRIBUTES[child.name]:
                 name = self.document.attribute(child, attribute)
                 if name in names:
                     raise self.document.error(child, f"two variables have the name {name!r}")
@@ -79,14 +84,19 @@ class Declarations:
 
     def _read_variable(self, element: Element, name: str) -> Variable:
         document = self.document
-        observed = element.name == "StateVar" and self._is_observed(element)
-        document.children(element, ("ValueEnum", "NumValues"), _ATTRIBUTES[element.name])
+        text = document.attribute(element, "fullyObs", "false") if element.name == "StateVar" else "false"
+        # published files contain Python's True
+        observed = _TRUTH_VALUES.get(text.strip().lower())
+        if observed is None:
+            raise document.error(element, f"fullyObs must be 'true' or 'false', not {text[:40]!r}")
+        attributes = (*_NAME_ATTRIBUTES[element.name], *(["fullyObs"] if element.name == "StateVar" else []))
+        document.check_children(element, ("ValueEnum", "NumValues"), attributes)
         child = document.only_child(element, "ValueEnum", "NumValues")
         if child.name == "ValueEnum":
             values = document.words(child)
         else:
             word = document.word(child)
-            if not is_count(word) or len(word) > 9 or not 0 < int(word) <= MAX_COUNT:
+            if not is_count(word) or len(word) > MAX_DIGITS or not 0 < int(word) <= MAX_COUNT:
                 message = f"expected a number of values from 1 to {MAX_COUNT}, found {word[:40]!r}"
                 raise document.error(child, message, 0)
             values = [f"{VALUE_PREFIXES[element.name]}{i}" for i in range(int(word))]
@@ -95,13 +105,6 @@ class Declarations:
         except ModelError as error:
             raise document.error(child, str(error)) from None
 
-    def _is_observed(self, element: Element) -> bool:
-        text = self.document.attribute(element, "fullyObs", "false")
-        # published files contain Python's True
-        if text.strip().lower() not in ("true", "false", "1", "0"):
-            raise self.document.error(element, f"fullyObs must be 'true' or 'false', not {text[:40]!r}")
-        return text.strip().lower() in ("true", "1")
-
 
 def _shorten_state_names(states: Sequence[Mapping[str, str]], used: set[str]) -> dict[str, str]:
     """Return our names of the state variables by `vnamePrev`: ``x`` for ``x_0`` and ``x_1``."""
@@ -109,10 +112,11 @@ def _shorten_state_names(states: Sequence[Mapping[str, str]], used: set[str]) ->
     for attributes in states:
         before, after = attributes["vnamePrev"], attributes["vnameCurr"]
         stem = before[:-1].removesuffix("_")
-        short[before] = stem if (before, after) == (before[:-1] + "0", before[:-1] + "1") and stem else before
+        is_pair = before.endswith("0") and after == before[:-1] + "1"
+        short[before] = stem if is_pair and stem else before
     stems = list(short.values())
     # a name that would become ambiguous stays as in the file
     return {
-        before: before if name != before and (stems.count(name) > 1 or name in used) else name
+        before: name if stems.count(name) == 1 and name not in used else before
         for before, name in short.items()
     }

@@ -1,0 +1,267 @@
+"""Compilation, step 2: rule templates, the clauses of a component up to renaming of terms.
+
+Relational programs have equal rules for most terms: ``x(T+1)`` depends on ``x(T)`` for each T. A
+`RuleTemplate` therefore refers to a term in its bodies only by the rank of the step that decides it (rank 0
+for the earliest of these steps), and to a bit of the state only by a slot, so that all later work on a
+template is done once. `transition_builder` has an example.
+
+The masks of literals about other components contain their negation; the flag for `not` matters only inside of
+a cycle, for the reduct.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundLiteral, GroundProgram
+
+DERIVE, SELECT, RANGE, ASSIGN, FORBID = ClauseKind  # access to the members of an Enum is slow
+
+Conditions = Sequence[tuple[int, int]]
+"""(index of a term in its component, mask of the outcomes that satisfy the literal), for each literal."""
+
+NO_SLOT = -1
+"""The slot of what needs no bit."""
+
+
+class BodyUpdate(NamedTuple):
+    """How a step updates a body.
+
+    conditions: on the terms that the step decides.
+    falsified_slot: of the bit for "a literal is false", `NO_SLOT` if only this step matters for the body.
+    is_last: whether no later step matters for the body.
+    satisfied_slot: of the bit for "a body is satisfied", `NO_SLOT` for a constraint.
+    """
+
+    conditions: Conditions
+    falsified_slot: int
+    is_last: bool
+    satisfied_slot: int
+
+
+@dataclass(slots=True, eq=False)
+class RankedBody:
+    """The literals of a body about other components, by the ranks of the steps that decide their terms.
+
+    conditions: (rank, conditions on the terms of that step), sorted by rank.
+    first, last: the lowest and highest rank.
+    falsified_slot: of the bit for "a literal is false", `NO_SLOT` if `first` is `last`.
+    """
+
+    conditions: Sequence[tuple[int, Conditions]]
+    first: int
+    last: int
+    falsified_slot: int = NO_SLOT
+
+
+@dataclass(slots=True, eq=False)
+class ClauseGroup:
+    """Clauses with the same head; only whether one of their bodies is true matters.
+
+    clause: one of the clauses, for its head.
+    own_literals: its literals about the component itself; a clause with such literals has its own group.
+    always_true: whether one of the bodies has no literals about other components.
+    satisfied_slot: of the bit for "a body is satisfied", `NO_SLOT` if `always_true`.
+    """
+
+    clause: Clause
+    own_literals: Sequence[GroundLiteral]
+    always_true: bool = False
+    satisfied_slot: int = NO_SLOT
+    bodies: list[RankedBody] = field(default_factory=list)
+
+
+@dataclass(eq=False)
+class Parent:
+    """An earlier step that decides terms of the bodies.
+
+    rank: its position among the steps that decide terms of the bodies.
+    allocates, releases: the slots whose bits this step uses first, and last.
+    updates: the bodies that the step can satisfy or falsify.
+    clause_groups: the groups with several bodies of which the step updates one; once one of them is
+        satisfied, the bits of the others are redundant.
+    """
+
+    rank: int
+    allocates: list[int] = field(default_factory=list)
+    releases: list[int] = field(default_factory=list)
+    updates: list[BodyUpdate] = field(default_factory=list)
+    clause_groups: list[ClauseGroup] = field(default_factory=list)
+
+    @cached_property
+    def slots(self) -> list[int]:
+        """The slots of all bits that the step reads or writes."""
+        slots = {slot for update in self.updates for slot in (update.falsified_slot, update.satisfied_slot)}
+        slots.update([body.falsified_slot for group in self.clause_groups for body in group.bodies])
+        return sorted(slots)
+
+
+@dataclass(slots=True, eq=False)
+class RuleTemplate:
+    """The clauses of a component, or constraints over the same terms, without the names of other terms.
+
+    terms: the terms of the first component with this template, none for constraints. Other components with
+        the template have terms with the same range and the same statements, and no interventions.
+    clause_groups: the clauses by head; none for constraints.
+    always_true: the indexes of the clause groups that are always true.
+    parents: one for each step that can update a body, in the order of the steps.
+    recursive: whether a term depends on itself, or several terms on each other.
+    n_slots: the number of slots; those for "satisfied" come first, in the order of the clause groups.
+    is_shared: whether several components have this template.
+    """
+
+    terms: tuple[int, ...]
+    clause_groups: list[ClauseGroup]
+    parents: list[Parent]
+    recursive: bool = False
+    always_true: list[int] = field(default_factory=list)
+    n_slots: int = 0
+    is_shared: bool = False
+
+    @classmethod
+    def from_clauses(
+        cls,
+        terms: tuple[int, ...],
+        clauses: Sequence[Clause],
+        places: Mapping[int, tuple[int, int]],
+        outcomes: Sequence[int],
+    ) -> RuleTemplate:
+        """Create the template of a component.
+
+        Args:
+            places: term of a body outside of the component -> (rank of its step, index in its component).
+            outcomes: the mask of the possible outcomes of each term.
+        """
+        groups: dict[object, ClauseGroup] = {}
+        recursive = len(terms) > 1
+        for index, clause in enumerate(clauses):
+            own_literals, body = _split_body(clause, places, outcomes)
+            kind = clause.kind
+            key: object = index  # equal keys: one group
+            if own_literals:
+                recursive = True
+            elif kind is DERIVE:
+                key = clause.term, clause.value
+            elif kind is not ASSIGN:
+                key = kind, clause.term, clause.value, clause.statement, clause.instance
+            group = groups.get(key)
+            if group is None:
+                group = groups[key] = ClauseGroup(clause, own_literals)
+            if body.conditions:
+                group.bodies.append(body)
+            else:
+                group.always_true = True
+        template = cls(terms, list(groups.values()), _create_parents(places), recursive)
+        parents = template.parents
+        for index, group in enumerate(template.clause_groups):
+            if group.always_true:
+                template.always_true.append(index)
+                group.bodies = []
+            else:
+                group.satisfied_slot = template._add_slot()
+                parents[min([body.last for body in group.bodies])].allocates.append(group.satisfied_slot)
+        for group in template.clause_groups:
+            template._register_bodies(group.bodies, group.satisfied_slot)
+            if len(group.bodies) > 1:
+                for rank in {rank for body in group.bodies for rank, _ in body.conditions}:
+                    parents[rank].clause_groups.append(group)
+        # steps that occur only in groups that are always true do not matter
+        template.parents = [parent for parent in parents if parent.updates]
+        return template
+
+    @classmethod
+    def from_constraints(
+        cls, clauses: Sequence[Clause], places: Mapping[int, tuple[int, int]], outcomes: Sequence[int]
+    ) -> RuleTemplate:
+        """Create the template of constraints over the same terms; arguments as in `from_clauses`."""
+        template = cls((), [], _create_parents(places))
+        template._register_bodies([_split_body(clause, places, outcomes)[1] for clause in clauses], NO_SLOT)
+        return template
+
+    def _register_bodies(self, bodies: Sequence[RankedBody], satisfied_slot: int) -> None:
+        """Add to the parents the updates of bodies with the same head."""
+        for body in bodies:
+            if body.last > body.first:
+                body.falsified_slot = self._add_slot()
+                self.parents[body.first].allocates.append(body.falsified_slot)
+                self.parents[body.last].releases.append(body.falsified_slot)
+            for rank, conditions in body.conditions:
+                update = BodyUpdate(conditions, body.falsified_slot, rank == body.last, satisfied_slot)
+                self.parents[rank].updates.append(update)
+
+    def _add_slot(self) -> int:
+        self.n_slots += 1
+        return self.n_slots - 1
+
+
+Child = tuple[RuleTemplate, Parent, list[int]]
+"""A component, or constraints, with bodies about the terms of one step: (template, parent, bits).
+
+parent: the step, as a parent in the template.
+bits: slot -> bit of the state, 0 before the slot is allocated and after it is released. The list has one more
+    entry, bits[NO_SLOT], which is always 0.
+"""
+
+
+def _create_parents(places: Mapping[int, tuple[int, int]]) -> list[Parent]:
+    return [Parent(rank) for rank in sorted({rank for rank, _ in places.values()})]
+
+
+def _split_body(
+    clause: Clause, places: Mapping[int, tuple[int, int]], outcomes: Sequence[int]
+) -> tuple[list[GroundLiteral], RankedBody]:
+    """Split a body into literals about the component itself and conditions on earlier steps."""
+    own_literals: list[GroundLiteral] = []
+    masks: dict[int, int] = {}
+    for literal in clause.body:
+        term = literal[0]
+        if term in places:
+            masks[term] = masks.get(term, outcomes[term]) & literal[1]
+        else:
+            own_literals.append(literal)
+    if not masks:
+        return own_literals, RankedBody((), 0, 0)
+    by_rank: dict[int, list[tuple[int, int]]] = {}
+    for term, mask in masks.items():
+        rank, index = places[term]
+        by_rank.setdefault(rank, []).append((index, mask))
+    conditions = sorted(by_rank.items())
+    return own_literals, RankedBody(conditions, conditions[0][0], conditions[-1][0])
+
+
+def describe_structure(
+    program: GroundProgram, term: int, clauses: Sequence[Clause], outcomes: Sequence[int]
+) -> tuple[list[object], dict[int, int]]:
+    """Describe the clauses of a term up to renaming: terms with equal descriptions can share a template.
+
+    Args:
+        term: a term without intervention, -1 for constraints.
+
+    Returns:
+        (structure, needed): a list of hashable parts; and the other terms of the bodies, numbered by first
+        occurrence. The order in which they are decided is not in the structure.
+    """
+    # the terms of an attribute share the tuple of values, the clauses of a statement the number: ids suffice
+    structure: list[object] = [id(program.values[term]) if term >= 0 else -1]
+    needed: dict[int, int] = {}
+    codes: dict[object, int] = {}  # of labels and instances: only their equality matters
+    for clause in clauses:
+        kind = clause.kind
+        if kind is DERIVE:
+            structure += kind, clause.value
+        elif kind is FORBID:
+            structure.append(kind)
+        else:
+            label = codes.setdefault(clause.label, len(codes))
+            structure += kind, clause.value, clause.statement, label, id(clause.number)
+            if kind is not ASSIGN:
+                structure.append(codes.setdefault(clause.instance, len(codes)))
+        for other, allowed, negated in clause.body:
+            if other == term:  # -1 stands for the term itself
+                structure += -1, allowed, negated
+            else:
+                structure += needed.setdefault(other, len(needed)), allowed & outcomes[other]
+    return structure, needed
