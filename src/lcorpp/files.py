@@ -11,6 +11,9 @@ from typing import BinaryIO, TextIO
 
 from lcorpp.errors import FileError
 
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+"""Supported formats of figures."""
+
 
 def read_text(path: str | Path) -> str:
     """Return the UTF-8 text of a file with its line endings unchanged.

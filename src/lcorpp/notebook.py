@@ -16,13 +16,13 @@ def html_table(
     header: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = "", limit: int = 100
 ) -> str:
     """Return an HTML table; all texts are escaped, and at most `limit` rows are shown."""
-    every = list(rows)
-    lines = [_format_row("th", header), *(_format_row("td", row) for row in every[:limit])]
-    if len(every) > limit:
-        lines.append(_format_row("td", [f"... ({len(every)} rows in all)"]))
+    all_rows = list(rows)
+    lines = [_format_row("th", header), *(_format_row("td", row) for row in all_rows[:limit])]
+    if len(all_rows) > limit:
+        lines.append(_format_row("td", [f"... ({len(all_rows)} rows in all)"]))
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return f"<table>{title}{''.join(lines)}</table>"
 
 
 def _format_row(tag: str, cells: Sequence[str]) -> str:
-    return "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"
+    return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"

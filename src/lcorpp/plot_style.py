@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from lcorpp.errors import FileError, expected_one_of
-from lcorpp.files import write_atomically
+from lcorpp.files import FIGURE_SUFFIXES, write_atomically
 
 INK, MUTED, PALE = "#1f2933", "#7b8794", "#e4e7eb"
 BLUE, ORANGE = "#2f6db5", "#d9822b"
@@ -36,9 +36,6 @@ RC_PARAMS = {
     "svg.hashsalt": "lcorpp",  # equal figures give equal files
     "svg.fonttype": "path",
 }
-
-SUFFIXES = (".png", ".svg", ".pdf")
-"""Supported figure formats."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -98,17 +95,17 @@ def check_suffix(path: str | Path) -> None:
     """Check the suffix of a figure file before the figure is computed.
 
     Raises:
-        FileError: the suffix is not among `SUFFIXES`.
+        FileError: the suffix is not among `FIGURE_SUFFIXES`.
     """
-    if Path(path).suffix.lower() not in SUFFIXES:
-        raise FileError(f"{path}: not a figure file; {expected_one_of(SUFFIXES)} as its suffix")
+    if Path(path).suffix.lower() not in FIGURE_SUFFIXES:
+        raise FileError(f"{path}: not a figure file; {expected_one_of(FIGURE_SUFFIXES)} as its suffix")
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure completely or not at all, in the format of the suffix.
 
     Raises:
-        FileError: the suffix is not among `SUFFIXES`, or the file cannot be written.
+        FileError: the suffix is not among `FIGURE_SUFFIXES`, or the file cannot be written.
     """
     check_suffix(path)
     kind = Path(path).suffix.lower()[1:]

@@ -165,10 +165,3 @@ def test_the_bar_shows_bounds_and_never_goes_back():
     shares = [share for share, _ in told]
     assert shares == pytest.approx([0.01, 0.25, 0.5, 0.501, 1.0], abs=2e-3)
     assert told[1][1] == "0 to 10, 7 vectors"
-
-
-def test_figure_suffixes_are_those_of_the_plots():
-    from lcorpp.cli.output_files import FIGURE_SUFFIXES
-    from lcorpp.plot_style import SUFFIXES
-
-    assert FIGURE_SUFFIXES == SUFFIXES

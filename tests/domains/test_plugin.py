@@ -29,7 +29,7 @@ def people(folder: Path, text: str) -> SimulationPlugin:
 
 def test_recordings_of_a_plug_in(tmp_path):
     own = people(tmp_path, GOOD)
-    assert own.has_recordings
+    assert own.defines("recordings")
     assert own.columns == ("time", "x", "y")
     tables = own.recordings(CROWD, np.random.default_rng(0))
     assert [table.shape for table in tables] == [(5, 3), (5, 3)]
@@ -38,7 +38,7 @@ def test_recordings_of_a_plug_in(tmp_path):
 
 def test_a_plug_in_without_recordings(tmp_path):
     own = people(tmp_path, "def trajectory(person, rng):\n    return [[0.0, 1.0]]\n")
-    assert not own.has_recordings
+    assert not own.defines("recordings")
     assert own.columns == ()
 
 

@@ -104,10 +104,7 @@ def test_a_run_resumes_where_it_ended(opened, ended):
     resumed = run_store.resume(never)
     assert (run_store.notes, run_store.number, run_store.n_people) == ([], 1, 5)
     assert run_store.rows == [{"batch": 0}, {"batch": 1, "f1": 0.1 + 0.2}]
-    assert [(s.extra.get("note"), s.label) for s in run_store.pending] == [
-        ("a", "slow"),
-        (None, None),
-    ]
+    assert [(s.extra.get("note"), s.label) for s in run_store.pending] == [("a", "slow"), (None, None)]
     assert (resumed.number, resumed.change, resumed.decided) == (1, 0.125, 2)
     assert np.array_equal(resumed.confusion.counts, ended.confusion.counts)
     tracks = walks(50, seed=9).trajectories

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lcorpp.cli.console import format_bar
 from lcorpp.errors import ProgramError, UndefinedError
 
 if TYPE_CHECKING:
@@ -42,8 +43,7 @@ def ask(
     why: Annotated[
         bool,
         typer.Option(
-            "--why",
-            help="Also: the answer without each condition, the most probable worlds, their rules.",
+            "--why", help="Also: the answer without each condition, the most probable worlds, their rules."
         ),
     ] = False,
 ) -> None:
@@ -100,7 +100,8 @@ def _print_answer(answer: QueryAnswer, exact: bool) -> None:
         return
     width = max(map(len, answer))
     for value, probability in answer.items():
-        _print(f"  {value:<{width}}  {_format_number(probability, exact)}  {_draw_bar(float(probability))}")
+        bar = typer.style(format_bar(float(probability)), fg="cyan")  # rich takes longer than the answer
+        _print(f"  {value:<{width}}  {_format_number(probability, exact)}  {bar}")
 
 
 def _print_explanation(explanation: Explanation, exact: bool) -> None:
@@ -129,13 +130,6 @@ def _format_number(probability: Numeric, exact: bool) -> str:
         return str(probability)
     shown_as_zero = 0 < probability < 5e-7  # with six decimals
     return f"{float(probability):.6g}" if shown_as_zero else f"{float(probability):.6f}"
-
-
-def _draw_bar(share: float, width: int = 30) -> str:
-    """Return a bar for a probability; importing rich would take longer than the answer."""
-    eighths = round(share * width * 8)
-    blocks = "█" * (eighths // 8) + (" ▏▎▍▌▋▊▉"[eighths % 8] if eighths % 8 else "")
-    return typer.style(blocks, fg="cyan")
 
 
 def _print(text: str, *, bold: bool = False) -> None:

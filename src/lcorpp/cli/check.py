@@ -26,8 +26,7 @@ AUTHORS_FILE = "interposx.csv"
 def check(
     path: Annotated[Path, typer.Argument(metavar="FILE|FOLDER", help=f"What to check: {KINDS}.")],
     model: Annotated[
-        Path | None,
-        typer.Option("--model", metavar="MODEL", help="The model that a policy belongs to."),
+        Path | None, typer.Option(metavar="MODEL", help="The model that a policy belongs to.")
     ] = None,
 ) -> None:
     """Check a file or a folder and print its content.
@@ -63,9 +62,7 @@ def check(
 def _check_tracks(path: Path) -> None:
     from lcorpp.learning import check_trainable, read_authors
 
-    data = read_authors(
-        path, labels={"0": "0", "1": "1"}
-    )  # labels as in the file: no domain names the classes
+    data = read_authors(path, labels={"0": "0", "1": "1"})  # as in the file: no domain names the classes
     try:
         check_trainable(data)
     except DataError as error:
@@ -86,9 +83,10 @@ def _check_store(path: Path) -> None:
         f" {store.schema.interval:g} s{'' if store.damage else ': OK'}"
     )
     if store.damage:
-        places = "\n".join(f"  {damage}" for damage in store.damage)
         count = f"{len(store.damage)} place{'s' * (len(store.damage) > 1)}"
-        raise DataError(f"{path}: damaged in {count}; the other records are OK\n{places}")
+        raise DataError(
+            "\n  ".join([f"{path}: damaged in {count}; the other records are OK", *map(str, store.damage)])
+        )
 
 
 def _check_domain(folder: Path) -> None:
@@ -120,9 +118,7 @@ def _check_model(path: Path) -> None:
 
 
 def _format_size(pomdp: Pomdp) -> str:
-    """Return the numbers of states, actions and observations."""
-    counts = (len(pomdp.states), len(pomdp.actions), len(pomdp.observations))
-    return "{} states, {} actions, {} observations".format(*counts)
+    return f"{len(pomdp.states)} states, {len(pomdp.actions)} actions, {len(pomdp.observations)} observations"
 
 
 def _check_policy(path: Path, model: Path) -> None:

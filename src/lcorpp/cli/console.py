@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.text import Text
 
     out: Console
     err: Console
@@ -19,10 +18,10 @@ if TYPE_CHECKING:
 
 def __getattr__(name: str) -> Console:
     """Create `out` and `err` at their first use: rich takes longer to load than some commands to run."""
-    from rich.console import Console
-
     if name not in ("out", "err"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from rich.console import Console
+
     created = Console(stderr=name == "err", highlight=False)
     if not created.is_terminal:
         created.soft_wrap = True  # files and pipes get whole lines, terminals lines that break between words
@@ -75,19 +74,17 @@ def show_progress(
     )
     err = _console("err")
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as display:
-        task = display.add_task(title, total=total, count=_format_count(0, total))
+        task = display.add_task(title, total=total, count="")
 
         def advance(done: int, total: int | None = None) -> None:
-            display.update(task, completed=done, total=total, count=_format_count(done, total))
+            count = "" if total is None else f"{done}/{total}"
+            display.update(task, completed=done, total=total, count=count)
 
+        advance(0, total)
         try:
             yield advance
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"interrupted while {title}; {kept}") from None
-
-
-def _format_count(done: int, total: int | None) -> str:
-    return "" if total is None else f"{done}/{total}"
 
 
 @contextmanager
@@ -123,32 +120,27 @@ def _show_bar_with_text(title: str) -> Iterator[Callable[[float, str], None]]:
         yield lambda share, text: display.update(task, completed=share, text=text)
 
 
-def print_heading(number: int, title: str, subtitle: str = "") -> None:
+def print_heading(number: int, title: str, subtitle: str) -> None:
     """Print a numbered heading."""
     from rich.text import Text
 
-    console = _console("out")
-    console.print()
-    parts = ((f"{number}  {title}", "bold"), (f"   {subtitle}" if subtitle else "", "dim"))
-    console.print(Text.assemble(*parts))
+    out = _console("out")
+    out.print()
+    out.print(Text.assemble((f"{number}  {title}", "bold"), (f"   {subtitle}", "dim")))
 
 
 def print_probability(name: str, probability: float, width: int) -> None:
     """Print a name, padded to `width` characters, its probability and a bar."""
     from rich.text import Text
 
-    _console("out").print(
-        Text.assemble(f"     {name:<{width}}  {probability:8.6f}  ", _format_bar(probability))
-    )
+    bar = (format_bar(probability), "cyan")
+    _console("out").print(Text.assemble(f"     {name:<{width}}  {probability:8.6f}  ", bar))
 
 
-def _format_bar(share: float, width: int = 30) -> Text:
+def format_bar(share: float, width: int = 30) -> str:
     """Return a bar of at most `width` characters, in steps of an eighth of a character."""
-    from rich.text import Text
-
     eighths = round(share * width * 8)
-    blocks = "█" * (eighths // 8) + (" ▏▎▍▌▋▊▉"[eighths % 8] if eighths % 8 else "")
-    return Text(blocks, style="cyan")
+    return "█" * (eighths // 8) + (" ▏▎▍▌▋▊▉"[eighths % 8] if eighths % 8 else "")
 
 
 def _console(name: str) -> Console:

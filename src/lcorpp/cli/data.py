@@ -34,17 +34,14 @@ PathArgument = Annotated[
     ),
 ]
 LabelOption = Annotated[
-    list[str] | None,
-    typer.Option("--label", metavar="WORD=CLASS", help="The class of a written label; repeatable."),
+    list[str] | None, typer.Option(metavar="WORD=CLASS", help="The class of a written label; repeatable.")
 ]
 LabelFileOption = Annotated[
-    Path | None,
-    typer.Option("--label-file", help="CSV of track ids and labels; other tracks are skipped."),
+    Path | None, typer.Option(help="CSV of track ids and labels; other tracks are skipped.")
 ]
 RepairOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--repair",
         metavar="NAME",
         help="A kind of fault to repair instead of rejecting it: rows, cut, nonfinite, order, duplicates,"
         " gaps, short, constant, units, labels or all; repeatable.",
@@ -52,10 +49,10 @@ RepairOption = Annotated[
 ]
 RobotOption = Annotated[
     tuple[float, float, float] | None,
-    typer.Option("--robot", metavar="X Y ANGLE", help="The robot's pose, in metres and radians."),
+    typer.Option(metavar="X Y ANGLE", help="The robot's pose, in metres and radians."),
 ]
 GapOption = Annotated[
-    float, typer.Option("--gap", help="Seconds without samples after which a track id is a new person.")
+    float, typer.Option(help="Seconds without samples after which a track id is a new person.")
 ]
 
 
@@ -65,20 +62,13 @@ def make(
     out: Annotated[
         Path, typer.Option("--out", "-o", help="The file to write: .csv, .parquet or .npz.")
     ] = Path("people.csv"),
-    tracks: Annotated[
-        int, typer.Option("--tracks", min=1, max=options.MAX_TRACKS, help="Number of tracks.")
-    ] = 2286,
+    tracks: Annotated[int, typer.Option(min=1, max=options.MAX_TRACKS, help="Number of tracks.")] = 2286,
     positives: Annotated[
-        int | None,
-        typer.Option(
-            "--positives", min=0, help="Number of tracks of the positive class; by default 63 of 2286."
-        ),
+        int | None, typer.Option(min=0, help="Number of tracks of the positive class; by default 63 of 2286.")
     ] = None,
     seconds: Annotated[
         tuple[float, float] | None,
-        typer.Option(
-            "--seconds", metavar="A B", help="Shortest and longest duration; the domain's by default."
-        ),
+        typer.Option(metavar="A B", help="Shortest and longest duration; the domain's by default."),
     ] = None,
     seed: options.SeedOption = 0,
 ) -> None:
@@ -120,7 +110,7 @@ def fetch(
         str, typer.Argument(metavar="authors|URL", help="The authors' released tracks, or any URL.")
     ] = "authors",
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write to.")] = Path("data"),
-    sha256: Annotated[str | None, typer.Option("--sha256", help="The expected checksum of the file.")] = None,
+    sha256: Annotated[str | None, typer.Option(help="The expected checksum of the file.")] = None,
 ) -> None:
     """Download recorded tracks and check them; resume partial downloads."""
     from lcorpp.learning.data.fetching import AUTHORS, fetch as download
@@ -152,9 +142,7 @@ def describe(
     repair: RepairOption = None,
     robot: RobotOption = None,
     gap: GapOption = 5.0,
-    report: Annotated[
-        Path | None, typer.Option("--report", help="CSV file to write, one line per repair.")
-    ] = None,
+    report: Annotated[Path | None, typer.Option(help="CSV file to write, one line per repair.")] = None,
     seed: options.SeedOption = 0,
 ) -> None:
     """Describe recorded tracks, their repairs and label leakage."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lcorpp.cli import console
 from lcorpp.errors import DataError
-from lcorpp.learning.data.describe import ClassSummary, Description, Quantiles, describe, join_pairs
+from lcorpp.learning.data.describe import Description, Quantiles, describe, join_pairs
 from lcorpp.learning.data.repairs import REPAIRS
 from lcorpp.learning.data.tracks import Recording, count_repairs
 from lcorpp.learning.evaluation.leakage import MIN_SUSPICIOUS_AUC, measure_leakage
@@ -28,14 +28,20 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
         f"{path}: {description.tracks} tracks of {people} people; {', '.join(description.channels)}",
         style="bold",
     )
-    width = max(5, *(len(_format_class_name(part)) for part in description.classes))
+    names = [part.name or "without a label" for part in description.classes]
+    width = max(5, *map(len, names))
     emit(f"  {'class':<{width}}  tracks  people   samples  seconds of a track      m/s of a track")
-    for part in description.classes:
+    for name, part in zip(names, description.classes, strict=True):
         emit(
-            f"  {_format_class_name(part):<{width}}  {part.tracks:6}  {part.groups:6}  {part.samples:8}"
+            f"  {name:<{width}}  {part.tracks:6}  {part.groups:6}  {part.samples:8}"
             f"  {_format_quantiles(part.duration, 1):<22}  {_format_quantiles(part.speed, 2)}"
         )
-    _print_sampling(description)
+    steps, (speed, track) = description.interval, description.fastest
+    emit(
+        f"sampling: every {steps.median:.4g} s [{steps.min:.4g}, {steps.max:.4g}],"
+        f" jitter {100 * description.jitter:.1f} %"
+    )
+    emit(f"fastest: {speed:.3g} m/s between two samples, in track {track}")
     _print_duplicates(description)
     _print_repairs(recording)
     _print_leaks(recording, seed)
@@ -43,37 +49,20 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
         emit(f"note: {note}", style="yellow")
 
 
-def _format_class_name(part: ClassSummary) -> str:
-    return part.name or "without a label"
-
-
 def _format_quantiles(spread: Quantiles, digits: int) -> str:
     """Return the median with the minimum and maximum."""
     return f"{spread.median:.{digits}f} [{spread.min:.{digits}f}, {spread.max:.{digits}f}]"
 
 
-def _print_sampling(description: Description) -> None:
-    steps = description.interval
-    console.out.print(
-        f"sampling: every {steps.median:.4g} s [{steps.min:.4g}, {steps.max:.4g}],"
-        f" jitter {100 * description.jitter:.1f} %"
-    )
-    speed, track = description.fastest
-    console.out.print(f"fastest: {speed:.3g} m/s between two samples, in track {track}")
-
-
 def _print_duplicates(description: Description) -> None:
+    kinds = {"identical": description.identical, "near-identical": description.near}
     parts = [
-        f"{kind} tracks: {len(pairs)} pairs ({join_pairs(pairs)})" if pairs else f"{kind} tracks: none"
-        for kind, pairs in (("identical", description.identical), ("near-identical", description.near))
+        f"{kind} tracks: {f'{len(pairs)} pairs ({join_pairs(pairs)})' if pairs else 'none'}"
+        for kind, pairs in kinds.items()
     ]
-    reused = description.reused
-    people = ", ".join(list(reused)[:5]) + (", ..." if len(reused) > 5 else "")
-    parts.append(
-        f"people with several tracks: {len(reused)} ({people})"
-        if reused
-        else "people with several tracks: none"
-    )
+    reused = list(description.reused)
+    people = ", ".join(reused[:5]) + (", ..." if len(reused) > 5 else "")
+    parts.append(f"people with several tracks: {f'{len(reused)} ({people})' if reused else 'none'}")
     console.out.print(f"duplicates: {'; '.join(parts)}")
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -17,37 +17,31 @@ if TYPE_CHECKING:
     from lcorpp.decision import Robot
     from lcorpp.domains import Domain
     from lcorpp.protocols import World
-    from lcorpp.values import Belief, Label, Likelihood, Step
+    from lcorpp.values import Label, Likelihood, Step
 
 
 def explain(
     domain: options.DomainArgument = "intention",
     preset: options.PresetOption = None,
     fact: Annotated[
-        list[str] | None,
-        typer.Option("--fact", metavar="NAME=VALUE", help="An observed fact; repeatable."),
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="An observed fact; repeatable.")
     ] = None,
     label: Annotated[
-        str | None,
-        typer.Option("--label", help="The classifier's label: a value of the attribute that it feeds."),
+        str | None, typer.Option(help="The classifier's label: a value of the attribute that it feeds.")
     ] = None,
     likelihood: Annotated[
         list[str] | None,
         typer.Option(
-            "--likelihood",
             metavar="VALUE=NUMBER",
             help="Soft evidence instead of a label: the likelihood of a value, by default 1; repeatable.",
         ),
     ] = None,
     truth: Annotated[
-        str | None,
-        typer.Option("--truth", metavar="VALUE", help="The person's true value; by default it is drawn."),
+        str | None, typer.Option(metavar="VALUE", help="The person's true value; by default it is drawn.")
     ] = None,
     answers: Annotated[
         str | None,
-        typer.Option(
-            "--answers", metavar="A,B,...", help="The person's answers in order; by default they are drawn."
-        ),
+        typer.Option(metavar="A,B,...", help="The person's answers in order; by default they are drawn."),
     ] = None,
     seed: options.SeedOption = 0,
     interactive: Annotated[
@@ -75,36 +69,35 @@ def explain(
     if truth is not None and truth not in loaded.values:
         raise DomainError(f"--truth {truth!r}: {expected_one_of(loaded.values)}")
     script = None if answers is None else _parse_answers(loaded, answers)
-    soft = _parse_likelihood(loaded, likelihood) if likelihood else None
-    predicted: Label | None = soft if label is None else _parse_class(loaded, label)
-    print_domain(loaded)
+    predicted: Label | None = None if label is None else _parse_class(loaded, label)
     setup = from_channel(loaded)
+    if likelihood:
+        predicted = _parse_likelihood(loaded, likelihood)
+        setup = replace(setup, program=loaded.soft_program)
+    print_domain(loaded)
     print_classifier(setup, "channel")
     with console.show_progress("solving the POMDP"):
         solution = solve_domain(loaded)
     print_solution(solution)
-    robot = make_robot(
-        loaded, setup if soft is None else replace(setup, program=loaded.soft_program), Planner(solution)
-    )
+    robot = make_robot(loaded, setup, Planner(solution))
     if interactive:
         case = _ask_case(loaded, facts, predicted)
     else:
-        case = _simulate_case(loaded, facts, predicted, truth=truth, script=script, seed=seed)
+        case = _simulate_case(loaded, facts, predicted, truth, script, seed)
     _print_decision(loaded, robot, case)
 
 
-@dataclass(frozen=True)
-class _Case:
+class _Case(NamedTuple):
     """One person to decide about.
 
     facts: observed attribute -> value. predicted: the classifier's output, a class or a likelihood.
-    world: answers the robot's actions. actual: the true value of the target, None if it is unknown.
+    world: answers the robot's actions. truth: the true value of the target, None if it is unknown.
     """
 
     facts: Mapping[str, str]
     predicted: Label
     world: World
-    actual: str | None
+    truth: str | None
 
 
 def _ask_case(domain: Domain, facts: Mapping[str, str], predicted: Label | None) -> _Case:
@@ -117,9 +110,9 @@ def _ask_case(domain: Domain, facts: Mapping[str, str], predicted: Label | None)
             values = domain.program.attributes[name].values
             complete[name] = choose(values, f"What is the {name}?", show=console.out.print)
     if predicted is None:
-        labels = tuple(domain.learning.label_of.values())
+        class_of = {label: name for name, label in domain.learning.label_of.items()}
         question = f"What is the classifier's label ({domain.learning.attribute})?"
-        predicted = _parse_class(domain, choose(labels, question, show=console.out.print))
+        predicted = class_of[choose(tuple(class_of), question, show=console.out.print)]
     return _Case(complete, predicted, ConsoleWorld(domain.pomdp.observations, show=console.out.print), None)
 
 
@@ -127,21 +120,14 @@ def _simulate_case(
     domain: Domain,
     facts: Mapping[str, str],
     predicted: Label | None,
-    *,
     truth: str | None,
-    script: Sequence[str] | None,
+    answers: Sequence[str] | None,
     seed: int,
 ) -> _Case:
-    """Draw a person, and the classifier's label if no option gives it; print what the robot cannot observe.
-
-    Args:
-        truth: the person's true value; None draws it. script: the person's answers; None draws them.
-    """
+    """Draw what is None and the facts that are not given; print what the robot cannot observe."""
     import numpy as np
 
-    from lcorpp.simulation.people import Population
-    from lcorpp.simulation.simulated_classifier import NoisyChannel
-    from lcorpp.simulation.world import SimulationModel
+    from lcorpp.simulation import NoisyChannel, Population, SimulationModel
 
     rng = np.random.default_rng([seed, 0])
     given = facts if truth is None else {**facts, domain.target: truth}
@@ -149,7 +135,7 @@ def _simulate_case(
     if predicted is None:
         channel = NoisyChannel.of(domain)
         predicted = channel.classify_many(channel.trajectories([person], rng))[0]
-    world = SimulationModel(domain).make_world(person, rng) if script is None else ScriptedWorld(script)
+    world = SimulationModel(domain).make_world(person, rng) if answers is None else ScriptedWorld(answers)
     observable = (*domain.observed, domain.learning.attribute)
     hidden = ", ".join(f"{name}={value}" for name, value in person.items() if name not in observable)
     console.out.print(f"a simulated person; hidden from the robot: {hidden}", style="dim")
@@ -161,43 +147,57 @@ def _print_decision(domain: Domain, robot: Robot, case: _Case) -> None:
     from lcorpp.decision.dt_control import act_until_report
 
     evidence = domain.evidence(case.facts, case.predicted)
-    _print_prediction(domain, case.predicted, evidence)
+    if isinstance(case.predicted, str):
+        attribute = domain.learning.attribute
+        console.print_heading(1, "learning", "the classifier's label")
+        console.out.print(f"     {case.predicted} ({attribute} = {evidence[attribute]})")
+    else:
+        console.print_heading(1, "learning", "the classifier's likelihood, scaled to a maximum of 1")
+        _print_bars(case.predicted)
     subtitle = "given " + ", ".join(f"{name} = {value}" for name, value in evidence.items())
     console.print_heading(2, "reasoning", subtitle)
-    _print_posteriors(domain, robot, evidence)
-    marginal = robot.reasoner.posterior(domain.target, evidence)
+    hidden = [
+        name
+        for name, attribute in domain.program.attributes.items()
+        if not attribute.arguments and name not in evidence and name != domain.target
+    ]
+    for name in (*hidden, domain.target):
+        marginal = robot.reasoner.posterior(name, evidence)
+        if marginal is not None:
+            console.out.print(f"   {name}")
+            _print_bars(marginal)
     prior = robot.planner.start if marginal is None else domain.prior(marginal)
     console.print_heading(3, "planning", "the prior belief")
-    _print_belief(domain, prior)
+    states = domain.pomdp.states
+    _print_bars(zip(states, prior.tolist(), strict=True), possible=True)
     numbers = itertools.count(4)
 
     def print_step(step: Step) -> None:
-        result = f"observes {step.observation}" if step.observation is not None else "the decision"
-        console.print_heading(next(numbers), step.action, result)
-        if step.observation is not None:
-            _print_belief(domain, step.belief)
+        if step.observation is None:
+            console.print_heading(next(numbers), step.action, "the decision")
+            return
+        console.print_heading(next(numbers), step.action, f"observes {step.observation}")
+        _print_bars(zip(states, step.belief.tolist(), strict=True), possible=True)
 
     _, report = act_until_report(robot, prior, case.world, listener=print_step)
-    verdict = (
-        "" if case.actual is None else " (correct)" if case.actual == report else f" (wrong: {case.actual})"
-    )
+    verdict = " (correct)" if case.truth == report else f" (wrong: {case.truth})"
     console.out.print()
-    console.out.print(f"{domain.target} = {report}{verdict}", style="bold")
+    console.out.print(f"{domain.target} = {report}{'' if case.truth is None else verdict}", style="bold")
 
 
 class ScriptedWorld:
     """A world whose person gives prepared answers (`lcorpp.protocols.World`)."""
 
     def __init__(self, answers: Sequence[str]) -> None:
-        self._answers, self._position = tuple(answers), 0
+        self._count, self._rest = len(answers), iter(answers)
 
     def act(self, action: str) -> str:
-        if self._position == len(self._answers):
+        answer = next(self._rest, None)
+        if answer is None:
             raise DecisionError(
-                f"--answers has {len(self._answers)} answers, and the robot needs another one, to {action}"
+                f"--answers has {self._count} answers, and the robot needs another one, to {action}"
             )
-        self._position += 1
-        return self._answers[self._position - 1]
+        return answer
 
     def report(self, action: str) -> None:
         pass
@@ -228,12 +228,12 @@ def _parse_facts(domain: Domain, pairs: list[str]) -> dict[str, str]:
     return facts
 
 
-def _parse_class(domain: Domain, name: str, option: str = "--label") -> str:
-    """Return the class of a label of the program; the name of a class is accepted, too."""
+def _parse_class(domain: Domain, text: str, option: str = "--label") -> str:
+    """Return the class that a text names: by itself, or by its label in the program."""
     for class_name, label in domain.learning.label_of.items():
-        if name in (label, class_name):
+        if text in (label, class_name):
             return class_name
-    raise DomainError(f"{option} {name!r}: {expected_one_of(tuple(domain.learning.label_of.values()))}")
+    raise DomainError(f"{option} {text!r}: {expected_one_of(domain.learning.label_of.values())}")
 
 
 def _parse_likelihood(domain: Domain, pairs: list[str]) -> Likelihood:
@@ -242,52 +242,24 @@ def _parse_likelihood(domain: Domain, pairs: list[str]) -> Likelihood:
 
     from lcorpp.values import Likelihood
 
-    weights = dict.fromkeys(domain.values, 1.0)
-    names = set[str]()
+    weights: dict[str, float] = {}
     for pair in pairs:
         name, _, number = (part.strip() for part in pair.partition("="))
         try:
             weight = float(number)
         except ValueError:
             raise DomainError(f"--likelihood {pair!r}: expected VALUE=NUMBER") from None
-        if name in names:
+        class_name = _parse_class(domain, name, "--likelihood")
+        if class_name in weights:
             raise DomainError(f"--likelihood {pair!r}: {name} is given twice")
-        weights[_parse_class(domain, name, "--likelihood")] = weight
-        names.add(name)
-    return Likelihood(domain.values, np.array([weights[value] for value in domain.values]))
+        weights[class_name] = weight
+    return Likelihood(domain.values, np.array([weights.get(value, 1.0) for value in domain.values]))
 
 
-def _print_prediction(domain: Domain, predicted: Label, evidence: Mapping[str, Label]) -> None:
-    """Print the predicted class and its label, or the likelihood of each class."""
-    if isinstance(predicted, str):
-        attribute = domain.learning.attribute
-        console.print_heading(1, "learning", "the classifier's label")
-        console.out.print(f"     {predicted} ({attribute} = {evidence[attribute]})")
-        return
-    console.print_heading(1, "learning", "the classifier's likelihood, scaled to a maximum of 1")
-    for class_name, weight in predicted:
-        console.print_probability(class_name, weight, max(map(len, predicted.values)))
-
-
-def _print_posteriors(domain: Domain, robot: Robot, evidence: Mapping[str, Label]) -> None:
-    """Print the marginal of every attribute that is not observed, the target last."""
-    hidden = [
-        name
-        for name, attribute in domain.program.attributes.items()
-        if not attribute.arguments and name not in evidence and name != domain.target
-    ]
-    for name in (*hidden, domain.target):
-        marginal = robot.reasoner.posterior(name, evidence)
-        if marginal is not None:
-            console.out.print(f"   {name}")
-            width = max(map(len, marginal.values))
-            for value, probability in marginal:
-                console.print_probability(value, probability, width)
-
-
-def _print_belief(domain: Domain, belief: Belief) -> None:
-    """Print the states of positive probability under a belief (S,)."""
-    width = max(map(len, domain.pomdp.states))
-    for state, probability in zip(domain.pomdp.states, belief.tolist(), strict=True):
-        if probability > 0:
-            console.print_probability(state, probability, width)
+def _print_bars(pairs: Iterable[tuple[str, float]], *, possible: bool = False) -> None:
+    """Print names with their probabilities; `possible`: only those of positive probability."""
+    shown = list(pairs)
+    width = max(len(name) for name, _ in shown)
+    for name, probability in shown:
+        if probability > 0 or not possible:
+            console.print_probability(name, probability, width)

@@ -24,25 +24,16 @@ def learn(
     domain: options.DomainArgument = "intention",
     preset: options.PresetOption = None,
     batch_size: Annotated[
-        int,
-        typer.Option(
-            "--batch-size", min=1, max=options.MAX_TRACKS, help="K: decisions between two trainings."
-        ),
+        int, typer.Option(min=1, max=options.MAX_TRACKS, help="K: decisions between two trainings.")
     ] = 100,
     epsilon: Annotated[
-        float,
-        typer.Option("--epsilon", min=0, help="Stop when the confusion matrix changes by at most this."),
+        float, typer.Option(min=0, help="Stop when the confusion matrix changes by at most this.")
     ] = 0.05,
-    max_batches: Annotated[
-        int, typer.Option("--max-batches", min=1, help="Stop after this many batches.")
-    ] = 20,
+    max_batches: Annotated[int, typer.Option(min=1, help="Stop after this many batches.")] = 20,
     tracks: Annotated[
         int,
         typer.Option(
-            "--tracks",
-            min=20,
-            max=options.MAX_TRACKS,
-            help="Simulated training tracks before the first batch.",
+            min=20, max=options.MAX_TRACKS, help="Simulated training tracks before the first batch."
         ),
     ] = 100,
     seed: options.SeedOption = 0,
@@ -54,7 +45,6 @@ def learn(
     store: Annotated[
         Path | None,
         typer.Option(
-            "--store",
             metavar="FILE",
             help="Store every decision in this file (suffix .tracks). If it exists, the run resumes.",
         ),
@@ -68,14 +58,9 @@ def learn(
     Each batch is written to --out when it is complete; Ctrl-C keeps the complete batches. With --store every
     decision survives any interruption, and the same command resumes the run.
     """
-    from lcorpp.cli.robot_output import print_domain, print_solution
+    from lcorpp.cli.robot_output import print_domain, print_solution, print_storage_problem
     from lcorpp.domains import load_domain
-    from lcorpp.experiments.active_learning import (
-        ActiveLearningOptions,
-        open_run_store,
-        run_active_learning,
-    )
-    from lcorpp.experiments.classifier_training import find_storage_problem
+    from lcorpp.experiments.active_learning import ActiveLearningOptions, open_run_store, run_active_learning
     from lcorpp.experiments.results import FORMATS, write_batches
     from lcorpp.experiments.setup import TrainingOptions, solve_domain
     from lcorpp.experiments.training_data import make_training_data
@@ -95,18 +80,12 @@ def learn(
         seed=seed,
         jobs=console.count_processes(jobs),
     )
-    figures = [item.value for item in formats] if formats else FORMATS
-    problem = None
     _check_options(chosen)
-    output_files.check_formats(out, formats)
     if store is not None and not store.exists():
         output_files.check_writable(store)
-    if out is not None:
-        output_files.check_folder(out)
-        problem = find_storage_problem(training)
+    output_files.check_results(out, formats)
     print_domain(loaded)
-    if problem is not None:
-        console.print_note(f"the classifier will not be saved: {problem}")
+    problem = None if out is None else print_storage_problem(training)
     initial = make_training_data(loaded, training, seed)
     for text in initial.dataset.notes:
         console.print_note(text)
@@ -137,7 +116,7 @@ def learn(
                 title = "resumed" if result.resumed else f"batch {batch.number}"
                 console.out.print(f"{title}: {result.summary()}")
                 if out is not None:
-                    written = write_batches(out, loaded.name, result, formats=figures)
+                    written = write_batches(out, loaded.name, result, formats=formats or FORMATS)
                 if batch.converged:
                     console.out.print(
                         f"converged: the confusion matrix changed by {batch.change:.3f}, at most {epsilon:g}"

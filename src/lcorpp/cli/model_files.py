@@ -1,7 +1,8 @@
-"""Model and policy files: readers and writers by suffix."""
+"""Models and policies: read and written in the format that the suffix names."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +14,7 @@ from lcorpp.errors import FileError, ModelError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.planning import Factored, Policy, Pomdp
-    from lcorpp.planning.policy import Indices
+    from lcorpp.planning.sparse import Indices
 
 MODELS = (".pomdp", ".pomdpx")
 POLICIES = (".policy", ".xml", ".alpha")
@@ -46,14 +47,17 @@ def read_policy(path: Path, pomdp: Pomdp, problem: Factored | None = None) -> Po
 
 
 def _find_blocks(problem: Factored) -> list[Indices]:
-    """Return the states of each value of the observed variables, in the order of APPL's policies."""
+    """Return the states of each joint value of the observed variables, in the order of APPL's policies.
+
+    APPL writes the alpha vectors of one such value together, and over these states only.
+    """
     import numpy as np
 
     shape = [len(variable.values) for variable in problem.states]
     observed = [index for index, variable in enumerate(problem.states) if variable.observed]
-    states = np.moveaxis(np.arange(np.prod(shape)).reshape(shape), observed, range(len(observed)))
-    count = int(np.prod([shape[index] for index in observed], dtype=int))
-    return [block.astype(np.intp) for block in states.reshape(count, -1)]
+    states = np.arange(math.prod(shape), dtype=np.intp).reshape(shape)
+    observed_first = np.moveaxis(states, observed, range(len(observed)))
+    return list(observed_first.reshape(math.prod(shape[index] for index in observed), -1))
 
 
 def make_policy_writer(path: Path) -> Callable[[Policy], None]:

@@ -43,58 +43,47 @@ class Format(StrEnum):
 DomainArgument = Annotated[
     str, typer.Argument(metavar="DOMAIN", help="A domain folder, or the name of a shipped domain.")
 ]
-PresetOption = Annotated[
-    str | None, typer.Option("--preset", help="A preset of the domain; the first one by default.")
-]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of all random numbers.")]
+PresetOption = Annotated[str | None, typer.Option(help="A preset of the domain; the first one by default.")]
+SeedOption = Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of all random numbers.")]
 JobsOption = Annotated[
-    int | None,
-    typer.Option("--jobs", min=1, help="Processes; all cores by default. The results are the same."),
+    int | None, typer.Option(min=1, help="Processes; all cores by default. The results are the same.")
 ]
 EpochsOption = Annotated[
-    int | None,
-    typer.Option("--epochs", min=1, help="Training epochs; by default a number that suits the data."),
+    int | None, typer.Option(min=1, help="Training epochs; by default a number that suits the data.")
 ]
 LearnerOption = Annotated[
     str | None,
     typer.Option(
-        "--learner",
         help="The learner: lstm, lstm-fast, summaries, forest, minirocket, or your own as MODULE:FUNCTION"
-        " or FILE.py:FUNCTION. By default the domain's.",
+        " or FILE.py:FUNCTION. By default the domain's."
     ),
 ]
 DeviceOption = Annotated[
-    str, typer.Option("--device", help="The device of the LSTM: cpu or cuda; other learners use the cpu.")
+    str, typer.Option(help="The device of the LSTM: cpu or cuda; other learners use the cpu.")
 ]
 FeaturesOption = Annotated[
     str,
     typer.Option(
-        "--features",
         help="The classifier's features of the motion, separated by commas: x, y, velocity, heading, facing"
-        " and more, see docs/learning.md.",
+        " and more, see docs/learning.md."
     ),
 ]
 EvidenceOption = Annotated[
-    Evidence,
-    typer.Option("--evidence", help="The reasoner's evidence: the label (hard) or a likelihood (soft)."),
+    Evidence, typer.Option(help="The reasoner's evidence: the label (hard) or a likelihood (soft).")
 ]
 SmoothingOption = Annotated[
     Smoothing,
     typer.Option(
-        "--smoothing",
         help="Pseudo-count added to the confusion matrix, so that no rule has probability 0: 1/2 (jeffreys)"
-        " or 1 (laplace).",
+        " or 1 (laplace)."
     ),
 ]
 TracksOption = Annotated[
     int | None,
-    typer.Option(
-        "--tracks", min=20, max=MAX_TRACKS, help="Simulated training tracks; by default the domain's number."
-    ),
+    typer.Option(min=20, max=MAX_TRACKS, help="Simulated training tracks; by default the domain's number."),
 ]
 DataOption = Annotated[
-    Path | None,
-    typer.Option("--data", help="Recorded tracks for training: a folder or a file, see docs/learning.md."),
+    Path | None, typer.Option(help="Recorded tracks for training: a folder or a file, see docs/learning.md.")
 ]
 
 
@@ -106,8 +95,7 @@ def _parse_folder(text: str) -> Path:
 
 
 OutOption = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="FOLDER", parser=_parse_folder, help="Folder for the results."),
+    Path | None, typer.Option(metavar="FOLDER", parser=_parse_folder, help="Folder for the results.")
 ]
 FormatOption = Annotated[
     list[Format] | None,

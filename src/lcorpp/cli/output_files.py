@@ -7,9 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lcorpp.errors import FileError, expected_one_of
-
-FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
-"""The same as `lcorpp.plot_style.SUFFIXES`, without loading matplotlib."""
+from lcorpp.files import FIGURE_SUFFIXES
 
 
 def check_writable(path: Path) -> None:
@@ -32,43 +30,35 @@ def check_writable(path: Path) -> None:
     raise FileError(f"{path}: cannot be written: {reason}")
 
 
-def check_folder(path: Path) -> None:
-    """Reject an output folder that cannot be created or written to; it may be missing.
+def check_results(out: Path | None, formats: Sequence[str] | None) -> None:
+    """Reject a folder of results (--out) that cannot be created or written to; it may be missing.
 
     Raises:
-        FileError: the path or a parent is a file, or the nearest existing folder is not writable.
+        FileError: the path or a parent is a file, the nearest existing folder is not writable, or there are
+            formats of figures (--format) and no folder.
     """
-    if path.exists() and not path.is_dir():
-        raise FileError(f"{path}: is a file; --out expects a folder")
-    existing = Path(os.path.realpath(path))
+    if out is None:
+        if formats:
+            raise FileError("--format is for the figures in --out; without --out none is drawn")
+        return
+    if out.exists() and not out.is_dir():
+        raise FileError(f"{out}: is a file; --out expects a folder")
+    existing = Path(os.path.realpath(out))
     while not existing.exists():
         existing = existing.parent
     if not existing.is_dir():
-        raise FileError(f"{path}: cannot be created: {existing} is a file")
+        raise FileError(f"{out}: cannot be created: {existing} is a file")
     if not os.access(existing, os.W_OK | os.X_OK):
-        raise FileError(f"{path}: cannot be written: Permission denied")
+        raise FileError(f"{out}: cannot be written: Permission denied")
 
 
-def check_formats(out: Path | None, formats: Sequence[str] | None) -> None:
-    """Reject formats of figures without a folder for them.
-
-    Raises:
-        FileError: there are formats and no folder.
-    """
-    if formats and out is None:
-        raise FileError("--format is for the figures in --out; without --out none is drawn")
-
-
-def check_figure(path: Path, *others: str) -> None:
-    """Reject a figure file that cannot be written, or has another suffix.
-
-    Args:
-        others: further suffixes that are accepted.
+def check_figure(path: Path, *, also: Sequence[str] = ()) -> None:
+    """Reject a figure file that cannot be written, or whose suffix is neither a figure's nor in `also`.
 
     Raises:
-        FileError: the suffix is none of a figure, or the file cannot be written.
+        FileError: the suffix is another one, or the file cannot be written.
     """
-    suffixes = (*FIGURE_SUFFIXES, *others)
+    suffixes = (*FIGURE_SUFFIXES, *also)
     if path.suffix.lower() not in suffixes:
         raise FileError(f"{path}: not a figure file; {expected_one_of(suffixes)} at its end")
     check_writable(path)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from lcorpp.domains import Domain
     from lcorpp.experiments.metrics import Scores
-    from lcorpp.experiments.setup import ClassifierSetup
+    from lcorpp.experiments.setup import ClassifierSetup, TrainingOptions
     from lcorpp.learning import EvaluationReport
     from lcorpp.planning import Solution
     from lcorpp.values import Interval
@@ -26,6 +26,16 @@ def print_domain(domain: Domain) -> None:
     """Print the name, preset and description of a domain."""
     preset = f", preset {domain.preset}" if domain.preset else ""
     console.out.print(f"{domain.name}{preset}: {domain.description}", style="bold")
+
+
+def print_storage_problem(training: TrainingOptions) -> str | None:
+    """Print and return, before the training, why its classifier cannot be saved; None if it can."""
+    from lcorpp.experiments.classifier_training import find_storage_problem
+
+    problem = find_storage_problem(training)
+    if problem is not None:
+        console.print_note(f"the classifier will not be saved: {problem}")
+    return problem
 
 
 def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | None) -> None:
@@ -43,9 +53,8 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
     table.padding = 0
     table.add_column("strategy", style="bold", min_width=len("strategy"))
     for name in ("F1", "precision", "recall", "accuracy", "cost", "return"):
-        table.add_column(
-            name, justify="right", min_width=len(name), overflow="fold"
-        )  # a narrow table breaks numbers instead
+        # in a narrow terminal numbers break, not names
+        table.add_column(name, justify="right", min_width=len(name), overflow="fold")
     for row in scores:
         digits = {"cost": 2, "return": 2}
         cells = (_format_interval(cell, digits.get(name, 3)) for name, cell in row.metrics.items())

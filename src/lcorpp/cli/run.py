@@ -12,7 +12,7 @@ from lcorpp.errors import DomainError
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
-    from lcorpp.experiments.setup import ClassifierOptions, TrainingOptions
+    from lcorpp.experiments.setup import ClassifierOptions
 
 TRIALS = 5000
 """Number of simulated people without --trials."""
@@ -22,7 +22,7 @@ def run(
     domain: options.DomainArgument = "intention",
     preset: options.PresetOption = None,
     strategy: Annotated[
-        list[str] | None, typer.Option("--strategy", help="L, R, P, L+R, R+P or LCORPP; repeatable.")
+        list[str] | None, typer.Option(help="L, R, P, L+R, R+P or LCORPP; repeatable.")
     ] = None,
     trials: Annotated[
         int | None,
@@ -32,9 +32,8 @@ def run(
     classifier: Annotated[
         str | None,
         typer.Option(
-            "--classifier",
             help="Instead of training: channel (a noisy channel with the domain's rates) or a classifier.npz"
-            " of an earlier run.",
+            " of an earlier run."
         ),
     ] = None,
     learner: options.LearnerOption = None,
@@ -48,26 +47,23 @@ def run(
     threshold: Annotated[
         str | None,
         typer.Option(
-            "--threshold",
             help="Decision threshold of the positive class: a number, the metric to optimise (accuracy, f1,"
-            " youden) or the costs MISS:ALARM; by default the most probable class is predicted.",
+            " youden) or the costs MISS:ALARM; by default the most probable class is predicted."
         ),
     ] = None,
     prevalence: Annotated[
         float | None,
         typer.Option(
-            "--prevalence",
             min=1e-6,
             max=1 - 1e-6,
             help="Prevalence of the positive class, for thresholds; by default from the knowledge.",
         ),
     ] = None,
     policy: Annotated[
-        Path | None, typer.Option("--policy", help="A policy for the domain's POMDP, instead of solving it.")
+        Path | None, typer.Option(help="A policy for the domain's POMDP, instead of solving it.")
     ] = None,
     exact: Annotated[
-        bool,
-        typer.Option("--exact", help="Enumerate people and answers instead of sampling (channel only)."),
+        bool, typer.Option("--exact", help="Enumerate people and answers instead of sampling (channel only).")
     ] = False,
     out: options.OutOption = None,
     formats: options.FormatOption = None,
@@ -78,7 +74,13 @@ def run(
     Trains or loads the classifier, solves the POMDP, simulates the strategies and prints their scores.
     Ctrl-C during the trials keeps those that are complete.
     """
-    from lcorpp.cli.robot_output import print_classifier, print_domain, print_scores, print_solution
+    from lcorpp.cli.robot_output import (
+        print_classifier,
+        print_domain,
+        print_scores,
+        print_solution,
+        print_storage_problem,
+    )
     from lcorpp.decision import strategies
     from lcorpp.domains import load_domain
     from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
@@ -101,7 +103,6 @@ def run(
     }
     if exact:
         _reject_given("nothing is sampled with --exact", trials=trials)
-    output_files.check_formats(out, formats)
     _check_combination(kind, exact=exact, soft=soft, laplace=laplace, threshold=threshold)
     source: ClassifierOptions = None
     number = TRIALS if trials is None else trials
@@ -125,11 +126,10 @@ def run(
         seed=seed,
         jobs=console.count_processes(jobs),
     )
-    if out is not None:
-        output_files.check_folder(out)
+    output_files.check_results(out, formats)
     print_domain(loaded)
     if out is not None and isinstance(source, TrainingOptions):
-        _print_storage_problem(source)
+        print_storage_problem(source)
     given_policy = None
     if policy is not None:
         from lcorpp.cli.model_files import read_policy
@@ -137,16 +137,15 @@ def run(
         given_policy = read_policy(policy, loaded.pomdp)
     comparison = compare_strategies(loaded, chosen, policy=given_policy, progress=console.show_progress)
     print_scores(comparison.scores, loaded.learning.positive, comparison.trials)
-    label = classifier if kind == "file" else kind
-    print_classifier(comparison.classifier, str(label))
+    label = str(classifier) if kind == "file" else kind
+    print_classifier(comparison.classifier, label)
     if comparison.solution is not None:
         print_solution(comparison.solution)
     for text in comparison.classifier.notes:
         console.print_note(text)
     if out is not None:
-        figures = tuple(item.value for item in formats) if formats else FORMATS
-        configuration = describe_run(loaded, chosen, comparison, str(label), policy)
-        written = write_comparison(out, comparison, configuration, formats=figures)
+        configuration = describe_run(loaded, chosen, comparison, label, policy)
+        written = write_comparison(out, comparison, configuration, formats=formats or FORMATS)
         if written.problem is not None:
             console.print_note(f"the classifier is not saved: {written.problem}")
         console.out.print("wrote " + ", ".join(str(path) for path in written.paths), markup=False)
@@ -192,12 +191,3 @@ def _reject_given(reason: str, **given: object) -> None:
     for name, value in given.items():
         if value is not None:
             raise DomainError(f"--{name}: {reason}")
-
-
-def _print_storage_problem(training: TrainingOptions) -> None:
-    """Print before the training that its classifier cannot be saved."""
-    from lcorpp.experiments.classifier_training import find_storage_problem
-
-    problem = find_storage_problem(training)
-    if problem is not None:
-        console.print_note(f"the classifier will not be saved: {problem}")

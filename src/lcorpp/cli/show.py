@@ -9,6 +9,7 @@ import typer
 
 from lcorpp.cli import model_files, output_files
 from lcorpp.errors import FileError, ModelError
+from lcorpp.notebook import join_some
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,14 +28,12 @@ def show(
     states: Annotated[
         str | None,
         typer.Option(
-            "--states",
-            metavar="A,B[,C]",
-            help="Draw beliefs over these 2 or 3 states; by default all of a small model.",
+            metavar="A,B[,C]", help="Draw beliefs over these 2 or 3 states; by default all of a small model."
         ),
     ] = None,
     graph: Annotated[
         Path | None,
-        typer.Option("--graph", metavar="FILE", help="Draw the policy as a graph: .dot, .png, .svg or .pdf."),
+        typer.Option(metavar="FILE", help="Draw the policy as a graph: .dot, .png, .svg or .pdf."),
     ] = None,
     out: Annotated[
         Path | None,
@@ -58,7 +57,7 @@ def show(
     if out is not None:
         output_files.check_figure(out)
     if graph is not None:
-        output_files.check_figure(graph, ".dot")
+        output_files.check_figure(graph, also=[".dot"])
     pomdp, problem = model_files.read_model(model)
     if policy is None:
         _print_model(model, pomdp, problem)
@@ -115,13 +114,9 @@ def _describe_start(pomdp: Pomdp) -> str:
 def _print_policy(policy: Path, pomdp: Pomdp, loaded: Policy) -> None:
     used = sorted(set(loaded.actions.tolist()))
     typer.echo(f"{policy}")
-    _print_fact(
-        "vectors",
-        f"{len(loaded)}" + ("" if loaded.covers_all_states else f" in {len(loaded.vector_sets)} sets"),
-    )
-    names = [pomdp.actions[action] for action in used]
-    more = f", ... ({len(names)} in all)" if len(names) > MAX_NAMES else ""
-    _print_fact("actions", ", ".join(names[:MAX_NAMES]) + more)
+    sets = "" if loaded.covers_all_states else f" in {len(loaded.vector_sets)} sets"
+    _print_fact("vectors", f"{len(loaded)}{sets}")
+    _print_fact("actions", join_some([pomdp.actions[action] for action in used], MAX_NAMES))
     value, action = loaded.value_and_action(pomdp.start)
     _print_fact("at the start", f"{pomdp.actions[action]}; lower bound of the value {value:.6g}")
 

@@ -24,13 +24,10 @@ MAX_NODES = 1000
 def simulate(
     model: model_files.ModelArgument,
     policy: Annotated[Path, typer.Argument(metavar="POLICY", help="A .policy, .xml or .alpha file for it.")],
-    trials: Annotated[
-        int, typer.Option("--trials", min=1, max=options.MAX_TRIALS, help="Number of episodes.")
-    ] = 100_000,
+    trials: Annotated[int, typer.Option(min=1, max=options.MAX_TRIALS, help="Number of episodes.")] = 100_000,
     steps: Annotated[
         int | None,
         typer.Option(
-            "--steps",
             min=1,
             max=options.MAX_STEPS,
             help="Maximum length of an episode; by default until the discount is 0.0001.",
@@ -38,7 +35,7 @@ def simulate(
     ] = None,
     seed: options.SeedOption = 0,
     trace: Annotated[
-        int, typer.Option("--trace", min=0, metavar="K", help="Print the first K episodes step by step.")
+        int, typer.Option(min=0, metavar="K", help="Print the first K episodes step by step.")
     ] = 0,
 ) -> None:
     """Simulate a policy and compare its mean reward with the bounds.
@@ -74,13 +71,14 @@ def simulate(
 
 def _compare(result: SimulationResult, value: Evaluation) -> str | None:
     """Explain a mean outside of the bounds on the policy's value; None if it lies between them."""
-    if (
-        value.lower <= result.mean + result.truncation[1]
-        and result.mean + result.truncation[0] <= value.upper
-    ):
+    min_change, max_change = result.truncation
+
+    def overlaps(low: float, high: float) -> bool:
+        return value.lower <= high + max_change and low + min_change <= value.upper
+
+    if overlaps(result.mean, result.mean):
         return None
-    low, high = result.interval.low, result.interval.high
-    if value.lower <= high + result.truncation[1] and low + result.truncation[0] <= value.upper:
+    if overlaps(result.interval.low, result.interval.high):
         return "the mean differs from the policy's value by sampling error: the interval contains the value"
     return "the interval misses the policy's value, as one interval in 20 does by chance"
 
@@ -94,11 +92,7 @@ def _print_episode(pomdp: Pomdp, number: int, episode: Trace) -> None:
     ):
         total += discount * reward
         discount *= pomdp.discount
-        names = (
-            pomdp.states[episode.states[step]],
-            pomdp.actions[action],
-            pomdp.observations[observation],
-        )
+        names = (pomdp.states[episode.states[step]], pomdp.actions[action], pomdp.observations[observation])
         rows.append((str(step + 1), *names, f"{reward:g}", f"{total:.6g}"))
     typer.echo(f"episode {number}")
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

@@ -35,8 +35,7 @@ def solve(
         str, typer.Option("--solver", metavar="NAME", help="sarsop, exact, perseus, qmdp or fib.")
     ] = "sarsop",
     plot: Annotated[
-        Path | None,
-        typer.Option("--plot", metavar="PICTURE", help="Draw the bounds over time: .png, .svg or .pdf."),
+        Path | None, typer.Option(metavar="PICTURE", help="Draw the bounds over time: .png, .svg or .pdf.")
     ] = None,
     check: Annotated[
         bool, typer.Option("--check", help="Check the bounds by an independent evaluation of the policy.")

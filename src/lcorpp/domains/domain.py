@@ -112,7 +112,7 @@ class Domain:
                 )
             return {**context, attribute: predicted.rename(label_of_class)}
         if predicted not in label_of_class:
-            raise DomainError(f"unknown class {predicted!r}; {expected_one_of(tuple(label_of_class))}")
+            raise DomainError(f"unknown class {predicted!r}; {expected_one_of(label_of_class)}")
         return {**context, attribute: label_of_class[predicted]}
 
     def target_of_label(self, evidence: Mapping[str, Label]) -> Label | None:
@@ -172,8 +172,7 @@ class Domain:
         for action, reported in self.planning.reports.items():
             if reported == value:
                 return action
-        reports = tuple(self.planning.reports.values())
-        raise DomainError(f"no action reports {value!r}; {expected_one_of(reports)}")
+        raise DomainError(f"no action reports {value!r}; {expected_one_of(self.planning.reports.values())}")
 
     def is_terminal(self, belief: Belief) -> bool:
         """Whether the terminal state has probability 1 under a belief (S,)."""
@@ -187,14 +186,8 @@ class Domain:
             confusion: its classes are the values of the target.
             smoothing: pseudo-count, see `ConfusionMatrix.rates`.
         """
-        return with_classifier(
-            self.program,
-            self.learning.attribute,
-            self.target,
-            confusion,
-            self.learning.label_of,
-            smoothing=smoothing,
-        )
+        attribute, label_of = self.learning.attribute, self.learning.label_of
+        return with_classifier(self.program, attribute, self.target, confusion, label_of, smoothing=smoothing)
 
     @property
     def soft_program(self) -> Program:

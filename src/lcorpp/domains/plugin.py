@@ -13,41 +13,35 @@ from lcorpp.user_code import describe_failure, load_file
 from lcorpp.values import Array
 
 FUNCTIONS = ("trajectory", "trajectories", "reaction")
-"""Functions of a plug-in, of which it defines at least one."""
+"""Functions of a plug-in, of which it defines at least one; `recordings` comes in addition."""
 
 
 class SimulationPlugin:
     """A `people.py`; a call that fails or returns a wrong type raises `DomainError`.
 
-    The file may define ``trajectory(person, rng)`` -> (channels, time points), its batch form
-    ``trajectories(people, rng)`` -> (people, channels, time points), and ``reaction(person, action, rng)``
-    -> observation; also ``recordings(people, rng, *, seconds)`` -> one array (samples, columns) for each
-    person, with COLUMNS, the names of the columns, "time" first. A person is a mapping from the attributes
-    of the truth program to values.
+    A person is a mapping from the attributes of the truth program to values. The file may define:
+
+    - ``trajectory(person, rng)`` -> (channels, time points);
+    - ``trajectories(people, rng)`` -> (people, channels, time points), its batch form;
+    - ``reaction(person, action, rng)`` -> observation;
+    - ``recordings(people, rng, *, seconds)`` -> one array (samples, columns) for each person, with
+      COLUMNS, the names of the columns, "time" first.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._module = load_file(path, f"lcorpp_people_{path.parent.name}", DomainError)
-        if not any(hasattr(self._module, name) for name in FUNCTIONS):
+        if not self.defines(*FUNCTIONS):
             raise DomainError(f"{path}: defines none of {', '.join(FUNCTIONS)}")
 
-    @property
-    def has_motion(self) -> bool:
-        return hasattr(self._module, "trajectory") or hasattr(self._module, "trajectories")
-
-    @property
-    def has_reaction(self) -> bool:
-        return hasattr(self._module, "reaction")
-
-    @property
-    def has_recordings(self) -> bool:
-        return hasattr(self._module, "recordings")
+    def defines(self, *names: str) -> bool:
+        """Return whether the file defines one of the names."""
+        return any(hasattr(self._module, name) for name in names)
 
     @property
     def columns(self) -> tuple[str, ...]:
         """The column names of a recording, () without recordings."""
-        if not self.has_recordings:
+        if not self.defines("recordings"):
             return ()
         columns = getattr(self._module, "COLUMNS", None)
         if not (
@@ -64,7 +58,7 @@ class SimulationPlugin:
 
     def trajectories(self, people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
         """Return simulated trajectories (people, channels, time points)."""
-        if hasattr(self._module, "trajectories"):
+        if self.defines("trajectories"):
             tracks = self._call("trajectories", people, rng)
         else:
             tracks = [self._call("trajectory", person, rng) for person in people]

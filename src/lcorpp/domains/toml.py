@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ class TomlTable:
 
     def __init__(self, table: Mapping[str, Any], lines: _KeyLines, path: Keys = ()) -> None:
         self._table, self._lines, self._path = table, lines, path
-        self._accessed: dict[str, None] = {}
+        self._accessed: dict[str, None] = {}  # an ordered set
 
     def location(self, *keys: str) -> str:
         """``domain.toml:12: [planning] model``, the start of an error message."""
@@ -39,73 +39,68 @@ class TomlTable:
 
     def text(self, key: str, default: str | None = None) -> str:
         """A non-empty string."""
-        value = self._get(key, default)
-        if not isinstance(value, str) or not value.strip():
-            raise DomainError(f"{self.location(key)}: expected a text, not {value!r}")
-        return value
+        return str(self._get(key, default, lambda v: isinstance(v, str) and v.strip(), "a text"))
 
     def number(self, key: str, min_value: float, max_value: float, default: float | None = None) -> float:
         """A number from `min_value` to `max_value`."""
-        value = self._get(key, default)
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not min_value <= value <= max_value
-        ):
-            raise DomainError(
-                f"{self.location(key)}: expected a number from {min_value} to {max_value}, not {value!r}"
-            )
-        return float(value)
+
+        def is_valid(value: Any) -> bool:
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            return is_number and min_value <= value <= max_value
+
+        return float(self._get(key, default, is_valid, f"a number from {min_value} to {max_value}"))
 
     def count(self, key: str, min_value: int, default: int | None = None) -> int:
         """A whole number of at least `min_value`."""
-        value = self._get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int) or value < min_value:
-            raise DomainError(
-                f"{self.location(key)}: expected a whole number of at least {min_value}, not {value!r}"
-            )
-        return value
+        expected = f"a whole number of at least {min_value}"
+        return int(self._get(key, default, lambda v: type(v) is int and v >= min_value, expected))
 
-    def names(self, key: str, *, may_be_empty: bool = False) -> tuple[str, ...]:
-        """A list of different names; if it `may_be_empty`, it may be missing, too."""
-        value = self._get(key, [] if may_be_empty else None)
-        if not isinstance(value, list) or not all(isinstance(name, str) and name for name in value):
-            raise DomainError(f"{self.location(key)}: expected a list of names, not {value!r}")
+    def names(self, key: str, *, required: bool = True) -> tuple[str, ...]:
+        """A list of different names; if it is not `required`, it may be empty or missing."""
+
+        def is_valid(value: Any) -> bool:
+            return isinstance(value, list) and all(isinstance(name, str) and name for name in value)
+
+        value = self._get(key, None if required else [], is_valid, "a list of names")
         if len(set(value)) < len(value):
             raise DomainError(f"{self.location(key)}: a name is repeated in {value!r}")
-        if not value and not may_be_empty:
+        if not value and required:
             raise DomainError(f"{self.location(key)}: expected at least one name")
         return tuple(value)
 
     def mapping(self, key: str) -> dict[str, str]:
         """A table from names to names."""
-        value = self._get(key, None)
+        value = self._get(key)
         if not isinstance(value, dict) or not value or not all(isinstance(v, str) for v in value.values()):
             raise DomainError(f'{self.location(key)}: expected a table of names such as {{ a = "b" }}')
         return dict(value)
 
     def section(self, key: str, *, required: bool = False) -> TomlTable:
         """A subtable; an empty one if it is missing and not required."""
-        value = self._get(key, None if required else {})
-        if not isinstance(value, dict):
-            raise DomainError(f"{self.location(key)}: expected a table, not {value!r}")
+        value = self._get(key, None if required else {}, lambda v: isinstance(v, dict), "a table")
         return TomlTable(value, self._lines, (*self._path, key))
 
     def reject_unknown_keys(self) -> None:
         """Raise `DomainError` if the table has a key that was never accessed."""
         for key in self._table:
             if key not in self._accessed:
-                raise DomainError(
-                    f"{self.location(key)}: unknown key; {expected_one_of(list(self._accessed))}"
-                )
+                raise DomainError(f"{self.location(key)}: unknown key; {expected_one_of(self._accessed)}")
 
-    def _get(self, key: str, default: Any) -> Any:
+    def _get(
+        self,
+        key: str,
+        default: Any = None,
+        is_valid: Callable[[Any], object] = lambda _: True,
+        expected: str = "",
+    ) -> Any:
+        """Return a value, or the default if it is missing; a default of None means that it is required."""
         self._accessed[key] = None
-        if key in self._table:
-            return self._table[key]
-        if default is None:
+        value = self._table.get(key, default)
+        if value is None:  # TOML has no null
             raise DomainError(f"{self.location(key)} is missing")
-        return default
+        if not is_valid(value):
+            raise DomainError(f"{self.location(key)}: expected {expected}, not {value!r}")
+        return value
 
 
 def read_domain_toml(path: Path, preset: str | None) -> tuple[TomlTable, str | None]:
@@ -127,7 +122,7 @@ def read_domain_toml(path: Path, preset: str | None) -> tuple[TomlTable, str | N
     if preset is None:
         preset = next(iter(presets), None)
     elif preset not in presets:
-        raise DomainError(f"{path}: unknown preset {preset!r}; {expected_one_of(list(presets))}")
+        raise DomainError(f"{path}: unknown preset {preset!r}; {expected_one_of(presets)}")
     overrides = dict(presets.get(preset, {})) if preset else {}
     overrides.pop("description", None)
     return TomlTable(_merge(table, overrides), _KeyLines(str(path), text, preset)), preset

@@ -109,9 +109,9 @@ def write_comparison(
         from lcorpp.learning import plot_report, write_report
 
         written += write_report(classifier.report, folder)
-        for suffix in formats:
-            plot_report(classifier.report, folder / f"report.{suffix}")
-            written.append(folder / f"report.{suffix}")
+        for figure in [folder / f"report.{suffix}" for suffix in formats]:
+            plot_report(classifier.report, figure)
+            written.append(figure)
     return WrittenFiles((*written, *saved.paths), saved.problem)
 
 

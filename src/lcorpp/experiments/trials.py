@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -121,13 +121,15 @@ def run_chunk(experiment: Experiment, number: int, results: Trials) -> int:
     labels: Sequence[Label | None] = [None] * len(people)
     if any(strategy.learns for strategy in strategies):
         labels = experiment.classifier.classify_many(tracks)
-    for i, (person, track, label) in enumerate(zip(people, tracks, labels, strict=True)):
+    recall = PrecomputedLabel()
+    full = replace(experiment.robot, classifier=recall, domain=domain)
+    robots = [strategy.robot(full) for strategy in strategies]
+    for i, (person, track, recall.label) in enumerate(zip(people, tracks, labels, strict=True)):
         instance = Instance(track, {name: person[name] for name in domain.observed})
-        full = Robot(FixedLabel(label), experiment.robot.reasoner, experiment.robot.planner, domain)
-        for k, strategy in enumerate(strategies):
+        for k, robot in enumerate(robots):
             # every strategy gets the same answers: each has a new generator with the same seed
             world = model.make_world(person, np.random.default_rng([experiment.seed, number, i]))
-            report = dt_control(strategy.robot(full), instance, world).report
+            report = dt_control(robot, instance, world).report
             results["reported"][i, k] = len(domain.values) if report is None else domain.values.index(report)
             results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_
         results["truth"][i] = domain.values.index(person[domain.target])
@@ -146,11 +148,11 @@ def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
     return scores
 
 
-@dataclass(frozen=True)
-class FixedLabel:
-    """A classifier that returns one precomputed label for every instance."""
+@dataclass
+class PrecomputedLabel:
+    """A classifier that returns the label of the current person, computed before with many others."""
 
-    label: Label | None
+    label: Label | None = None
 
     def classify(self, instance: Instance) -> Label | None:
         return self.label

@@ -41,21 +41,13 @@ def simulate_recording(
         positives = max(1, round(tracks * PAPER_POSITIVES / PAPER_TRACKS))
     people = _sample_people(domain, tracks, positives, rng)
     options = {} if seconds is None else {"seconds": seconds}
-    arrays = domain.simulation.recordings(people, rng, **options)
-    names = domain.simulation.columns
-    tables = [dict(zip(names, array.T, strict=True)) for array in arrays]
-    return Recording(
-        tuple(
-            Track(
-                str(number),
-                table["time"],
-                {name: table[name] for name in COLUMNS if name in table},
-                person[domain.target],
-            )
-            for number, (person, table) in enumerate(zip(people, tables, strict=True), start=1)
-        ),
-        source=f"{tracks} simulated tracks ({domain.folder.name}/people.py)",
-    )
+    simulated = list[Track]()
+    for person, array in zip(people, domain.simulation.recordings(people, rng, **options), strict=True):
+        table = dict(zip(domain.simulation.columns, array.T, strict=True))
+        columns = {name: table[name] for name in COLUMNS if name in table}
+        simulated.append(Track(str(len(simulated) + 1), table["time"], columns, person[domain.target]))
+    source = f"{tracks} simulated tracks ({domain.folder.name}/people.py)"
+    return Recording(tuple(simulated), source=source)
 
 
 def _sample_people(domain: Domain, tracks: int, positives: int, rng: np.random.Generator) -> list[Person]:

@@ -1,16 +1,11 @@
 """Values shared by all packages: frozen, and checked once at construction."""
 
-from lcorpp.values.arrays import Array as Array, Belief as Belief, freeze as freeze
+from lcorpp.values.arrays import Array as Array, Belief as Belief, Interval as Interval, freeze as freeze
 from lcorpp.values.confusion import (
     JEFFREYS as JEFFREYS,
     LAPLACE as LAPLACE,
     ConfusionMatrix as ConfusionMatrix,
 )
 from lcorpp.values.dataset import CHANNELS as CHANNELS, Dataset as Dataset, track_hash as track_hash
-from lcorpp.values.distribution import (
-    Distribution as Distribution,
-    Label as Label,
-    Likelihood as Likelihood,
-)
+from lcorpp.values.distribution import Distribution as Distribution, Label as Label, Likelihood as Likelihood
 from lcorpp.values.episode import Episode as Episode, Instance as Instance, Step as Step
-from lcorpp.values.interval import Interval as Interval

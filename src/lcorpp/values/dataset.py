@@ -19,7 +19,7 @@ CHANNELS = ("x", "y", "velocity", "heading", "facing")
 
 
 def track_hash(trajectory: npt.ArrayLike) -> str:
-    """Return a hash that only equal trajectories share: the group of tracks of unknown people."""
+    """Return the group of a track of an unknown person: a text that only equal trajectories share."""
     numbers = np.ascontiguousarray(trajectory, dtype="<f8")
     return "track " + sha256(repr(numbers.shape).encode() + numbers.tobytes()).hexdigest()[:16]
 
@@ -82,7 +82,7 @@ class Dataset:
         )
 
     def append(self, pairs: Sequence[tuple[npt.ArrayLike, str]], groups: Sequence[str]) -> Dataset:
-        """Return the data set with more (trajectory, label) pairs at its end: Omega <- Omega + omega.
+        """Return the data set with more (trajectory, label) pairs at its end.
 
         Args:
             pairs: trajectories (channels, time points) of the same shape, each with its label.
@@ -91,18 +91,19 @@ class Dataset:
         Raises:
             DataError: a trajectory has another shape.
         """
-        tracks = [np.asarray(trajectory, dtype=np.float64) for trajectory, _ in pairs]
+        tracks, shape = (
+            [np.asarray(track, dtype=np.float64) for track, _ in pairs],
+            self.trajectories.shape[1:],
+        )
         for track in tracks:
-            if track.shape != self.trajectories.shape[1:]:
+            if track.shape != shape:
                 raise DataError(
                     f"a trajectory of shape {track.shape} does not fit a data set of trajectories of shape"
-                    f" {self.trajectories.shape[1:]}"
+                    f" {shape}"
                 )
         return replace(
             self,
-            trajectories=np.concatenate(
-                [self.trajectories, np.reshape(tracks, (-1, *self.trajectories.shape[1:]))]
-            ),
+            trajectories=np.concatenate([self.trajectories, np.reshape(tracks, (-1, *shape))]),
             labels=(*self.labels, *(label for _, label in pairs)),
             groups=(*self.groups, *groups),
         )

@@ -103,11 +103,9 @@ class Episode:
             ("evidence", evidence, ""),
             ("marginal", "" if self.marginal is None else repr(self.marginal), ""),
             ("prior", "", _describe_belief(self.prior)),
-            *(
-                (step.action, step.observation or "", _describe_belief(step.belief))
-                for step in self.steps[:SHOWN_STEPS]
-            ),
         ]
+        for step in self.steps[:SHOWN_STEPS]:
+            rows.append((step.action, step.observation or "", _describe_belief(step.belief)))
         if len(self.steps) > SHOWN_STEPS:
             rows.append(("...", f"{len(self.steps)} steps in all", ""))
         rows.append(("report", str(self.report), ""))

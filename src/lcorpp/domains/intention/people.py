@@ -105,10 +105,7 @@ def trajectories(people: Sequence[Mapping[str, str]], rng: np.random.Generator) 
 
 
 def recordings(
-    people: Sequence[Mapping[str, str]],
-    rng: np.random.Generator,
-    *,
-    seconds: tuple[float, float] = DURATION,
+    people: Sequence[Mapping[str, str]], rng: np.random.Generator, *, seconds: tuple[float, float] = DURATION
 ) -> list[Array]:
     """One array (samples, 7) for each person as the mall's tracker records it, columns as COLUMNS.
 

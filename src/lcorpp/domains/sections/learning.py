@@ -60,11 +60,8 @@ def read_learning(table: TomlTable, reasoning: ReasoningSection) -> LearningSect
     if len(set(values)) < len(values):
         raise DomainError(f"{location}: two labels have the same value")
     positive = table.text("positive") if "positive" in table else None
-    if positive is not None and positive not in reasoning.values:
-        raise DomainError(
-            f"{table.location('positive')}: {target} cannot be {positive!r} ({declaration});"
-            f" {expected_one_of(reasoning.values)}"
-        )
+    if positive is not None:
+        reasoning.check_value(table.location("positive"), positive)
     classifier = table.text("classifier", "lstm")
     if classifier not in CLASSIFIERS:
         raise DomainError(

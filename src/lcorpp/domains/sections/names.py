@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+from typing import Literal
 
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.files import read_text
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program
+
+Kind = Literal["states", "actions", "observations"]
 
 
 def find_attribute_values(location: str, name: str, program: Program) -> tuple[str, ...]:
@@ -21,8 +24,7 @@ def find_attribute_values(location: str, name: str, program: Program) -> tuple[s
     """
     if name not in program.attributes:
         raise DomainError(
-            f"{location}: {program.file} has no attribute {name!r};"
-            f" {expected_one_of(tuple(program.attributes))}"
+            f"{location}: {program.file} has no attribute {name!r}; {expected_one_of(program.attributes)}"
         )
     attribute = program.attributes[name]
     if attribute.arguments:
@@ -50,9 +52,25 @@ def check_same_names(location: str, names: tuple[str, ...], known: tuple[str, ..
             raise DomainError(f"{location}: {name!r} is missing; expected {what}: {', '.join(known)}")
 
 
-def locate_declaration(pomdp: Pomdp, kind: str) -> str:
+def locate_declaration(pomdp: Pomdp, kind: Kind) -> str:
     """Return ``file:line`` of the declaration of the states, actions or observations in a POMDP file."""
     for number, line in enumerate(read_text(pomdp.file).splitlines(), 1):
         if re.match(rf"\s*{kind}\s*:", line):
             return f"{pomdp.file}:{number}"
     return pomdp.file
+
+
+def check_declared(
+    location: str, name: str, pomdp: Pomdp, kind: Literal["states", "actions", "observations"]
+) -> None:
+    """Check that a POMDP has a state, action or observation of this name.
+
+    Raises:
+        DomainError: it has none.
+    """
+    known: tuple[str, ...] = getattr(pomdp, kind)
+    if name not in known:
+        raise DomainError(
+            f"{location}: {locate_declaration(pomdp, kind)} has no {kind.removesuffix('s')} {name!r};"
+            f" {expected_one_of(known)}"
+        )

@@ -10,7 +10,7 @@ from string import Formatter
 
 import numpy as np
 
-from lcorpp.domains.sections.names import locate_declaration
+from lcorpp.domains.sections.names import check_declared, locate_declaration
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
@@ -133,27 +133,15 @@ def _find_terminal(table: TomlTable, pomdp: Pomdp) -> int | None:
     if "terminal" not in table:
         return None
     name = table.text("terminal")
-    if name not in pomdp.states:
-        raise DomainError(
-            f"{table.location('terminal')}: {locate_declaration(pomdp, 'states')} has no state {name!r};"
-            f" {expected_one_of(pomdp.states)}"
-        )
+    check_declared(table.location("terminal"), name, pomdp, "states")
     return pomdp.states.index(name)
 
 
 def _read_reports(table: TomlTable, pomdp: Pomdp, reasoning: ReasoningSection) -> dict[str, str]:
     reports = table.mapping("reports")
     for action, value in reports.items():
-        if action not in pomdp.actions:
-            raise DomainError(
-                f"{table.location('reports', action)}: {locate_declaration(pomdp, 'actions')} has no action"
-                f" {action!r}; {expected_one_of(pomdp.actions)}"
-            )
-        if value not in reasoning.values:
-            raise DomainError(
-                f"{table.location('reports', action)}: {reasoning.target} cannot be {value!r}"
-                f" ({reasoning.target_declaration}); {expected_one_of(reasoning.values)}"
-            )
+        check_declared(table.location("reports", action), action, pomdp, "actions")
+        reasoning.check_value(table.location("reports", action), value)
     for value in reasoning.values:
         if value not in reports.values():
             raise DomainError(f"{table.location('reports')}: no action reports {value!r}")

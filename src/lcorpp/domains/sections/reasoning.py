@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lcorpp.domains.sections.names import find_attribute_values
 from lcorpp.domains.toml import TomlTable
-from lcorpp.errors import DomainError
+from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.reasoning import Program, read_plog
 
 
@@ -34,6 +34,14 @@ class ReasoningSection:
         """``file:line`` of the declaration of the target."""
         return f"{self.program.file}:{self.program.attributes[self.target].line}"
 
+    def check_value(self, location: str, value: str) -> None:
+        """Raise `DomainError` if a name of `domain.toml` is no value of the target."""
+        if value not in self.values:
+            raise DomainError(
+                f"{location}: {self.target} cannot be {value!r} ({self.target_declaration});"
+                f" {expected_one_of(self.values)}"
+            )
+
 
 def read_reasoning(table: TomlTable, folder: Path) -> ReasoningSection:
     """Read the section and the program.
@@ -43,7 +51,7 @@ def read_reasoning(table: TomlTable, folder: Path) -> ReasoningSection:
     """
     program = read_plog(folder / table.text("program"))
     target = table.text("target")
-    observed = table.names("observed", may_be_empty=True)
+    observed = table.names("observed", required=False)
     for key, names in (("target", (target,)), ("observed", observed)):
         for name in names:
             find_attribute_values(table.location(key), name, program)

@@ -10,11 +10,11 @@ import numpy as np
 
 from lcorpp.domains.plugin import SimulationPlugin
 from lcorpp.domains.sections.learning import LearningSection
-from lcorpp.domains.sections.names import check_same_names, find_attribute_values, locate_declaration
+from lcorpp.domains.sections.names import check_declared, check_same_names, find_attribute_values
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
-from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.errors import DomainError
 from lcorpp.reasoning import Program, read_plog
 from lcorpp.values import Array
 
@@ -79,9 +79,9 @@ def read_simulation(
         true_program=program,
         feedback_model=_make_feedback_model(table, reasoning, planning),
         noisy_channel=_make_noisy_channel(table, program, reasoning, learning),
-        trajectories=plugin.trajectories if plugin and plugin.has_motion else None,
-        reaction=plugin.reaction if plugin and plugin.has_reaction else None,
-        recordings=plugin.recordings if plugin and plugin.has_recordings else None,
+        trajectories=plugin.trajectories if plugin and plugin.defines("trajectory", "trajectories") else None,
+        reaction=plugin.reaction if plugin and plugin.defines("reaction") else None,
+        recordings=plugin.recordings if plugin and plugin.defines("recordings") else None,
         columns=plugin.columns if plugin else (),
     )
     table.reject_unknown_keys()
@@ -98,16 +98,13 @@ def _make_feedback_model(table: TomlTable, reasoning: ReasoningSection, planning
         return pomdp.observation.dense
     answer_probabilities = _compute_answer_probabilities(table, noise, reasoning, planning)
     model = pomdp.observation.dense.copy()
-    states = planning.state_values.any(
-        axis=1
-    )  # (S,) the states with a target value: all but the terminal one
+    states = planning.state_values.any(axis=1)  # (S,) not the terminal state, which has no target value
     for a, action in enumerate(pomdp.actions):
         if action in planning.reports:
             continue
         model[a, states] = planning.state_values[states] @ answer_probabilities
-        impossible = (model[a, states].max(axis=0) > 0) & (
-            pomdp.observation.dense[a, states].max(axis=0) == 0
-        )
+        expected = pomdp.observation.dense[a, states].max(axis=0) > 0
+        impossible = (model[a, states].max(axis=0) > 0) & ~expected
         if impossible.any():
             observation = pomdp.observations[int(np.argmax(impossible))]
             raise DomainError(
@@ -126,11 +123,7 @@ def _compute_answer_probabilities(
     what = f"the values of {reasoning.target}"
     check_same_names(table.location("feedback"), tuple(feedback), reasoning.values, what)
     for value, observation in feedback.items():
-        if observation not in pomdp.observations:
-            raise DomainError(
-                f"{table.location('feedback', value)}: {locate_declaration(pomdp, 'observations')} has no"
-                f" observation {observation!r}; {expected_one_of(pomdp.observations)}"
-            )
+        check_declared(table.location("feedback", value), observation, pomdp, "observations")
     answers = list(dict.fromkeys(feedback.values()))
     if noise and len(answers) < 2:
         raise DomainError(f"{table.location('noise')}: noise needs at least two different answers")
@@ -146,16 +139,13 @@ def _make_noisy_channel(
     table: TomlTable, true_program: Program, reasoning: ReasoningSection, learning: LearningSection
 ) -> dict[str, dict[str, float]] | None:
     """Return P(label | target value) of the simulated classifier: from `channel`, else the true program."""
-    labels = tuple(learning.label_of.values())
     if "channel" in table:
-        return _read_noisy_channel(
-            table.section("channel"), table.location("channel"), labels, reasoning, learning
-        )
+        return _read_noisy_channel(table.section("channel"), table.location("channel"), reasoning, learning)
     if learning.attribute not in true_program.attributes:
         return None
     from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
 
-    reasoner = Reasoner(true_program)
+    reasoner, labels = Reasoner(true_program), learning.label_of.values()
     marginal = reasoner.posterior(reasoning.target, {})
     return {
         value: dict(reasoner.posterior(learning.attribute, {reasoning.target: value}))
@@ -168,11 +158,11 @@ def _make_noisy_channel(
 def _read_noisy_channel(
     table: TomlTable,
     location: str,
-    labels: tuple[str, ...],
     reasoning: ReasoningSection,
     learning: LearningSection,
 ) -> dict[str, dict[str, float]]:
     """Read the table `channel`: a row of label probabilities for each target value."""
+    labels = tuple(learning.label_of.values())
     check_same_names(location, tuple(table), reasoning.values, f"the values of {reasoning.target}")
     rates = {}
     for value in reasoning.values:

@@ -4,8 +4,8 @@ tracks          Track, Recording and Repair: tracks of unequal length, as they w
 reading         read any format, detected by content
 csv_reader      CSV text in columns, errors located         csv_formats  long CSV and ATC tracking data
 parquet, npz, authors, labels                               the other formats, and files of labels
-ingest          rows of any format -> tracks: assembly collects the rows of each id, cleaning splits and
-                checks them, repairs says which faults may be repaired, units detects millimetres
+ingest          rows of any format -> tracks: it collects the rows of each id, cleaning splits and checks
+                them, repairs lists the faults that may be repaired, units detects millimetres
 windows         tracks -> a rectangular Dataset             dataset      check and split a Dataset
 writing         Recording -> CSV or Parquet                 describe     counts, durations, speeds, duplicates
 fetching        resumable downloads                         plots        figures, with matplotlib

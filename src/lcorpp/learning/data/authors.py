@@ -11,6 +11,7 @@ import numpy as np
 
 from lcorpp.errors import ParseError, expected_one_of
 from lcorpp.files import read_text
+from lcorpp.learning.data.csv_reader import column_of
 from lcorpp.values import Array, Dataset
 
 POINTS = 304
@@ -30,11 +31,16 @@ NOTE = (
 class _Row:
     """One line of a file. positions: (304,) mm."""
 
+    file: Path
     line: int
     text: str
     id: str
     positions: Array
     label: str
+
+    def fail(self, cell: int, message: str) -> NoReturn:
+        """Raise for a cell, counted from 0."""
+        raise ParseError(str(self.file), self.line, column_of(self.text, cell), message, self.text)
 
 
 def read_authors(folder: str | Path, *, labels: Mapping[str, str]) -> Dataset:
@@ -55,23 +61,16 @@ def read_authors(folder: str | Path, *, labels: Mapping[str, str]) -> Dataset:
 
     Source: bu-air-lab/LCORPP; Kato, Kanda and Ishiguro, HRI 2015.
     """
-    x_file, y_file = Path(folder) / "interposx.csv", Path(folder) / "interposy.csv"
-    x_rows, y_rows = _read(x_file, labels), _read(y_file, labels)
+    x_rows, y_rows = (_read(Path(folder) / f"interpos{axis}.csv", labels) for axis in "xy")
     for x, y in zip(x_rows, y_rows, strict=False):
+        there = f"as in line {x.line} of {x.file.name}"
         if x.id != y.id:
-            _fail(y_file, y, 0, f"id {y.id!r}; expected {x.id!r} as in line {x.line} of {x_file.name}")
+            y.fail(0, f"id {y.id!r}; expected {x.id!r} {there}")
         if x.label != y.label:
-            message = f"label {y.label!r}; expected {x.label!r} as in line {x.line} of {x_file.name}"
-            _fail(y_file, y, POINTS + 1, message)
+            y.fail(POINTS + 1, f"label {y.label!r}; expected {x.label!r} {there}")
     if len(x_rows) != len(y_rows):
-        file, rows = min((x_file, x_rows), (y_file, y_rows), key=lambda pair: len(pair[1]))
-        longest = max(len(x_rows), len(y_rows))
-        _fail(
-            file,
-            rows[-1],
-            0,
-            f"the file ends after {len(rows)} rows; expected {longest} as in the other file",
-        )
+        short, long = sorted((x_rows, y_rows), key=len)
+        short[-1].fail(0, f"the file ends after {len(short)} rows; expected {len(long)} as in the other file")
     tracks = np.stack([[row.positions for row in x_rows], [row.positions for row in y_rows]], axis=1)
     return Dataset(
         tracks * MILLIMETRE,
@@ -88,31 +87,24 @@ def _read(path: Path, labels: Mapping[str, str]) -> list[_Row]:
         lines.pop()
     if not lines:
         raise ParseError(str(path), 1, 1, f"the file is empty; expected rows of {POINTS + 2} columns")
-    return [_row(path, number, text, labels) for number, text in enumerate(lines, start=1)]
+    return [_parse_row(path, number, text, labels) for number, text in enumerate(lines, start=1)]
 
 
-def _row(path: Path, line: int, text: str, labels: Mapping[str, str]) -> _Row:
+def _parse_row(path: Path, line: int, text: str, labels: Mapping[str, str]) -> _Row:
     cells = text.split(",")
     if len(cells) != POINTS + 2:
         message = f"{len(cells)} columns; expected {POINTS + 2}: id, {POINTS} positions in mm, label"
         raise ParseError(str(path), line, 1, message, text)
-    row = _Row(line, text, cells[0].strip(), np.empty(POINTS), cells[-1].strip())
+    row = _Row(path, line, text, cells[0].strip(), np.empty(POINTS), cells[-1].strip())
     if not row.id:
-        _fail(path, row, 0, "no id; expected the number of a person")
+        row.fail(0, "no id; expected the number of a person")
     for index, cell in enumerate(cells[1:-1]):
         try:
             row.positions[index] = float(cell)
         except ValueError:
-            _fail(path, row, index + 1, f"{cell!r} is not a number; expected a position in mm")
+            row.fail(index + 1, f"{cell!r} is not a number; expected a position in mm")
         if not np.isfinite(row.positions[index]):
-            _fail(path, row, index + 1, f"{cell!r} is not finite; expected a position in mm")
+            row.fail(index + 1, f"{cell!r} is not finite; expected a position in mm")
     if row.label not in labels:
-        _fail(path, row, POINTS + 1, f"unknown label {row.label!r}; {expected_one_of(list(labels))}")
+        row.fail(POINTS + 1, f"unknown label {row.label!r}; {expected_one_of(list(labels))}")
     return row
-
-
-def _fail(path: Path, row: _Row, cell: int, message: str) -> NoReturn:
-    """Raise for the given cell (counted from 0) of a row."""
-    cells = row.text.split(",")
-    column = sum(len(before) + 1 for before in cells[:cell]) + 1
-    raise ParseError(str(path), row.line, column, message, row.text)

@@ -11,13 +11,11 @@ Source: Brscic, Kanda, Ikeda and Miyashita, IEEE Transactions on Human-Machine S
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 from lcorpp.errors import FileError, ParseError, expected_one_of
 from lcorpp.files import open_text
-from lcorpp.learning.data.assembly import TrackAssembler
-from lcorpp.learning.data.csv_reader import CsvFile, column_of
+from lcorpp.learning.data.csv_reader import CsvFile, column_of, parse_line
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.tracks import COLUMNS, Track
 
@@ -31,45 +29,32 @@ MILLIMETRE = 1e-3
 
 
 def read_long_csv(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
-    """Read a file in the long format.
-
-    Returns:
-        The tracks, in metres, and notes about the file.
-
-    Raises:
-        FileError: the file cannot be read.
-        ParseError: the heading, a row or a track has a fault whose repair was not requested.
-    """
+    """Read a file in the long format; return its tracks, in metres, and notes about it."""
     names = read_header(path)
-    cells = {name: cell for cell, name in enumerate(names) if name in LONG_COLUMNS}
-    words = tuple(name for name in WORD_COLUMNS if name in cells)
-    numbers = tuple(name for name in LONG_COLUMNS if name in cells and name not in ("track", *WORD_COLUMNS))
-    file = CsvFile(path, cells, len(names), numbers, header=1)
-    assembler = TrackAssembler(numbers[1:], words)
-    tracks = assemble_tracks(file, file.batches(options.repair_log, options.progress), assembler, options)
-    if not tracks and options.only is None and not options.repair_log.repairs:
-        raise ParseError(str(path), 2, 1, f"no rows after the heading; expected {', '.join(names)}")
-    return tracks, (*note_unused_columns(names), *file.notes(options.repair_log))
+    numbers, words = find_columns(names)
+    file = CsvFile(path, names, numbers, words, options.repair_log, header=1)
+    empty = ParseError(str(path), 2, 1, f"no rows after the heading; expected {', '.join(names)}")
+    tracks = assemble_tracks(file, file.batches(options.progress), options, empty, numbers[1:], words)
+    return tracks, (*note_unused_columns(names), *file.notes())
 
 
 def read_atc(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
-    """Read ATC tracking data; only the requested rows and one batch of text are in memory.
+    """Read ATC tracking data; return the tracks, in metres and metres per second, and notes about the file.
 
-    Returns:
-        The tracks, in metres and metres per second, and notes about the file.
-
-    Raises:
-        FileError: the file cannot be read.
-        ParseError: a row or a track has a fault whose repair was not requested.
+    Only the requested rows and one batch of text are in memory.
     """
     numbers = tuple(name for name in ATC_COLUMNS if name != "track")
-    file = CsvFile(path, {name: cell for cell, name in enumerate(ATC_COLUMNS)}, len(ATC_COLUMNS), numbers)
+    file = CsvFile(path, ATC_COLUMNS, numbers, (), options.repair_log)
     scale = dict.fromkeys(("x", "y", "z", "velocity"), MILLIMETRE)
-    assembler = TrackAssembler(numbers[1:], scale=scale)
-    tracks = assemble_tracks(file, file.batches(options.repair_log, options.progress), assembler, options)
-    if not tracks and options.only is None and not options.repair_log.repairs:
-        raise ParseError(str(path), 1, 1, f"the file is empty; expected rows of {', '.join(ATC_COLUMNS)}")
-    return tracks, file.notes(options.repair_log)
+    empty = ParseError(str(path), 1, 1, f"the file is empty; expected rows of {', '.join(ATC_COLUMNS)}")
+    tracks = assemble_tracks(file, file.batches(options.progress), options, empty, numbers[1:], scale=scale)
+    return tracks, file.notes()
+
+
+def find_columns(names: list[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the columns of numbers, time first, and those of words besides "track", among the given ones."""
+    numbers = tuple(name for name in LONG_COLUMNS if name in names and name not in ("track", *WORD_COLUMNS))
+    return numbers, tuple(name for name in WORD_COLUMNS if name in names)
 
 
 def note_unused_columns(names: list[str]) -> tuple[str, ...]:
@@ -90,10 +75,7 @@ def read_header(path: Path) -> list[str]:
             text = file.readline()
         except UnicodeDecodeError:
             raise FileError(f"{path}:1: not UTF-8 text") from None
-    try:
-        names = [name.strip().lower() for name in next(csv.reader([text], strict=True), [])]
-    except csv.Error as error:
-        raise ParseError(str(path), 1, 1, f"not a row of CSV ({error})", text) from None
+    names = [name.lower() for name in parse_line(str(path), 1, text)]
     for name in REQUIRED:
         if name not in names:
             message = f"no column {name!r}; expected {', '.join(REQUIRED)} among {', '.join(LONG_COLUMNS)}"

@@ -6,7 +6,8 @@ numpy converts a batch at once; only a batch that fails is parsed line by line.
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator, Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import FileError, LcorppError, ParseError
 from lcorpp.files import open_text
-from lcorpp.learning.data.repairs import RepairLog
+from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.values import Array
 
 BATCH_LINES = 50_000
@@ -44,59 +45,53 @@ class RowBatch:
     texts: Mapping[str, list[str]]
 
 
-class CsvFile:
+class CsvFile(RowSource):
     """A CSV file of known columns.
 
     Args:
         path: the file, UTF-8.
-        cells: name -> index of its cell in a row, from 0. width: number of cells in a row.
-        numbers: the names of the numeric columns; the others are words.
-        header: number of lines before the first row.
+        names: all columns. numbers, words: those that are read, besides "track".
+        repair_log: the requested repairs. header: number of lines before the first row.
     """
 
     def __init__(
-        self, path: Path, cells: Mapping[str, int], width: int, numbers: tuple[str, ...], *, header: int = 0
+        self,
+        path: Path,
+        names: Sequence[str],
+        numbers: tuple[str, ...],
+        words: tuple[str, ...],
+        repair_log: RepairLog,
+        *,
+        header: int = 0,
     ) -> None:
-        self.path, self.file = path, str(path)
-        self._cells, self._width, self._numbers, self._header = dict(cells), width, numbers, header
-        self._texts = tuple(name for name in cells if name not in numbers)
-        name_of = {cell: name for name, cell in cells.items()}
-        self._kinds = np.dtype(
-            [
-                (
-                    name_of.get(cell, f"unused {cell}"),
-                    "f8" if name_of.get(cell) in numbers else f"U{MAX_WORD}",
-                )
-                for cell in range(width)
-            ]
-        )
-        self.ended = True
+        super().__init__(path, repair_log)
+        self._numbers, self._texts, self._header = numbers, ("track", *words), header
+        self._width = len(names)
+        self._cells = {name: cell for cell, name in enumerate(names) if name in (*numbers, *self._texts)}
+        kinds = ("f8" if name in numbers else f"U{MAX_WORD}" for name in names)
+        fields = (name if name in self._cells else f"unused {cell}" for cell, name in enumerate(names))
+        self._kinds = np.dtype(list(zip(fields, kinds, strict=True)))
 
-    def notes(self, repair_log: RepairLog) -> tuple[str, ...]:
+    def notes(self) -> tuple[str, ...]:
         """Return warnings about a file that was read."""
-        if self.ended or any(repair.reason == "cut" for repair in repair_log.repairs):
+        if self.ended or any(repair.reason == "cut" for repair in self.repair_log.repairs):
             return ()
         return ("the last line has no line end: its last number may have been cut",)
 
     def error_at(self, line: int, field: str, message: str) -> LcorppError:
         """Return a ParseError at a field, with the text of its line."""
-        with open_text(self.path) as file:
+        with open_text(self.file) as file:
             text = next(islice(file, line - 1, None), "")
         return ParseError(self.file, line, column_of(text, self._cells.get(field, 0)), message, text)
 
-    def batches(self, repair_log: RepairLog, progress: Progress | None = None) -> Iterator[RowBatch]:
-        """Yield all rows without blank lines.
-
-        Raises:
-            FileError: the file cannot be read, or is not UTF-8.
-            ParseError: a row cannot be parsed, and repair `rows` or `cut` was not requested.
-        """
-        size, read, number = self.path.stat().st_size, 0, 1
-        with open_text(self.path) as file:
+    def batches(self, progress: Progress | None = None) -> Iterator[RowBatch]:
+        """Yield all rows without blank lines; one that cannot be parsed needs the repair `rows` or `cut`."""
+        size, read, number = os.path.getsize(self.file), 0, 1
+        with open_text(self.file) as file:
             while lines := self._read_lines(file, number):
                 self.ended = lines[-1].endswith("\n")
                 first = min(max(0, self._header + 1 - number), len(lines))
-                yield self._parse_batch(lines[first:], number + first, repair_log)
+                yield self._parse_batch(lines[first:], number + first)
                 number += len(lines)
                 read += sum(map(len, lines))
                 if progress is not None:
@@ -112,19 +107,15 @@ class CsvFile:
         except OSError as error:
             raise FileError(f"{self.file}: cannot be read: {error.strerror or error}") from None
 
-    def _parse_batch(self, lines: list[str], number: int, repair_log: RepairLog) -> RowBatch:
+    def _parse_batch(self, lines: list[str], number: int) -> RowBatch:
         batch = self._parse_at_once(lines, number)
         if batch is not None:
             return batch
-        kept, numbers = [], []
-        for line, text in enumerate(lines, start=number):
-            row = self._parse_row(line, text, repair_log)
-            if row is not None:
-                kept.append(row)
-                numbers.append(line)
-        columns = list(zip(*kept, strict=True)) or [()] * self._width
+        parsed = ((line, self._parse_row(line, text)) for line, text in enumerate(lines, number))
+        rows = {line: row for line, row in parsed if row is not None}
+        columns = list(zip(*rows.values(), strict=True)) or [()] * self._width
         return RowBatch(
-            np.array(numbers, dtype=np.int64),
+            np.array(list(rows), dtype=np.int64),
             {name: np.array([float(c) for c in columns[self._cells[name]]]) for name in self._numbers},
             {name: [word.strip() for word in columns[self._cells[name]]] for name in self._texts},
         )
@@ -146,34 +137,42 @@ class CsvFile:
             {name: [word.strip() for word in words] for name, words in texts.items()},
         )
 
-    def _parse_row(self, line: int, text: str, repair_log: RepairLog) -> list[str] | None:
+    def _parse_row(self, line: int, text: str) -> list[str] | None:
         """Return the cells of a line, empty numbers as NaN; None if the line is blank or left out."""
         if not text.strip():
             return None
-        cut, left_out = not text.endswith("\n"), "left out"
+        cut = not text.endswith("\n")
         reason, aside = ("cut", "; the file ends in the middle of its last line") if cut else ("rows", "")
         try:
             (row,) = csv.reader([text], strict=True)
         except (ValueError, csv.Error) as error:
-            repair_log.repair_or_raise(reason, self, line, f"not a row of CSV ({error}){aside}", left_out)
+            self.repair_or_raise(reason, line, f"not a row of CSV ({error}){aside}")
             return None
         if len(row) != self._width:
-            names = ", ".join(sorted(self._cells, key=self._cells.__getitem__))
-            message = f"{len(row)} columns; expected {self._width}, with {names}{aside}"
-            repair_log.repair_or_raise(reason, self, line, message, left_out)
+            message = f"{len(row)} columns; expected {self._width}, with {', '.join(self._cells)}{aside}"
+            self.repair_or_raise(reason, line, message)
             return None
         for name in self._numbers:
             cell = row[self._cells[name]]
             if not cell.strip():
                 row[self._cells[name]] = "nan"
-            elif not _is_number(cell):
+            elif not is_number(cell):
                 message = f"{cell!r} is not a number; expected the {name}{aside}"
-                repair_log.repair_or_raise(reason, self, line, message, left_out, field=name)
+                self.repair_or_raise(reason, line, message, field=name)
                 return None
         return row
 
 
-def _is_number(cell: str) -> bool:
+def parse_line(file: str, line: int, text: str) -> list[str]:
+    """Return the stripped cells of a line of CSV, or raise a ParseError."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([text], strict=True), [])]
+    except csv.Error as error:
+        raise ParseError(file, line, 1, f"not a row of CSV ({error})", text) from None
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a decimal number."""
     try:
         float(cell)
     except ValueError:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+
 import numpy as np
 import numpy.typing as npt
 
@@ -72,15 +74,14 @@ def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, D
     """
     if not 0 < test < 1:
         raise DataError(f"the test share must lie between 0 and 1, not {test}")
-    members: dict[str, list[int]] = {}
+    members, strata = defaultdict[str, list[int]](list), defaultdict[tuple[str, ...], list[list[int]]](list)
     for row, group in enumerate(dataset.groups):
-        members.setdefault(group, []).append(row)
-    strata: dict[tuple[str, ...], list[list[int]]] = {}
+        members[group].append(row)
     for rows in members.values():  # groups with the same classes are exchangeable
-        strata.setdefault(tuple(sorted({dataset.labels[r] for r in rows})), []).append(rows)
+        strata[tuple(sorted({dataset.labels[row] for row in rows}))].append(rows)
 
     rng = np.random.default_rng(seed)
-    chosen: list[int] = []
+    in_test = np.zeros(len(dataset), dtype=bool)
     for _, groups in sorted(strata.items()):
         groups = [groups[i] for i in rng.permutation(len(groups))]
         wanted = test * sum(len(rows) for rows in groups)
@@ -95,9 +96,8 @@ def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, D
                 taken = [min(groups, key=len)]
             elif len(taken) == len(groups):
                 taken.remove(min(taken, key=len))
-        chosen += [row for rows in taken for row in rows]
-    in_test = np.zeros(len(dataset), dtype=bool)
-    in_test[chosen] = True
+        for rows in taken:
+            in_test[rows] = True
     sides = dataset.take(np.flatnonzero(~in_test)), dataset.take(np.flatnonzero(in_test))
     for name, side in zip(("training", "test"), sides, strict=True):
         missing = sorted(set(dataset.labels) - set(side.labels))

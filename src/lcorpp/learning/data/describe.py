@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -13,14 +14,18 @@ from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.values import Array
 
 NEAR_DISTANCE = 0.01
-"""Maximum distance in metres between near-identical tracks. A tracker's noise is several times larger, so
-that one walk, tracked twice, does not count."""
+"""Maximum distance in metres between near-identical tracks: copies that were rounded or resampled.
+
+A tracker's noise is several times larger, so that one walk, tracked twice, does not count.
+"""
 
 SHAPE_POINTS = 16
 """Number of points at which two tracks are compared."""
 
 SPEED_STEP = 0.4
 """Seconds per step of a mean speed; shorter steps measure the tracker's noise."""
+
+Pair = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -62,8 +67,8 @@ class Description:
     interval: seconds between samples, over all samples. jitter: standard deviation of a track's intervals
         divided by their mean, averaged over the tracks.
     fastest: the highest speed between two samples, m/s, and the id of its track.
-    identical, near: pairs of ids of identical tracks, and of tracks within `NEAR_DISTANCE` of each other when
-        both begin at time 0.
+    identical, near: pairs of ids of tracks with the same positions, and of tracks that are within
+        `NEAR_DISTANCE` of each other at equal shares of their durations.
     reused: group -> number of its tracks, for groups with several.
     """
 
@@ -72,8 +77,8 @@ class Description:
     interval: Quantiles
     jitter: float
     fastest: tuple[float, str]
-    identical: tuple[tuple[str, str], ...]
-    near: tuple[tuple[str, str], ...]
+    identical: tuple[Pair, ...]
+    near: tuple[Pair, ...]
     reused: dict[str, int]
 
     @property
@@ -91,24 +96,20 @@ def describe(recording: Recording) -> Description:
     tracks = recording.tracks
     if not tracks:
         raise DataError(f"{recording.source or 'the recording'}: there are no tracks to describe")
-    names = sorted(set(recording.labels), key=lambda name: (name is None, name))
     steps = [np.diff(track.times) for track in tracks]
-    peaks = [float(track.speeds.max()) for track in tracks]
-    peak = int(np.argmax(peaks))
+    fastest = max(tracks, key=lambda track: float(track.speeds.max()))
     identical, near = _find_duplicates(tracks)
-    sizes: dict[str, int] = {}
-    for track in tracks:
-        sizes[track.group] = sizes.get(track.group, 0) + 1
+    groups = Counter(track.group for track in tracks)
     common = [name for name in tracks[0].columns if all(name in track.columns for track in tracks)]
     return Description(
-        tuple(_summarize_class(name, [t for t in tracks if t.label == name]) for name in names),
+        tuple(_summarize_class(name, members) for name, members in recording.by_class().items()),
         tuple(common),
         Quantiles.of(np.concatenate(steps)),
         float(np.mean([step.std() / step.mean() for step in steps])),
-        (peaks[peak], tracks[peak].id),
+        (float(fastest.speeds.max()), fastest.id),
         identical,
         near,
-        {group: count for group, count in sizes.items() if count > 1},
+        {group: count for group, count in groups.items() if count > 1},
     )
 
 
@@ -124,42 +125,39 @@ def _summarize_class(name: str | None, tracks: Sequence[Track]) -> ClassSummary:
 
 
 def _compute_mean_speed(track: Track) -> float:
-    """Mean speed in m/s over steps of about `SPEED_STEP` seconds."""
+    """Return the mean speed in m/s over steps of about `SPEED_STEP` seconds."""
     steps = max(1, round(track.duration / SPEED_STEP))
     at = np.linspace(track.times[0], track.times[-1], steps + 1)
     x, y = (np.interp(at, track.times, track.columns[name]) for name in ("x", "y"))
     return float(np.hypot(np.diff(x), np.diff(y)).sum() / track.duration)
 
 
-def _find_duplicates(
-    tracks: Sequence[Track],
-) -> tuple[tuple[tuple[str, str], ...], tuple[tuple[str, str], ...]]:
-    """Return the pairs of identical tracks and the pairs of near-identical ones."""
+def _find_duplicates(tracks: Sequence[Track]) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
+    """Return the pairs of identical tracks and the pairs of near-identical ones.
+
+    Only pairs whose first and last points are close, and whose durations differ by at most 1 %, are compared.
+    """
     shapes = np.stack([_sample_shape(track) for track in tracks])
-    ends = shapes[:, [0, 1, -2, -1]]
+    ends = shapes[:, [0, -1]].reshape(len(tracks), 4)  # two distances, so sqrt(2) in four dimensions
     pairs = cKDTree(ends).query_pairs(NEAR_DISTANCE * np.sqrt(2), p=2, output_type="ndarray")
-    apart = (shapes[pairs[:, 0]] - shapes[pairs[:, 1]]).reshape(len(pairs), SHAPE_POINTS, 2)
+    apart = shapes[pairs[:, 0]] - shapes[pairs[:, 1]]
     close = np.hypot(apart[..., 0], apart[..., 1]).max(axis=1, initial=0) <= NEAR_DISTANCE
-    found: tuple[list[tuple[str, str]], list[tuple[str, str]]] = ([], [])
+    identical, near = list[Pair](), list[Pair]()
     for first, second in sorted(map(tuple, pairs[close].tolist())):
         one, other = tracks[first], tracks[second]
         if abs(one.duration - other.duration) <= 0.01 * one.duration:
-            found[not _is_identical(one, other)].append((one.id, other.id))
-    return tuple(found[0]), tuple(found[1])
+            same = np.array_equal(one.positions, other.positions)
+            (identical if same else near).append((one.id, other.id))
+    return tuple(identical), tuple(near)
 
 
 def _sample_shape(track: Track) -> Array:
-    """(2 * SHAPE_POINTS,) x and y in turn, at evenly spaced times."""
+    """(SHAPE_POINTS, 2) x and y at evenly spaced times."""
     at = np.linspace(track.times[0], track.times[-1], SHAPE_POINTS)
-    points = [np.interp(at, track.times, track.columns[name]) for name in ("x", "y")]
-    return np.stack(points, axis=1).reshape(-1)
+    return np.stack([np.interp(at, track.times, track.columns[name]) for name in ("x", "y")], axis=1)
 
 
-def _is_identical(one: Track, other: Track) -> bool:
-    return len(one) == len(other) and bool(np.array_equal(one.positions, other.positions))
-
-
-def join_pairs(pairs: Iterable[tuple[str, str]], limit: int = 5) -> str:
+def join_pairs(pairs: Iterable[Pair], limit: int = 5) -> str:
     """Join the first pairs of ids to a phrase."""
     shown = [f"{one} and {other}" for one, other in pairs]
     more = f", ... ({len(shown)} pairs)" if len(shown) > limit else ""

@@ -97,12 +97,11 @@ def fetch(
     known = None if sha256 is None else f"sha256:{sha256.lower()}"
     try:
         pooch.retrieve(url, known, fname=name, path=target.parent, downloader=download)
-    except requests.RequestException as error:
-        raise FileError(f"{url}: {_describe_error(error)}{download.describe_partial_file()}") from None
-    except OSError as error:
-        raise FileError(
-            f"{target}: cannot be written: {error.strerror or error}{download.describe_partial_file()}"
-        ) from None
+    except OSError as error:  # those of requests are such, too
+        reason = f"{target}: cannot be written: {error.strerror or error}"
+        if isinstance(error, requests.RequestException):
+            reason = f"{url}: {_describe_error(error)}"
+        raise FileError(f"{reason}{download.describe_partial_file()}") from None
     except ValueError as error:  # pooch compared the checksums
         raise DataError(f"{url}: not the file expected: {error}") from None
     return target
@@ -164,7 +163,8 @@ class ResumingDownload:
         """Send one request and write its data; return whether the file is complete."""
         import requests
 
-        have, version = self._size(), self._read_version()
+        have = self._size()
+        version = self._version.read_text("ascii").strip() if self._version.exists() else ""
         headers = {"Accept-Encoding": "identity"}  # parts of a compressed answer cannot be joined
         if have and (version or self._checked):
             headers["Range"] = f"bytes={have}-"
@@ -178,7 +178,9 @@ class ResumingDownload:
                 return False
             answer.raise_for_status()
             start, total = _parse_extent(answer, have)
-            self._write_version(answer)
+            tag = answer.headers.get("ETag", "")
+            strong = tag if tag and not tag.startswith("W/") else answer.headers.get("Last-Modified", "")
+            self._version.write_text(strong.encode("ascii", "ignore").decode(), "ascii")
             with open(self._part, "r+b" if start else "wb") as file:
                 size = file.seek(start)
                 for number, chunk in enumerate(answer.iter_content(CHUNK_BYTES)):
@@ -186,15 +188,6 @@ class ResumingDownload:
                     if self._progress is not None and (number % CHUNKS_PER_REPORT == 0 or size == total):
                         self._progress(size, total)
         return total is None or size >= total
-
-    def _read_version(self) -> str:
-        """Return the version of the partial file: a strong ETag, a date or nothing."""
-        return self._version.read_text("ascii").strip() if self._version.exists() else ""
-
-    def _write_version(self, answer: Any) -> None:
-        tag = answer.headers.get("ETag", "")
-        version = tag if tag and not tag.startswith("W/") else answer.headers.get("Last-Modified", "")
-        self._version.write_text(version.encode("ascii", "ignore").decode(), "ascii")
 
 
 def _parse_extent(answer: Any, have: int) -> tuple[int, int | None]:
@@ -219,12 +212,12 @@ def _describe_error(error: Any) -> str:
     if isinstance(error, requests.Timeout):
         return f"the server did not answer for {TIMEOUT:g} s"
     if isinstance(error, requests.ConnectionError):
-        words = str(_innermost_error(error)).rsplit(": ", 1)[-1]
+        inner: Any = error
+        while inner is not None:  # the innermost cause has the system's message
+            error = inner
+            inner = getattr(error, "reason", None)
+            if not isinstance(inner, BaseException):
+                inner = next((cause for cause in error.args if isinstance(cause, Exception)), None)
+        words = str(error).rsplit(": ", 1)[-1]
         return f"cannot be reached, or the connection was cut ({words}); is this machine online?"
     return str(error)
-
-
-def _innermost_error(error: BaseException) -> BaseException:
-    """Return the innermost cause of an error of requests."""
-    inner = getattr(error, "reason", None) or next((a for a in error.args if isinstance(a, Exception)), None)
-    return _innermost_error(inner) if isinstance(inner, BaseException) else error

@@ -1,19 +1,19 @@
-"""Convert batches of rows of any format to the tracks of one file."""
+"""Convert batches of rows of any format to tracks: collect the rows of each id, then clean them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from lcorpp.learning.data.assembly import TrackAssembler
-from lcorpp.learning.data.cleaning import MAX_GAP, split_tracks
-from lcorpp.learning.data.csv_reader import Progress, RowBatch
-from lcorpp.learning.data.labels import make_label_reader
+from lcorpp.errors import LcorppError
+from lcorpp.learning.data.cleaning import RawTrack, split_tracks
+from lcorpp.learning.data.csv_reader import Lines, Progress, RowBatch
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
 from lcorpp.learning.data.units import convert_to_metres
+from lcorpp.values import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,43 +27,49 @@ class ReadOptions:
     progress: callback with (bytes read, bytes in all).
     """
 
-    repair_log: RepairLog = field(default_factory=RepairLog)
-    labels: Mapping[str, str] | None = None
-    only: Collection[str] | None = None
-    gap: float = MAX_GAP
-    progress: Progress | None = None
+    repair_log: RepairLog
+    labels: Mapping[str, str] | None
+    only: Collection[str] | None
+    gap: float
+    progress: Progress | None
 
 
 def assemble_tracks(
-    source: RowSource, batches: Iterable[RowBatch], assembler: TrackAssembler, options: ReadOptions
+    source: RowSource,
+    batches: Iterable[RowBatch],
+    options: ReadOptions,
+    empty: LcorppError,
+    names: tuple[str, ...],
+    words: tuple[str, ...] = (),
+    scale: Mapping[str, float] | None = None,
 ) -> list[Track]:
-    """Return the tracks in batches of rows, in metres; faults are repaired on request or are errors."""
+    """Return the tracks in batches of rows, in metres; faults are repaired on request or are errors.
+
+    Args:
+        empty: the error raised if there are no rows. names, words, scale: as in `TrackAssembler`.
+    """
+    assembler = TrackAssembler(names, words, scale)
     for batch in batches:
-        assembler.add(_select_rows(batch, source, options))
+        assembler.add(_select_rows(batch, source, options.only))
     if not source.ended:
-        assembler.drop_cut_word(source, options.repair_log)
-    class_of = make_label_reader(options.labels, source, options.repair_log)
-    tracks, lines = [], []
+        assembler.drop_cut_word(source)
+    tracks, lines = list[Track](), list[int]()
     for raw in assembler.iterate_tracks():
-        found = list(split_tracks(raw, source, options.repair_log, class_of=class_of, gap=options.gap))
-        tracks += found
-        lines += [int(raw.lines[0])] * len(found)
-    return convert_to_metres(tracks, lines, source, options.repair_log)
+        tracks += split_tracks(raw, source, labels=options.labels, gap=options.gap)
+        lines += [int(raw.lines[0])] * (len(tracks) - len(lines))
+    if not tracks and options.only is None and not options.repair_log.repairs:
+        raise empty
+    return convert_to_metres(tracks, lines, source)
 
 
-def _select_rows(batch: RowBatch, source: RowSource, options: ReadOptions) -> RowBatch:
+def _select_rows(batch: RowBatch, source: RowSource, only: Collection[str] | None) -> RowBatch:
     """Return the rows of a batch that have an id, restricted to the ids to read."""
     names = batch.texts["track"]
-    if "" in names:
-        for row, name in enumerate(names):
-            if not name:
-                line = int(batch.lines[row])
-                options.repair_log.repair_or_raise(
-                    "rows", source, line, "no track", "left out", field="track"
-                )
-    elif options.only is None:
+    if only is None and "" not in names:
         return batch
-    only = options.only
+    for row, name in enumerate(names):
+        if not name:
+            source.repair_or_raise("rows", int(batch.lines[row]), "no track", field="track")
     rows = [row for row, name in enumerate(names) if name and (only is None or name in only)]
     index = np.array(rows, dtype=np.intp)
     return RowBatch(
@@ -71,3 +77,72 @@ def _select_rows(batch: RowBatch, source: RowSource, options: ReadOptions) -> Ro
         {name: values[index] for name, values in batch.numbers.items()},
         {name: [words[row] for row in rows] for name, words in batch.texts.items()},
     )
+
+
+class TrackAssembler:
+    """Assemble batches of rows into one `RawTrack` per id, in the order of first appearance.
+
+    Args:
+        names: the numeric columns besides "time".
+        words: which of "label" and "group" the batches have.
+        scale: name -> factor, for columns in other units.
+    """
+
+    def __init__(
+        self, names: tuple[str, ...], words: tuple[str, ...], scale: Mapping[str, float] | None = None
+    ) -> None:
+        self._names, self._words, self._scale = names, words, scale or {}
+        self._codes: dict[str, int] = {}
+        self._pieces: list[list[tuple[Lines, Array]]] = []
+        self._distinct_words: list[dict[str, dict[str, int]]] = []
+
+    def add(self, batch: RowBatch) -> None:
+        """Add the rows of a batch; its text column "track" has the ids."""
+        codes = np.array(
+            [self._codes.setdefault(name, len(self._codes)) for name in batch.texts["track"]], dtype=np.intp
+        )
+        while len(self._pieces) < len(self._codes):
+            self._pieces.append([])
+            self._distinct_words.append({word: {} for word in self._words})
+        table = np.stack([batch.numbers["time"], *(batch.numbers[name] for name in self._names)])
+        order = np.argsort(codes, kind="stable")
+        ends = np.flatnonzero(np.diff(codes[order])) + 1
+        for rows in np.split(order, ends) if len(order) else ():
+            code = codes[rows[0]]
+            self._pieces[code].append((batch.lines[rows], table[:, rows]))
+            for word in self._words:
+                lines_of, texts = self._distinct_words[code][word], batch.texts[word]
+                for row in rows.tolist():
+                    if texts[row] not in lines_of:
+                        lines_of[texts[row]] = int(batch.lines[row])
+
+    def drop_cut_word(self, source: RowSource) -> None:
+        """Drop the last row if the file ends in the middle of its label or group.
+
+        Such a word appears once and is a prefix of the track's earlier word.
+        """
+        if not self._pieces:
+            return
+        line, code = max((int(pieces[-1][0][-1]), code) for code, pieces in enumerate(self._pieces))
+        for word, lines_of in self._distinct_words[code].items():
+            for text, first in list(lines_of.items()):
+                whole = next((other for other in lines_of if other != text and other.startswith(text)), None)
+                if first == line and whole is not None:
+                    message = f"the file ends in the middle of its last line: {word} {text!r} after {whole!r}"
+                    source.repair_or_raise("cut", line, message, field=word, track=list(self._codes)[code])
+                    del lines_of[text]
+                    lines, table = self._pieces[code][-1]
+                    self._pieces[code][-1] = lines[:-1], table[:, :-1]
+                    return
+
+    def iterate_tracks(self) -> Iterator[RawTrack]:
+        """Yield the rows of each id and release their memory."""
+        for name, code in self._codes.items():
+            pieces, self._pieces[code] = self._pieces[code], []
+            lines = np.concatenate([lines for lines, _ in pieces])
+            table = np.concatenate([table for _, table in pieces], axis=1)
+            columns = {
+                column: values * self._scale.get(column, 1.0)
+                for column, values in zip(self._names, table[1:], strict=True)
+            }
+            yield RawTrack(name, lines, table[0], columns, self._distinct_words[code])

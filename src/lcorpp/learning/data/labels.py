@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,10 +9,8 @@ from pathlib import Path
 
 from lcorpp.errors import DataError, ParseError, expected_one_of
 from lcorpp.files import read_text
-from lcorpp.learning.data.assembly import RawTrack
-from lcorpp.learning.data.cleaning import ClassOf
-from lcorpp.learning.data.csv_reader import column_of
-from lcorpp.learning.data.repairs import RepairLog, RowSource
+from lcorpp.learning.data.csv_reader import column_of, parse_line
+from lcorpp.learning.data.repairs import RowSource
 from lcorpp.learning.data.tracks import Track
 
 HEADINGS = ("id", "track", "person")
@@ -29,20 +26,6 @@ def class_of_label(word: str, labels: Mapping[str, str] | None) -> str | None:
     if labels is None:
         return word or None
     return labels.get(word, word if word in labels.values() else None)
-
-
-def make_label_reader(labels: Mapping[str, str] | None, source: RowSource, repair_log: RepairLog) -> ClassOf:
-    """Return a callback that converts labels of `source`; an unknown one is an error or is left out."""
-
-    def class_of(word: str, line: int, raw: RawTrack) -> str | None:
-        label_class = class_of_label(word, labels)
-        if label_class is None:
-            message = describe_unknown_label(word, labels)
-            where = {"field": "label", "track": raw.id}
-            repair_log.repair_or_raise("labels", source, line, message, "left out", **where, rows=len(raw))
-        return label_class
-
-    return class_of
 
 
 def describe_unknown_label(word: str, labels: Mapping[str, str] | None) -> str:
@@ -68,10 +51,7 @@ def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> di
     classes: dict[str, str] = {}
     lines = read_text(path).splitlines()
     for number, text in enumerate(lines, start=1):
-        try:
-            row = [cell.strip() for cell in next(csv.reader([text], strict=True), [])]
-        except csv.Error as error:
-            raise ParseError(str(path), number, 1, f"not a row of CSV ({error})", text) from None
+        row = parse_line(str(path), number, text)
         if not row or (number == 1 and row[0].lower() in HEADINGS):
             continue
         if len(row) != 2 or not row[0]:
@@ -84,29 +64,25 @@ def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> di
                 str(path), number, column_of(text, 1), describe_unknown_label(word, labels), text
             )
         if classes.setdefault(name, label_class) != label_class:
-            message = (
-                f"id {name!r} is {label_class} here and {classes[name]} before; expected one label for an id"
-            )
+            labels_of_id = f"{label_class} here and {classes[name]} before"
+            message = f"id {name!r} is {labels_of_id}; expected one label for an id"
             raise ParseError(str(path), number, 1, message, text)
     if not classes:
         raise ParseError(str(path), 1, 1, "the file is empty; expected rows of an id and its label")
     return classes
 
 
-def attach_labels(
-    tracks: list[Track], classes: Mapping[str, str], file: Path, repair_log: RepairLog
-) -> list[Track]:
+def attach_labels(tracks: list[Track], classes: Mapping[str, str], file: RowSource) -> list[Track]:
     """Return the tracks whose ids have a class, with that class.
 
     Tracks of an id that several people had share one label: they are an error or are left out.
-
-    Raises:
-        DataError: a track has a label of its own, or an id was split and repair `labels` was not requested.
     """
     parts: dict[str, list[Track]] = {}
     for track in tracks:
         if track.label is not None:
-            raise DataError(f"{file}: has labels of its own; expected a file without, to go with another one")
+            raise DataError(
+                f"{file.file}: has labels of its own; expected a file without, to go with another one"
+            )
         base = track.id if track.id in classes else re.sub(r"#\d+$", "", track.id)
         if base in classes:
             parts.setdefault(base, []).append(track)
@@ -117,17 +93,5 @@ def attach_labels(
             continue
         message = f"its id was given to {len(own)} people; the label {classes[name]!r} may be any one's"
         rows = sum(len(track) for track in own)
-        repair_log.repair_or_raise(
-            "labels", WholeFile(str(file)), 1, message, "left out", track=name, rows=rows
-        )
+        file.repair_or_raise("labels", 1, message, track=name, rows=rows)
     return labelled
-
-
-class WholeFile:
-    """A file whose errors have no line."""
-
-    def __init__(self, file: str) -> None:
-        self.file, self.ended = file, True
-
-    def error_at(self, line: int, field: str, message: str) -> DataError:
-        return DataError(f"{self.file}: {message}")

@@ -33,16 +33,8 @@ def save_dataset(dataset: Dataset, path: str | Path) -> None:
     Raises:
         FileError: the file cannot be written.
     """
-    header = {
-        "format": FORMAT,
-        "version": VERSION,
-        "labels": dataset.labels,
-        "groups": dataset.groups,
-        "source": dataset.source,
-        "notes": dataset.notes,
-        "interval": dataset.interval,
-        "channels": dataset.channels,
-    }
+    fields = ("labels", "groups", "source", "notes", "interval", "channels")
+    header = {"format": FORMAT, "version": VERSION} | {name: getattr(dataset, name) for name in fields}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, dataset=np.array(json.dumps(header)), trajectories=dataset.trajectories)
     write_atomically(path, buffer.getvalue())
@@ -70,19 +62,18 @@ def load_dataset(path: str | Path) -> Dataset:
             )
         return Dataset(
             check_tracks(tracks),
-            tuple(map(str, header["labels"])),
-            tuple(map(str, header["groups"])),
+            tuple(header["labels"]),
+            tuple(header["groups"]),
             str(header["source"]),
             tuple(map(str, header["notes"])),
             float(header["interval"]),
-            tuple(map(str, header["channels"])),
+            tuple(header["channels"]),
         )
     except DataError as error:
         raise DataError(f"{path}: not a data set that can be used: {error}") from None
     except DAMAGE_ERRORS as error:
-        reason = (
-            "it is no numpy archive" if "pickle" in str(error) else error
-        )  # numpy would advise to allow pickle
+        # numpy would advise to allow pickle
+        reason = "it is no numpy archive" if "pickle" in str(error) else error
         raise DataError(f"{path}: not a stored data set, or a damaged one: {reason}") from None
 
 

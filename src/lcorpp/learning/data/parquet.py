@@ -8,22 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.errors import DataError, FileError, expected_one_of
-from lcorpp.learning.data.assembly import TrackAssembler
-from lcorpp.learning.data.csv_formats import LONG_COLUMNS, REQUIRED, WORD_COLUMNS, note_unused_columns
+from lcorpp.errors import DataError, expected_one_of
+from lcorpp.files import open_text
+from lcorpp.learning.data.csv_formats import LONG_COLUMNS, REQUIRED, find_columns, note_unused_columns
 from lcorpp.learning.data.csv_reader import BATCH_LINES, Progress, RowBatch
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
+from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
 
 SUFFIXES = (".parquet", ".pq")
 
 
 def import_pyarrow() -> Any:
-    """Import pyarrow with the modules for Parquet files.
-
-    Raises:
-        DataError: pyarrow is not installed.
-    """
+    """Import pyarrow with the modules for Parquet files, or raise a DataError."""
     try:
         import pyarrow
         import pyarrow.compute
@@ -33,18 +30,13 @@ def import_pyarrow() -> Any:
     return pyarrow
 
 
-class ParquetFile:
+class ParquetFile(RowSource):
     """A Parquet file; its rows count from 1."""
 
-    def __init__(self, path: Path) -> None:
-        self.file, self.ended = str(path), True
+    def __init__(self, path: Path, repair_log: RepairLog) -> None:
+        super().__init__(path, repair_log)
         self._arrow = import_pyarrow()
-        try:
-            with open(path, "rb"):
-                pass
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise FileError(f"{path}: cannot be read: {reason}") from None
+        open_text(path).close()  # a FileError if it cannot be read
         try:
             self._table = self._arrow.parquet.ParquetFile(path)
         except (OSError, ValueError) as error:  # pyarrow's own errors are both
@@ -66,11 +58,7 @@ class ParquetFile:
     def batches(
         self, numbers: tuple[str, ...], words: tuple[str, ...], progress: Progress | None = None
     ) -> Iterator[RowBatch]:
-        """Yield all rows; null is NaN or the empty word.
-
-        Raises:
-            DataError: a column has the wrong type, or the file is damaged.
-        """
+        """Yield all rows; null is NaN or the empty word."""
         wanted = {name: self._table.schema_arrow.names[self.names.index(name)] for name in (*numbers, *words)}
         line, rows = 1, self._table.metadata.num_rows
         try:
@@ -106,24 +94,9 @@ class ParquetFile:
 
 
 def read_parquet(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
-    """Read a Parquet file of tracks.
-
-    Returns:
-        The tracks, in metres, and notes about the file.
-
-    Raises:
-        FileError: the file cannot be read.
-        DataError: it is not a Parquet file, a column is wrong, pyarrow is not installed, or a row or a track
-            has a fault whose repair was not requested.
-    """
-    file = ParquetFile(path)
-    words = tuple(name for name in WORD_COLUMNS if name in file.names)
-    numbers = tuple(
-        name for name in LONG_COLUMNS if name in file.names and name not in ("track", *WORD_COLUMNS)
-    )
-    assembler = TrackAssembler(numbers[1:], words)
+    """Read a Parquet file of tracks; return the tracks, in metres, and notes about the file."""
+    file = ParquetFile(path, options.repair_log)
+    numbers, words = find_columns(file.names)
     batches = file.batches(numbers, ("track", *words), options.progress)
-    tracks = assemble_tracks(file, batches, assembler, options)
-    if not tracks and options.only is None and not options.repair_log.repairs:
-        raise DataError(f"{path}: no rows")
+    tracks = assemble_tracks(file, batches, options, DataError(f"{path}: no rows"), numbers[1:], words)
     return tracks, note_unused_columns(file.names)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import count, cycle
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,8 @@ SPEEDS_HEIGHT = 2.3
 MIN_SHARE = 0.5
 """Minimum share of a class's tracks that cover a time for their speeds to be drawn there."""
 
-COLOUR_ORDER = (5, 1, 2, 3, 6, 0)
-"""Order in which the classes take the colours of `plot_style`."""
+CLASS_COLOURS = tuple(COLOURS[number] for number in (5, 1, 2, 3, 6, 0))
+"""Colours that the classes take in turn."""
 
 
 @with_style
@@ -46,26 +47,22 @@ def plot_tracks(recording: Recording, *, title: str = "", max_tracks: int = MAX_
     """
     if not recording.tracks:
         raise DataError(f"{recording.source or 'the recording'}: there are no tracks to draw")
-    names = sorted(set(recording.labels), key=lambda name: (name is None, name))
-    classes = [[track for track in recording.tracks if track.label == name] for name in names]
-    width = max(6.0, 3.8 * len(names))
-    panel = _height(recording.tracks, width / len(names))
+    classes = recording.by_class()
+    width = max(6.0, 3.8 * len(classes))
+    panel = _height(recording.tracks, width / len(classes))
     figure = Figure(figsize=(width, panel + SPEEDS_HEIGHT + 1.9), layout="constrained")
     parts: Any = figure.subfigures(2, 1, height_ratios=[panel + 0.8, SPEEDS_HEIGHT + 0.8])
     above, below = parts
     first: Axes | None = None
-    for column, (name, tracks) in enumerate(zip(names, classes, strict=True)):
-        axes = above.add_subplot(1, len(names), column + 1, sharex=first, sharey=first)
+    for (name, tracks), column, colour in zip(classes.items(), count(1), cycle(CLASS_COLOURS), strict=False):
+        axes = above.add_subplot(1, len(classes), column, sharex=first, sharey=first)
         first = first or axes
-        n_drawn = _draw_class(axes, tracks, _colour(column), max_tracks)
-        count = f"{len(tracks)} tracks" if n_drawn == len(tracks) else f"{n_drawn} of {len(tracks)} tracks"
-        axes.set_title(f"{name or 'without a label'}: {count}", fontsize=10)
-        axes.set_xlabel("x (m)")
-        if column == 0:
-            axes.set_ylabel("y (m)")
-        else:
-            axes.tick_params(labelleft=False)
-    _draw_speeds(below.add_subplot(), names, classes)
+        n_drawn = _draw_class(axes, tracks, colour, max_tracks)
+        drawn = f"{len(tracks)} tracks" if n_drawn == len(tracks) else f"{n_drawn} of {len(tracks)} tracks"
+        axes.set_title(f"{name or 'without a label'}: {drawn}", fontsize=10)
+        axes.set(xlabel="x (m)", ylabel="y (m)")
+        axes.label_outer()
+    _draw_speeds(below.add_subplot(), classes)
     if title:
         figure.suptitle(title, fontsize=11)
     return figure
@@ -75,10 +72,6 @@ def _height(tracks: Sequence[Track], width: float) -> float:
     """Return the height in inches of a panel of this width at equal scale, within limits."""
     extent = np.ptp(np.concatenate([track.positions for track in tracks], axis=1), axis=1)
     return float(np.clip((width - 0.6) * extent[1] / max(extent[0], 1e-9), 1.0, 5.0))
-
-
-def _colour(number: int) -> str:
-    return COLOURS[COLOUR_ORDER[number % len(COLOUR_ORDER)]]
 
 
 def _draw_class(axes: Axes, tracks: Sequence[Track], colour: str, max_tracks: int) -> int:
@@ -96,19 +89,19 @@ def _draw_class(axes: Axes, tracks: Sequence[Track], colour: str, max_tracks: in
     return len(positions)
 
 
-def _draw_speeds(axes: Axes, names: Sequence[str | None], classes: Sequence[Sequence[Track]]) -> None:
-    for number, (name, tracks) in enumerate(zip(names, classes, strict=True)):
+def _draw_speeds(axes: Axes, classes: Mapping[str | None, Sequence[Track]]) -> None:
+    for (name, tracks), colour in zip(classes.items(), cycle(CLASS_COLOURS), strict=False):
         times, speeds = _speeds_before_end(tracks)
         if not len(times):
             continue
         low, middle, high = np.nanquantile(speeds, [0.25, 0.5, 0.75], axis=0)
-        axes.fill_between(times, low, high, color=_colour(number), alpha=0.16, linewidth=0)
-        axes.plot(times, middle, color=_colour(number), linewidth=1.8, label=name or "without a label")
+        axes.fill_between(times, low, high, color=colour, alpha=0.16, linewidth=0)
+        axes.plot(times, middle, color=colour, linewidth=1.8, label=name or "without a label")
     axes.axvline(0, color=MUTED, linewidth=0.8)
     axes.set(xlabel="seconds before the track ends", ylabel="speed (m/s)")
     axes.set_ylim(bottom=0)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(frameon=False, ncols=len(names), loc="lower left", bbox_to_anchor=(0, 1))
+        axes.legend(frameon=False, ncols=len(classes), loc="lower left", bbox_to_anchor=(0, 1))
     despine(axes)
 
 

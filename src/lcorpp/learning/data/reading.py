@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,18 +14,12 @@ from lcorpp.files import open_text
 from lcorpp.learning.data.authors import read_authors
 from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.learning.data.csv_formats import ATC_COLUMNS, REQUIRED, read_atc, read_long_csv
-from lcorpp.learning.data.csv_reader import Progress
+from lcorpp.learning.data.csv_reader import Progress, is_number, parse_line
 from lcorpp.learning.data.ingest import ReadOptions
-from lcorpp.learning.data.labels import (
-    WholeFile,
-    attach_labels,
-    class_of_label,
-    describe_unknown_label,
-    read_labels,
-)
+from lcorpp.learning.data.labels import attach_labels, class_of_label, describe_unknown_label, read_labels
 from lcorpp.learning.data.npz import SUFFIX, load_dataset, to_recording
 from lcorpp.learning.data.parquet import SUFFIXES, read_parquet
-from lcorpp.learning.data.repairs import RepairLog
+from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.learning.data.units import convert_to_metres
 from lcorpp.learning.data.windows import INTERVAL, POINTS, to_dataset
@@ -77,13 +70,7 @@ def read_data(
             return whole
         interval, points = interval or whole.interval, points or whole.trajectories.shape[2]
     recording = read_recording(
-        path,
-        labels=labels,
-        label_file=label_file,
-        repair=repair,
-        robot=robot,
-        gap=gap,
-        progress=progress,
+        path, labels=labels, label_file=label_file, repair=repair, robot=robot, gap=gap, progress=progress
     )
     try:
         return to_dataset(
@@ -139,7 +126,7 @@ def read_recording(
         reader = {"atc": read_atc, "long": read_long_csv, "parquet": read_parquet}[kind]
         tracks, notes = reader(file, options)
         if classes is not None:
-            labelled = attach_labels(tracks, classes, file, repair_log)
+            labelled = attach_labels(tracks, classes, RowSource(file, repair_log))
             missing = len(classes) - len({track.group for track in labelled})
             if missing:
                 notes = (*notes, f"{missing} of {len(classes)} ids of {label_file} have no tracks")
@@ -195,15 +182,14 @@ def detect_format(path: str | Path) -> Format:
     for number, text in enumerate(start.splitlines(), start=1):
         if not text.strip():
             continue
-        cells = _split_cells(text)
-        if cells is None or not all(_is_number(cell) for cell in cells):
-            return (
-                "atc"
-                if cells is not None and len(cells) == len(ATC_COLUMNS) and _is_number(cells[0])
-                else "long"
-            )
-        if len(cells) == len(ATC_COLUMNS):
+        try:
+            cells = parse_line(str(path), number, text)
+        except ParseError:
+            return "long"  # its reader raises the same error
+        if len(cells) == len(ATC_COLUMNS) and is_number(cells[0]):
             return "atc"
+        if not all(map(is_number, cells)):
+            return "long"
         hint = " (the authors' files are read as a folder)" if file.stem.startswith("interpos") else ""
         message = (
             f"{len(cells)} columns of numbers; expected a line that names {', '.join(REQUIRED)}, or the"
@@ -213,25 +199,10 @@ def detect_format(path: str | Path) -> Format:
     raise ParseError(str(path), 1, 1, f"the file is empty; expected a line that names {', '.join(REQUIRED)}")
 
 
-def _split_cells(text: str) -> list[str] | None:
-    try:
-        return next(csv.reader([text], strict=True), None)
-    except csv.Error:
-        return None
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _convert_dataset_to_metres(dataset: Dataset, file: Path, repair_log: RepairLog) -> Dataset:
+def _convert_dataset_to_metres(dataset: Dataset, source: RowSource) -> Dataset:
     """Convert a stored data set to metres, like the tracks of a file."""
     tracks = to_recording(dataset).tracks
-    scaled = convert_to_metres(tracks, [1] * len(tracks), WholeFile(str(file)), repair_log)
+    scaled = convert_to_metres(tracks, [1] * len(tracks), source)
     if all(new is old for new, old in zip(scaled, tracks, strict=True)):
         return dataset
     rows = [np.stack([track.columns[name] for name in dataset.channels]) for track in scaled]
@@ -243,14 +214,15 @@ def _read_rectangular(
 ) -> Dataset:
     if kind == "authors":
         return read_authors(file, labels=labels or RAW_LABELS)
-    dataset = load_dataset(file) if kind == "npz" else read_store(file).dataset()
+    source = RowSource(file, repair_log)
     if kind == "npz":
-        dataset = _convert_dataset_to_metres(dataset, file, repair_log)
+        dataset = _convert_dataset_to_metres(load_dataset(file), source)
+    else:
+        dataset = read_store(file).dataset()
     classes = [class_of_label(word, labels) for word in dataset.labels]
     for case, (word, name) in enumerate(zip(dataset.labels, classes, strict=True)):
         if name is None:
             message = f"case {case} (counted from 0): {describe_unknown_label(word, labels)}"
-            track = dataset.groups[case]
-            repair_log.repair_or_raise("labels", WholeFile(str(file)), 1, message, "left out", track=track)
+            source.repair_or_raise("labels", 1, message, track=dataset.groups[case])
     known = [case for case, name in enumerate(classes) if name is not None]
     return replace(dataset.take(known), labels=tuple(str(classes[case]) for case in known))

@@ -6,7 +6,7 @@ A fault whose repair was not requested is an error with its place; each repair i
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Protocol
+from pathlib import Path
 
 from lcorpp.errors import DataError, LcorppError, expected_one_of
 from lcorpp.learning.data.tracks import Repair
@@ -29,20 +29,6 @@ ALL = "all"
 """Name that requests every repair."""
 
 
-class RowSource(Protocol):
-    """A file of rows that can locate an error.
-
-    file: its name. ended: whether its last line, once read, has a line end.
-    """
-
-    file: str
-    ended: bool
-
-    def error_at(self, line: int, field: str, message: str) -> LcorppError:
-        """Return the error for a field of a line (counted from 1)."""
-        ...
-
-
 class RepairLog:
     """The requested repairs, and those made so far.
 
@@ -61,13 +47,26 @@ class RepairLog:
         self.requested = frozenset(REPAIRS if ALL in names else names)
         self.repairs: list[Repair] = []
 
+
+class RowSource:
+    """A file of rows that locates its errors; faults whose repair was requested go to its log.
+
+    file: its name. ended: whether its last line, once read, has a line end.
+    """
+
+    def __init__(self, path: Path, repair_log: RepairLog) -> None:
+        self.file, self.repair_log, self.ended = str(path), repair_log, True
+
+    def error_at(self, line: int, field: str, message: str) -> LcorppError:
+        """Return the error for a field of a line (counted from 1); here without a place, for a whole file."""
+        return DataError(f"{self.file}: {message}")
+
     def repair_or_raise(
         self,
         reason: str,
-        source: RowSource,
         line: int,
         message: str,
-        done: str,
+        done: str = "left out",
         *,
         field: str = "",
         track: str = "",
@@ -78,13 +77,12 @@ class RepairLog:
         Args:
             reason: the repair. line, field: the place of the fault.
             message: the error raised if this repair was not requested.
-            done: the action, e.g. "left out".
-            track: the id of the track. rows: number of rows changed.
+            done: the action. track: the id of the track. rows: number of rows changed.
 
         Raises:
-            ParseError, DataError: the repair was not requested; see `RowSource.error_at`.
+            ParseError, DataError: the repair was not requested; see `error_at`.
         """
-        if reason not in self.requested:
+        if reason not in self.repair_log.requested:
             whose = f"track {track!r}: " if track else ""
-            raise source.error_at(line, field, f"{whose}{message}; repair {reason!r} would {REPAIRS[reason]}")
-        self.repairs.append(Repair(reason, source.file, line, track, rows, f"{message}: {done}"))
+            raise self.error_at(line, field, f"{whose}{message}; repair {reason!r} would {REPAIRS[reason]}")
+        self.repair_log.repairs.append(Repair(reason, self.file, line, track, rows, f"{message}: {done}"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from html import escape
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -12,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError, expected_one_of
+from lcorpp.notebook import html_table
 from lcorpp.values import CHANNELS, Array, freeze
 
 COLUMNS = ("x", "y", "z", "velocity", "heading", "facing")
@@ -20,11 +20,14 @@ COLUMNS = ("x", "y", "z", "velocity", "heading", "facing")
 ANGLES = ("heading", "facing")
 """Columns that are angles, in radians."""
 
+MAX_NUMBER = 1e9
+"""Maximum size of a coordinate or speed in any unit; squares of larger numbers lose precision."""
+
 
 class Repair(NamedTuple):
     """A fault that was repaired on request.
 
-    reason: the name of the repair, from `repairs.REPAIRS`. file, line: its first place; lines count from 1.
+    reason: the name of the repair, from `repairs.REPAIRS`. file, line: the place of the fault, from line 1.
     track: the id of the track as in the file, empty if none. rows: number of rows changed.
     done: the fault and the action, as a phrase.
     """
@@ -35,14 +38,6 @@ class Repair(NamedTuple):
     track: str
     rows: int
     done: str
-
-
-MAX_NUMBER = 1e9
-"""Maximum size of a coordinate or speed in any unit; squares of larger numbers lose precision."""
-
-
-MAX_HTML_CLASSES = 20
-"""Rows of the table that notebooks show for a recording."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -91,9 +86,8 @@ class Track:
 
     def __repr__(self) -> str:
         columns = ", ".join(self.columns)
-        return (
-            f"Track({self.id!r}, {self.label!r}: {len(self)} samples of {columns} in {self.duration:.1f} s)"
-        )
+        counts = f"{len(self)} samples of {columns} in {self.duration:.1f} s"
+        return f"Track({self.id!r}, {self.label!r}: {counts})"
 
     @property
     def duration(self) -> float:
@@ -113,7 +107,7 @@ class Track:
         return speeds
 
     def in_robot_frame(self, x: float, y: float, angle: float) -> Track:
-        """Transform the track to the frame of a robot at (x, y), metres, that faces `angle`, radians."""
+        """Transform positions and angles to the frame of a robot at (x, y), m, that faces `angle`, rad."""
         cosine, sine = np.cos(angle), np.sin(angle)
         dx, dy = self.columns["x"] - x, self.columns["y"] - y
         moved = {"x": cosine * dx + sine * dy, "y": cosine * dy - sine * dx}
@@ -153,22 +147,25 @@ class Recording:
         return len(self.tracks)
 
     def __repr__(self) -> str:
-        counts = ", ".join(f"{count} {label or 'without a label'}" for label, count in self._count().items())
+        counts = [f"{len(tracks)} {label or 'without a label'}" for label, tracks in self.by_class().items()]
         repairs = f"; {len(self.repairs)} repairs" if self.repairs else ""
-        return f"Recording({self.source!r}, {len(self)} tracks: {counts or 'none'}{repairs})"
+        return f"Recording({self.source!r}, {len(self)} tracks: {', '.join(counts) or 'none'}{repairs})"
 
     def _repr_html_(self) -> str:
         rows = [
-            f"<tr><td>{escape(label or '(no label)')}</td><td>{count}</td>"
-            f"<td>{np.median([t.duration for t in self.tracks if t.label == label]):.1f}</td></tr>"
-            for label, count in list(self._count().items())[:MAX_HTML_CLASSES]
+            (label or "(no label)", str(len(tracks)), f"{np.median([t.duration for t in tracks]):.1f}")
+            for label, tracks in self.by_class().items()
         ]
-        heading = "<tr><th>class</th><th>tracks</th><th>median seconds</th></tr>"
-        return f"<p>{escape(repr(self))}</p><table>{heading}{''.join(rows)}</table>"
+        return html_table(("class", "tracks", "median seconds"), rows, caption=repr(self), limit=20)
 
-    def _count(self) -> dict[str | None, int]:
-        """Number of tracks of each class."""
-        return {label: self.labels.count(label) for label in sorted(set(self.labels), key=str)}
+    def by_class(self) -> dict[str | None, list[Track]]:
+        """Return label -> its tracks, in the order of the labels; unlabelled tracks are last."""
+        classes: dict[str | None, list[Track]] = {
+            label: [] for label in sorted(set(self.labels), key=lambda label: (label is None, label))
+        }
+        for track in self.tracks:
+            classes[track.label].append(track)
+        return classes
 
     @property
     def labels(self) -> tuple[str | None, ...]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.learning.data.repairs import RepairLog, RowSource
+from lcorpp.learning.data.repairs import RowSource
 from lcorpp.learning.data.tracks import Track
 from lcorpp.values import Array
 
@@ -22,20 +22,11 @@ FACTOR = 1000.0
 LENGTHS = ("x", "y", "z")
 
 
-def convert_to_metres(
-    tracks: Sequence[Track], first_lines: Sequence[int], source: RowSource, repair_log: RepairLog
-) -> list[Track]:
-    """Convert the tracks of one file to metres and metres per second.
+def convert_to_metres(tracks: Sequence[Track], first_lines: Sequence[int], source: RowSource) -> list[Track]:
+    """Convert the tracks of one file, which begin in `first_lines`, to metres and metres per second.
 
     If at least half of the tracks are too fast, all are converted, including those of people who stand;
-    otherwise only the tracks that are too fast.
-
-    Args:
-        first_lines: the line in the file where each track begins.
-
-    Raises:
-        ParseError, DataError: tracks have a wrong unit and repair `units` was not requested, or no factor of
-            1000 explains their speed.
+    otherwise only the tracks that are too fast. A speed that no factor of 1000 explains is an error.
     """
     if not tracks:
         return []
@@ -51,28 +42,16 @@ def convert_to_metres(
         if length_factor == speed_factor == 1.0:
             scaled.append(track)
             continue
-        what = (
-            f"the median speed is {speed[row]:.3g} m/s"
-            if length_factor != 1
-            else f"the median velocity is {written[row]:.3g} m/s"
-        )
+        what, value, field, factor = ("speed", speed[row], "x", length_factor)
+        if length_factor == 1:
+            what, value, field, factor = ("velocity", written[row], "velocity", speed_factor)
+        fault, line = f"the median {what} is {value:.3g} m/s, which no human has", first_lines[row]
+        if speed[row] * length_factor > MAX_SPEED or written[row] * speed_factor > MAX_SPEED:
+            message = f"track {track.id!r}: {fault}; no unit of length explains it"
+            raise source.error_at(line, "x", message)
         unit = "metres taken for millimetres" if length_factor > 1 else "millimetres taken for metres"
-        human = speed[row] * length_factor <= MAX_SPEED and written[row] * speed_factor <= MAX_SPEED
-        message = f"{what}, which no human has; " + (
-            f"it looks like {unit}" if human else "no unit of length explains it"
-        )
-        if not human:
-            raise source.error_at(first_lines[row], "x", f"track {track.id!r}: {message}")
-        repair_log.repair_or_raise(
-            "units",
-            source,
-            first_lines[row],
-            message,
-            f"times {length_factor if length_factor != 1 else speed_factor:g}",
-            field="x" if length_factor != 1 else "velocity",
-            track=track.id,
-            rows=len(track),
-        )
+        message, done = f"{fault}; it looks like {unit}", f"times {factor:g}"
+        source.repair_or_raise("units", line, message, done, field=field, track=track.id, rows=len(track))
         factors = dict.fromkeys(LENGTHS, length_factor) | {"velocity": speed_factor}
         columns = {name: values * factors.get(name, 1.0) for name, values in track.columns.items()}
         scaled.append(replace(track, columns=columns))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Literal
 
@@ -79,14 +80,14 @@ def extract_window(track: Track, channels: Sequence[str], interval: float, point
     """(channels, points) a window of one track; outside its times the first or last value is repeated."""
     steps = np.arange(points) * interval
     at = track.times[0] + steps if end == "first" else track.times[-1] - steps[::-1]
-    rows = []
-    for name in channels:
-        values = track.columns[name]
-        if name in ANGLES:
-            rows.append(wrap_angle(np.interp(at, track.times, np.unwrap(values))))
-        else:
-            rows.append(np.interp(at, track.times, values))
-    return np.stack(rows)
+    return np.stack(
+        [
+            wrap_angle(np.interp(at, track.times, np.unwrap(track.columns[name])))
+            if name in ANGLES
+            else np.interp(at, track.times, track.columns[name])
+            for name in channels
+        ]
+    )
 
 
 def _check_track(track: Track, channels: Sequence[str]) -> None:
@@ -103,10 +104,6 @@ def _check_track(track: Track, channels: Sequence[str]) -> None:
 
 def _describe_short_tracks(recording: Recording, kept: list[Track], needed: float) -> str:
     """Return a note that counts the short tracks of each class."""
-    short = {track.id for track in recording.tracks} - {track.id for track in kept}
-    of_class: dict[str, int] = {}
-    for track in recording.tracks:
-        if track.id in short:
-            of_class[str(track.label)] = of_class.get(str(track.label), 0) + 1
-    counts = ", ".join(f"{count} {name}" for name, count in sorted(of_class.items()))
-    return f"{len(short)} of {len(recording)} tracks are shorter than {needed:g} s and left out: {counts}"
+    short = Counter(map(str, recording.labels)) - Counter(str(track.label) for track in kept)
+    counts = ", ".join(f"{count} {name}" for name, count in sorted(short.items()))
+    return f"{short.total()} of {len(recording)} tracks are shorter than {needed:g} s and left out: {counts}"

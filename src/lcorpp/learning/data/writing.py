@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,17 @@ from lcorpp.files import open_atomically
 from lcorpp.learning.data.csv_formats import LONG_COLUMNS
 from lcorpp.learning.data.parquet import SUFFIXES, import_pyarrow
 from lcorpp.learning.data.tracks import COLUMNS, Recording, Repair, Track
+from lcorpp.values import Array
 
 DECIMALS = 4
 """Decimals of numbers in CSV: a tenth of a millimetre or millisecond."""
+
+WORDS: dict[str, Callable[[Track], str]] = {
+    "track": lambda track: track.id,
+    "label": lambda track: str(track.label),
+    "group": lambda track: track.group,
+}
+"""Columns of words -> their value for a track."""
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:
@@ -73,37 +81,33 @@ def _format_rows(track: Track, names: tuple[str, ...], path: str | Path) -> byte
             f"{path}: track {track.id!r} has samples within {10**-DECIMALS:g} s, which CSV with {DECIMALS}"
             " decimals cannot tell apart; expected a longer interval, or a name that ends in .parquet"
         )
-    words = {"track": track.id, "label": str(track.label), "group": track.group}
     form, numbers = [], []
     for name in names:
-        if name in words:  # a word with a comma is quoted, and a per cent sign is a plain one
-            form.append(_format_line([words[name]]).decode().rstrip("\n").replace("%", "%%"))
+        if name in WORDS:  # a word with a comma is quoted, and a per cent sign is a plain one
+            form.append(_format_line([WORDS[name](track)]).decode().rstrip("\n").replace("%", "%%"))
         else:
             form.append(f"%.{DECIMALS}f")
-            numbers.append(track.times if name == "time" else track.columns[name])
+            numbers.append(_get_numbers(track, name))
     line = ",".join(form) + "\n"
     return "".join(line % row for row in zip(*(n.tolist() for n in numbers), strict=True)).encode()
 
 
+def _get_numbers(track: Track, name: str) -> Array:
+    return track.times if name == "time" else track.columns[name]
+
+
 def _write_parquet(recording: Recording, path: str | Path) -> None:
     arrow, names = import_pyarrow(), select_columns(recording)
-    words = [name for name in names if name in ("track", "label", "group")]
-    fields = [(name, arrow.string() if name in words else arrow.float64()) for name in names]
-    schema = arrow.schema(fields)
+    schema = arrow.schema([(name, arrow.string() if name in WORDS else arrow.float64()) for name in names])
     with open_atomically(path) as file, arrow.parquet.ParquetWriter(file, schema) as writer:
         for start in range(0, len(recording), 1000):
             some = recording.tracks[start : start + 1000]
-            columns = []
-            for name in names:
-                if name in words:
-                    attribute = {"track": "id", "label": "label", "group": "group"}[name]
-                    columns.append(
-                        np.repeat([str(getattr(t, attribute)) for t in some], [len(t) for t in some])
-                    )
-                else:
-                    columns.append(
-                        np.concatenate([t.times if name == "time" else t.columns[name] for t in some])
-                    )
+            columns = [
+                np.repeat([WORDS[name](track) for track in some], [len(track) for track in some])
+                if name in WORDS
+                else np.concatenate([_get_numbers(track, name) for track in some])
+                for name in names
+            ]
             writer.write_table(arrow.table(dict(zip(names, map(arrow.array, columns), strict=True)), schema))
 
 

@@ -25,7 +25,7 @@ import clingo
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.enumeration.answer_set import AnswerSet
-from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.arithmetic import canonical_text, find_variables, iter_variables
 from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.safety import find_variable_sorts
@@ -46,7 +46,7 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     Variable,
 )
-from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions, list_pr_variables
+from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions, list_variables
 
 
 def enumerate_answer_sets(
@@ -204,8 +204,7 @@ def _translate_rule(index: int, rule: Rule, signature: Signature, is_2018: bool,
 def _translate_cr_rule(index: int, rule: CrRule, signature: Signature, is_2018: bool) -> str:
     """Translate to the rule under one abducible per instance, and minimise the number of abducibles."""
     inner = rule.statement
-    names = sorted({variable.name for e in list_expressions(inner) for variable in iter_variables(e)})
-    used = f"cr({index},{_write_tuple([Variable(name) for name in names])})"
+    used = f"cr({index},{_write_tuple([Variable(name) for name in list_variables(inner)])})"
     guards = _translate_body((), list(signature.iter_slots(inner)), list_expressions(inner), signature)
     text = f"{{ {used} }} :- {guards}. #minimize {{ 1,{index},I : cr({index},I) }}. "
     if isinstance(inner, Rule):
@@ -224,9 +223,8 @@ def _translate_selection(
     slots = list(signature.iter_slots(selection))
     chosen = selection.range
     inner = list(iter_expressions(chosen.condition)) if chosen else []
-    shared = {variable.name for expression in outer for variable in iter_variables(expression)}
-    read = {variable.name for expression in inner for variable in iter_variables(expression)}
-    instance = _write_tuple([Variable(name) for name in sorted(read & shared)])
+    shared = find_variables(*outer) & find_variables(*inner)
+    instance = _write_tuple([Variable(name) for name in sorted(shared)])
     applies = f"rnd({index},{label},{instance},{term})"
     conditions = used + _translate_body(selection.body, slots, outer, signature)
     range_sort = signature.attributes[selection.term.name].range
@@ -248,7 +246,7 @@ def _translate_selection(
 
 def _translate_probability(index: int, atom: Probability, signature: Signature) -> str:
     term, label = _write_expression(atom.term), _write_tuple(atom.label.arguments if atom.label else ())
-    instance = _write_tuple([Variable(name) for name in list_pr_variables(atom)])
+    instance = _write_tuple([Variable(name) for name in list_variables(atom)])
     conditions = _translate_body(
         atom.condition, list(signature.iter_slots(atom)), list_expressions(atom), signature
     )

@@ -14,11 +14,11 @@ from types import MappingProxyType
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.enumeration.answer_set import AnswerSet, AssignmentAtom, SelectionAtom
-from lcorpp.reasoning.language.arithmetic import canonical_text, compare, evaluate_number
+from lcorpp.reasoning.language.arithmetic import as_value, canonical_text, compare_values, evaluate_number
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Probability, Selection
-from lcorpp.reasoning.language.traversal import as_selection, list_pr_variables
+from lcorpp.reasoning.language.traversal import as_selection, list_variables
 
 
 def measure_worlds(
@@ -59,7 +59,8 @@ def satisfies(literal: Literal, values: Mapping[str, str]) -> bool:
     """Whether a ground literal is true in a world; if its term has no value, only `not` makes it true."""
     value = values.get(canonical_text(literal.term))
     return literal.negated != (
-        value is not None and compare(value, literal.relation, canonical_text(literal.value))
+        value is not None
+        and compare_values(as_value(value), literal.relation, as_value(canonical_text(literal.value)))
     )
 
 
@@ -165,7 +166,7 @@ def _applies_to(program: Program, atom: Probability, label: str, selected: Selec
 
 def _evaluate_number(atom: Probability, instance: tuple[str, ...], values: Mapping[str, str]) -> Fraction:
     try:
-        number = evaluate_number(atom.number, dict(zip(list_pr_variables(atom), instance, strict=True)))
+        number = evaluate_number(atom.number, dict(zip(list_variables(atom), instance, strict=True)))
     except SourceIssue as issue:
         raise ProgramError(f"{issue}, in the world {format_world(values)}") from None
     if not 0 <= number <= 1:
