@@ -83,21 +83,18 @@ def _try_answer(reasoner: Reasoner, query: Query) -> QueryAnswer | str:
 
 def _drop_conditions(query: Query) -> Iterator[tuple[str, Query]]:
     """Iterate over the conditions of a query: its text, and the query without it."""
-    for i, observation in enumerate(query.observations):
-        rest = query.observations[:i] + query.observations[i + 1 :]
-        yield str(observation)[:-1], replace(query, observations=rest)
-    for i, intervention in enumerate(query.interventions):
-        others = query.interventions[:i] + query.interventions[i + 1 :]
-        yield str(intervention)[:-1], replace(query, interventions=others)
+    for name in ("observations", "interventions"):
+        conditions = getattr(query, name)
+        for i, condition in enumerate(conditions):
+            yield str(condition)[:-1], replace(query, **{name: conditions[:i] + conditions[i + 1 :]})
 
 
 def _explain_worlds(model: QueryModel, count: int) -> tuple[tuple[PossibleWorld, tuple[FiredRule, ...]], ...]:
-    explained = []
+    worlds = []
     for world in model.worlds.most_probable({}, count):
         values = {term: value for term, value in world.values.items() if term != QUERY_TERM}
-        fired = _find_fired(model.ground, values)
-        explained.append((PossibleWorld(values, world.measure), fired))
-    return tuple(explained)
+        worlds.append((PossibleWorld(values, world.measure), _find_fired(model.ground, values)))
+    return tuple(worlds)
 
 
 def _find_fired(ground: GroundProgram, values: Mapping[str, str]) -> tuple[FiredRule, ...]:

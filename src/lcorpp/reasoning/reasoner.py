@@ -9,16 +9,15 @@ reports it, and the answer has standard errors).
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.errors import TooLargeError, UndefinedError
 from lcorpp.reasoning.answers import (
     QueryAnswer,
     format_conditions,
-    make_no_value_error,
     make_no_world_error,
     normalise_marginal,
     warn_of_estimate,
@@ -37,7 +36,7 @@ from lcorpp.reasoning.resolve import (
     resolve_query,
     resolve_term,
 )
-from lcorpp.reasoning.transitions.likelihood_weighting import DEFAULT_SAMPLES, estimate
+from lcorpp.reasoning.transitions.likelihood_weighting import DEFAULT_SAMPLES
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
@@ -76,8 +75,8 @@ class Reasoner:
     def __repr__(self) -> str:
         return f"Reasoner({self.program!r})"
 
-    def __reduce__(self) -> tuple[Callable[[Program, int], Reasoner], tuple[Program, int]]:
-        return _create_reasoner, (self.program, self.samples)  # without caches
+    def __reduce__(self) -> tuple[partial[Reasoner], tuple[Program]]:
+        return partial(Reasoner, samples=self.samples), (self.program,)  # without caches
 
     def posterior(
         self, attribute: str, evidence: Mapping[str, Label] = NO_EVIDENCE, do: Mapping[str, str] = NO_EVIDENCE
@@ -101,7 +100,7 @@ class Reasoner:
             answer = None
         if answer is None:
             if _contains_likelihood(evidence):  # likelihoods rarely repeat: a cache would only fill memory
-                return self._weigh_evidence(do).posterior(attribute, evidence)
+                return self._get_soft_evidence(do).posterior(attribute, evidence)
             answer = self._compute_posterior(attribute, evidence, do)  # type: ignore[arg-type]
             _store(self._answers, key, answer)
         return answer
@@ -119,7 +118,7 @@ class Reasoner:
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
             return self._enumeration.exact(term, facts, set_to)
-        weights = self._find_worlds(set_to, (term, *facts)).compute_exact_weights(term, facts)
+        weights = self._get_world_queries(set_to, (term, *facts)).compute_exact_weights(term, facts)
         return normalise_marginal(self.program, term, weights, format_conditions(facts, set_to))
 
     def compile(
@@ -154,7 +153,7 @@ class Reasoner:
         if self.program.has_cr_rules:
             return self._enumeration.sample(rng, given)
         facts = resolve_evidence(self.program, given)
-        world = self._find_worlds({}, tuple(facts)).sample(rng, facts)
+        world = self._get_world_queries({}, tuple(facts)).sample(rng, facts)
         if world is None:
             raise UndefinedError(f"{self.program.file}: no possible world{format_conditions(given, {})}")
         return world
@@ -169,7 +168,7 @@ class Reasoner:
         """
         if self.program.has_cr_rules:
             return len(self._enumeration.worlds)
-        worlds = self._find_worlds({}, ())
+        worlds = self._get_world_queries({}, ())
         if not sum(worlds.compute_float_weights("", {}).values()):
             raise make_no_world_error(self.program, "")
         return worlds.count()
@@ -216,13 +215,13 @@ class Reasoner:
             try:
                 circuit = self.compile(sorted(facts), term, set_to)
             except TooLargeError as error:
-                circuit = error
+                circuit = error  # cached, so that it is not compiled again
             _store(self._circuits, key, circuit)
         if isinstance(circuit, TooLargeError):
             return self._estimate(circuit, term, facts, set_to)
         return circuit(facts)  # type: ignore[return-value]
 
-    def _weigh_evidence(self, do: Mapping[str, str]) -> SoftEvidence:
+    def _get_soft_evidence(self, do: Mapping[str, str]) -> SoftEvidence:
         key = frozenset(do.items())
         if key not in self._soft_evidence:
             from lcorpp.reasoning.soft_evidence import SoftEvidence  # imports numpy
@@ -231,7 +230,7 @@ class Reasoner:
             _store(self._soft_evidence, key, soft)
         return self._soft_evidence[key]
 
-    def _find_worlds(self, do: Mapping[str, str], wanted: Sequence[str]) -> WorldQueries:
+    def _get_world_queries(self, do: Mapping[str, str], wanted: Sequence[str]) -> WorldQueries:
         key = frozenset(do.items()), frozenset(wanted)
         if key not in self._worlds:
             system = build_transition_system(ground_program(self.program, do), wanted)
@@ -248,18 +247,11 @@ class Reasoner:
     def _estimate(
         self, reason: TooLargeError, term: str, facts: Mapping[str, str], do: Mapping[str, str]
     ) -> Distribution:
-        import numpy as np
-
-        from lcorpp.reasoning.distributions import EstimatedDistribution
+        from lcorpp.reasoning.distributions import estimate_marginal  # imports numpy
 
         system = build_transition_system(ground_program(self.program, do))
         warn_of_estimate(reason, self.samples)
-        estimates = estimate(system, term, facts, self.samples)
-        if estimates.values[""][0]:
-            raise make_no_value_error(self.program, term, estimates.values[""][0])
-        values = tuple(value for value in estimates.values if value)
-        p, errors = np.array([estimates.values[value] for value in values]).T
-        return EstimatedDistribution(values, p / p.sum(), errors, estimates.samples)
+        return estimate_marginal(system, term, facts, self.samples)
 
 
 def ask(program: Program, query: Query) -> QueryAnswer:
@@ -273,10 +265,6 @@ def _contains_likelihood(evidence: Mapping[str, Label]) -> bool:
     from lcorpp.values import Likelihood  # imports numpy
 
     return any(isinstance(value, Likelihood) for value in evidence.values())
-
-
-def _create_reasoner(program: Program, samples: int) -> Reasoner:
-    return Reasoner(program, samples=samples)
 
 
 def _store(cache: dict[Hashable, _Value], key: Hashable, value: _Value) -> None:

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
-from lcorpp.reasoning.grounding.values import Value, compare_values, divide, parse_value
-from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.arithmetic import (
+    Value,
+    as_value,
+    canonical_text,
+    compare_values,
+    divide,
+    iter_variables,
+)
+from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.syntax import Expression, Number, Term, Variable
+
+_Key = TypeVar("_Key")
+_Result = TypeVar("_Result")
 
 
 class Source(str):
@@ -31,7 +41,8 @@ class GeneratedFunction:
         self._arguments = tuple(arguments)
         self._lines: list[str] = []
         self._depth = 1
-        self._constants: dict[str, Any] = {"divide": divide, "compare_values": compare_values}
+        self._constants: dict[str, Any] = {"divide": _divide, "compare_values": compare_values}
+        self._n_names = 0
 
     @property
     def is_ground(self) -> bool:
@@ -42,24 +53,46 @@ class GeneratedFunction:
         """Append a line to the innermost loop: it runs once for each binding."""
         self._lines.append(" " * self._depth + line)
 
+    def open_loop(self, targets: str, iterable: str) -> None:
+        """Append the head of a loop; later lines are inside of it."""
+        self.add_line(f"for {targets} in {iterable}:")
+        self._depth += 1
+
+    def add_lookup(
+        self, results: dict[_Key, _Result], key: str, compute: Callable[[_Key], _Result]
+    ) -> Source:
+        """Append lines that look up the result for a key (Python source), and compute it if it is missing.
+
+        Returns:
+            The variable with the result.
+        """
+        name, table = self._make_name(), self.name_constant(results)
+        self.add_line(f"{name} = {self.name_constant(results.get)}(k := {key})")
+        self.add_line(f"if {name} is None: {name} = {table}[k] = {self.name_constant(compute)}(k)")
+        return name
+
     def name_constant(self, value: object) -> Source:
         """Make a value available to the generated function; return its name."""
-        name = f"k{len(self._constants)}"
+        name = self._make_name()
         self._constants[name] = value
-        return Source(name)
+        return name
+
+    def _make_name(self) -> Source:
+        self._n_names += 1
+        return Source(f"k{self._n_names}")
 
     def translate(self, expression: Expression) -> Part:
         """Return the value of an expression, or the source that computes it from bound variables."""
         if isinstance(expression, Variable):
             return Source(f"v_{expression.name}")
         if isinstance(expression, Number) or not any(iter_variables(expression)):
-            return parse_value(canonical_text(expression))
+            return as_value(canonical_text(expression))
         if isinstance(expression, Term):
             inner = " + ',' + ".join(
-                f"str({self._write_source(argument)})" for argument in expression.arguments
+                f"str({self.write_source(argument)})" for argument in expression.arguments
             )
             return Source(f"({expression.name + '('!r} + {inner} + ')')")
-        left, right = self._write_source(expression.left), self._write_source(expression.right)
+        left, right = self.write_source(expression.left), self.write_source(expression.right)
         if expression.operator in ("/", "mod"):
             place = self.name_constant(expression.at)
             return Source(f"divide({left}, {right}, {expression.operator!r}, {place})")
@@ -71,8 +104,12 @@ class GeneratedFunction:
             return self.name_constant(part)
         return str(part) if isinstance(part, Source) else repr(part)
 
+    def write_source(self, expression: Expression) -> str:
+        """Write the source that computes an expression from bound variables."""
+        return self.quote(self.translate(expression))
+
     def compile(self, **names: object) -> Callable[..., None]:
-        """Compile the function; its arguments are the `bound` variables.
+        """Compile the function.
 
         Args:
             names: the values of the other names in the added lines.
@@ -83,13 +120,8 @@ class GeneratedFunction:
         exec(compile(text, "<instantiator>", "exec"), namespace)
         return namespace["run"]  # type: ignore[no-any-return]
 
-    def _write_source(self, expression: Expression) -> str:
-        """Write the source that computes an expression from bound variables."""
-        return self.quote(self.translate(expression))
 
-    # conditions on the variables
-
-    def _open_loop(self, targets: str, iterable: str) -> None:
-        """Append the head of a loop; later lines are inside of it."""
-        self.add_line(f"for {targets} in {iterable}:")
-        self._depth += 1
+def _divide(dividend: int, divisor: int, operator: str, at: Place) -> int:
+    if divisor == 0:
+        raise SourceIssue(at, "cannot be grounded: division by zero")
+    return divide(dividend, divisor, operator)

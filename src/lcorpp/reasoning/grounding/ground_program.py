@@ -35,6 +35,11 @@ GroundLiteral = tuple[int, int, bool]
 """A term, the mask of the outcomes that satisfy the literal, and whether the literal is under `not`."""
 
 
+def make_full_mask(n_values: int) -> int:
+    """Make the mask of all outcomes of a term: its values and, as last bit, no value."""
+    return (1 << n_values + 1) - 1
+
+
 @dataclass(slots=True, eq=False)
 class Clause:
     """A ground rule, constraint, random selection, member of a dynamic range or pr-atom.

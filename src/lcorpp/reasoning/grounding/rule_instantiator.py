@@ -21,16 +21,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from lcorpp.reasoning.grounding.generated_function import GeneratedFunction
-from lcorpp.reasoning.grounding.values import (
-    Value,
-    find_arithmetic_variables,
+from lcorpp.reasoning.grounding.patterns import (
     find_bare_variables,
     find_inner_variables,
-    find_matched_variables,
-    find_variables,
+    find_record_variables,
     match,
 )
-from lcorpp.reasoning.language.arithmetic import iter_variables
+from lcorpp.reasoning.language.arithmetic import Value, find_variables, iter_variables
 from lcorpp.reasoning.language.safety import find_variable_sorts
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
@@ -112,9 +109,7 @@ class RuleInstantiator(GeneratedFunction):
 
     def _make_member_test(self, expression: Expression, sort: str, relation: str) -> Callable[[], str]:
         """Return a function that writes the source of a membership test; `relation` is `in` or `not in`."""
-        return lambda: (
-            f"{self._write_source(expression)} {relation} {self.name_constant(self._members(sort))}"
-        )
+        return lambda: f"{self.write_source(expression)} {relation} {self.name_constant(self._members(sort))}"
 
     def _make_sort_test(self, name: str) -> Callable[[], str]:
         """Return a function that writes the source of the test that a variable is a member of its sorts."""
@@ -129,8 +124,8 @@ class RuleInstantiator(GeneratedFunction):
         def write_test() -> str:
             if relation in ("=", "!="):
                 operator = "==" if relation == "=" else "!="
-                return f"{self._write_source(left)} {operator} {self._write_source(right)}"
-            return f"compare_values({self._write_source(left)}, {relation!r}, {self._write_source(right)})"
+                return f"{self.write_source(left)} {operator} {self.write_source(right)}"
+            return f"compare_values({self.write_source(left)}, {relation!r}, {self.write_source(right)})"
 
         self._tests.append((find_variables(left) | find_variables(right), write_test))
         if relation == "=":
@@ -142,9 +137,9 @@ class RuleInstantiator(GeneratedFunction):
         table = self._facts[literal.term.name]
 
         def write_test() -> str:
-            arguments = "".join(f"{self._write_source(x)}, " for x in literal.term.arguments)
+            arguments = "".join(f"{self.write_source(x)}, " for x in literal.term.arguments)
             fact = f"{self.name_constant(table)}.get(({arguments}))"
-            value = self._write_source(literal.value)
+            value = self.write_source(literal.value)
             agrees = f"(h := {fact}) is not None and compare_values(h, {literal.relation!r}, {value})"
             return f"not ({agrees})" if literal.negated else agrees
 
@@ -188,7 +183,7 @@ class RuleInstantiator(GeneratedFunction):
             if name not in self._bound and find_variables(other) <= self._bound:
                 # the assignment makes the equation true
                 self._tests = [pair for pair in self._tests if pair[1] is not write_test]
-                self.add_line(f"v_{name} = {self._write_source(other)}")
+                self.add_line(f"v_{name} = {self.write_source(other)}")
                 self._mark_bound([name])
                 return
         for literal in self._fact_literals:
@@ -202,11 +197,11 @@ class RuleInstantiator(GeneratedFunction):
             if len(domain) == 1:  # Python allows at most twenty nested loops
                 self.add_line(f"v_{name} = {domain[0]!r}")
             else:
-                self._open_loop(f"v_{name}", self.name_constant(domain))
+                self.open_loop(f"v_{name}", self.name_constant(domain))
             self._mark_bound([name], in_sorts=True)
             return
         for term, sort in self._records:
-            if find_variables(term) - self._bound and find_arithmetic_variables(term) <= self._bound:
+            if find_variables(term) - self._bound and find_record_variables(term, True) <= self._bound:
                 self._loop_over_records(term, sort)
                 return
         raise AssertionError("the checker rejects statements with unsafe variables")
@@ -242,16 +237,16 @@ class RuleInstantiator(GeneratedFunction):
             if all(row[i] == row[free[name]] for i, name in repeated):
                 key = tuple([row[i] for i in bound])
                 index.setdefault(key, []).append(tuple([row[i] for i in free.values()]))
-        key_source = "".join(f"{self._write_source(parts[i])}, " for i in bound)
+        key_source = "".join(f"{self.write_source(parts[i])}, " for i in bound)
         targets = "".join(f"v_{name}, " for name in free)
-        self._open_loop(targets, f"{self.name_constant(index)}.get(({key_source}), ())")
+        self.open_loop(targets, f"{self.name_constant(index)}.get(({key_source}), ())")
         self._mark_bound(free)
 
     def _loop_over_records(self, term: Term, sort: str) -> None:
         """Loop over the members of a sort that match a record, found by an index over its bound variables."""
         names = sorted(find_variables(term))
         free = [name for name in names if name not in self._bound]
-        bound = [name for name in names if name in self._bound and name in find_matched_variables(term)]
+        bound = [name for name in names if name in self._bound and name in find_record_variables(term, False)]
         index: dict[tuple[Value, ...], list[tuple[Value, ...]]] = {}
         for member in self._members(sort):
             bindings: dict[str, Value] = {}
@@ -260,5 +255,5 @@ class RuleInstantiator(GeneratedFunction):
                 index.setdefault(key, []).append(tuple([bindings[name] for name in free]))
         key_source = "".join(f"v_{name}, " for name in bound)
         targets = "".join(f"v_{name}, " for name in free)
-        self._open_loop(targets, f"{self.name_constant(index)}.get(({key_source}), ())")
+        self.open_loop(targets, f"{self.name_constant(index)}.get(({key_source}), ())")
         self._mark_bound(free)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram, make_full_mask
 
 SUPPORTING_KINDS = (ClauseKind.DERIVE, ClauseKind.SELECT)
 """The kinds of clauses that give values to terms."""
@@ -124,16 +124,16 @@ def _propagate_observations(program: GroundProgram, clauses: list[Clause]) -> li
             if any(not literal[1] & allowed.get(literal[0], -1) for literal in clause.body):
                 continue
             body = tuple(
-                [x for x in clause.body if allowed.get(x[0], -1) & _compute_full_mask(program, x[0]) & ~x[1]]
+                [
+                    x
+                    for x in clause.body
+                    if allowed.get(x[0], -1) & make_full_mask(len(program.values[x[0]])) & ~x[1]
+                ]
             )
             if len(body) < len(clause.body):
                 clause = Clause(ClauseKind.FORBID, -1, 0, body, clause.statement)
         result.append(clause)
     return result
-
-
-def _compute_full_mask(program: GroundProgram, term: int) -> int:
-    return (1 << len(program.values[term]) + 1) - 1
 
 
 def _compute_outcomes(

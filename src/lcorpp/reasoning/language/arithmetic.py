@@ -1,15 +1,27 @@
-"""Evaluation of expressions: exact fractions for probabilities, 32-bit integers as in ASP elsewhere."""
+"""Variables, values and arithmetic of expressions.
+
+The numbers of pr-atoms are exact fractions, other numbers 32-bit integers as in ASP, whose division truncates
+toward zero. A value is an `int`, or the text of a constant or record: ``3``, ``"red"``, ``"f(1,g(a))"``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
+from operator import add, ge, gt, le, lt, mul, sub, truediv
+from typing import Any
 
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Number, Term, Variable
 
 MAX_INTEGER = 2**31 - 1
 """The largest integer of ASP systems, which compute with 32 bits."""
+
+Value = int | str
+
+_OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {"+": add, "-": sub, "*": mul, "/": truediv}
+
+_ORDERS: dict[str, Callable[[int, int], bool]] = {"<": lt, "<=": le, ">": gt, ">=": ge}
 
 
 def iter_variables(expression: Expression) -> Iterator[Variable]:
@@ -22,6 +34,11 @@ def iter_variables(expression: Expression) -> Iterator[Variable]:
     elif isinstance(expression, Term):
         for argument in expression.arguments:
             yield from iter_variables(argument)
+
+
+def find_variables(*expressions: Expression) -> set[str]:
+    """Return the names of the variables of expressions."""
+    return {variable.name for expression in expressions for variable in iter_variables(expression)}
 
 
 def evaluate_number(expression: Expression, bindings: Mapping[str, str]) -> Fraction:
@@ -43,16 +60,12 @@ def evaluate_number(expression: Expression, bindings: Mapping[str, str]) -> Frac
     if isinstance(expression, Term):
         raise SourceIssue(expression.at, f"{expression} is not a number")
     left, right = evaluate_number(expression.left, bindings), evaluate_number(expression.right, bindings)
-    match expression.operator:
-        case "+":
-            return left + right
-        case "-":
-            return left - right
-        case "*":
-            return left * right
-    if right == 0:
+    if expression.operator in ("/", "mod") and right == 0:
         raise SourceIssue(expression.at, f"division by zero in {expression}")
-    return left / right if expression.operator == "/" else left - right * int(left / right)
+    if expression.operator == "mod":
+        return left - right * int(left / right)
+    operation: Callable[[Fraction, Fraction], Fraction] = _OPERATIONS[expression.operator]
+    return operation(left, right)
 
 
 def canonical_text(expression: Expression) -> str:
@@ -70,22 +83,16 @@ def canonical_text(expression: Expression) -> str:
 
 
 def _evaluate_integer(expression: Expression) -> int:
-    if isinstance(expression, Number):
-        if expression.value.denominator != 1:
-            raise SourceIssue(expression.at, f"expected an integer, not {expression}")
+    if isinstance(expression, Number) and expression.value.denominator == 1:
         value = expression.value.numerator
     elif isinstance(expression, Arithmetic):
         left, right = _evaluate_integer(expression.left), _evaluate_integer(expression.right)
-        if expression.operator in ("/", "mod") and right == 0:
+        if expression.operator not in ("/", "mod"):
+            value = _OPERATIONS[expression.operator](left, right)
+        elif right:
+            value = divide(left, right, expression.operator)
+        else:
             raise SourceIssue(expression.at, f"division by zero in {expression}")
-        quotient = abs(left) // abs(right) * (-1 if (left < 0) != (right < 0) else 1) if right else 0
-        value = {
-            "+": left + right,
-            "-": left - right,
-            "*": left * right,
-            "/": quotient,
-            "mod": left - right * quotient,
-        }[expression.operator]
     else:
         raise SourceIssue(expression.at, f"expected an integer, not {expression}")
     if abs(value) > MAX_INTEGER:
@@ -93,18 +100,31 @@ def _evaluate_integer(expression: Expression) -> int:
     return value
 
 
+def divide(dividend: int, divisor: int, operator: str) -> int:
+    """Divide integers and return the quotient (operator ``/``) or the remainder (``mod``)."""
+    quotient = abs(dividend) // abs(divisor) * (-1 if (dividend < 0) != (divisor < 0) else 1)
+    return quotient if operator == "/" else dividend - divisor * quotient
+
+
 def is_integer(text: str) -> bool:
     """Whether a value, as text, is an integer."""
     return text.removeprefix("-").isdigit()
 
 
-def compare(left: str, relation: str, right: str) -> bool:
-    """Whether the relation holds between two values. Order relations are false unless both are integers."""
+def as_value(text: str) -> Value:
+    """Convert a canonical text to a value."""
+    return int(text) if is_integer(text) else text
+
+
+def compare_values(left: Value, relation: str, right: Value) -> bool:
+    """Whether a relation holds between values. `<`, `<=`, `>` and `>=` are false unless both are integers.
+
+    The checker rejects an order of other values.
+    """
     if relation == "=":
         return left == right
     if relation == "!=":
         return left != right
-    if not (is_integer(left) and is_integer(right)):
+    if isinstance(left, str) or isinstance(right, str):
         return False
-    a, b = int(left), int(right)
-    return {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b}[relation]
+    return _ORDERS[relation](left, right)

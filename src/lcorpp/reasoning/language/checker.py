@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
 from lcorpp.errors import expected_one_of
-from lcorpp.reasoning.language.arithmetic import iter_variables
+from lcorpp.reasoning.language.arithmetic import find_variables
 from lcorpp.reasoning.language.conformance import (
     check_attribute,
     check_ground_literal,
@@ -34,7 +34,7 @@ from lcorpp.reasoning.language.syntax import (
     Statement,
     Term,
 )
-from lcorpp.reasoning.language.traversal import as_selection, get_body, iter_expressions, list_expressions
+from lcorpp.reasoning.language.traversal import as_selection, get_body, list_expressions
 
 
 def check_statements(statements: Sequence[Statement]) -> Signature:
@@ -66,26 +66,20 @@ def _check_statement(statement: Statement, signature: Signature) -> None:
         if statement.head:
             check_attribute(statement.head.term, signature)
         _check_body(statement.body, signature)
-        check_variables(
-            statement.at,
-            list_expressions(statement),
-            list(signature.iter_slots(statement)),
-            statement.body,
-            signature,
-        )
+        check_variables(statement, signature)
     elif isinstance(statement, Selection):
         _check_selection(statement, signature)
     elif isinstance(statement, Probability):
+        check_attribute(statement.term, signature)
+        _check_body(statement.condition, signature)
         _check_probability(statement, signature)
+        check_variables(statement, signature)
     elif isinstance(statement, Query):
         check_query(statement, signature)
     elif isinstance(statement, Observation):
         check_ground_literal(statement.literal, signature)
     elif isinstance(statement, Intervention):
         check_intervention(statement, signature)
-
-
-# terms and literals
 
 
 def _check_body(body: Iterable[BodyLiteral], signature: Signature) -> None:
@@ -100,57 +94,41 @@ def _check_body(body: Iterable[BodyLiteral], signature: Signature) -> None:
             )
 
 
-# statements
-
-
 def _check_selection(selection: Selection, signature: Signature) -> None:
     check_attribute(selection.term, signature)
     _check_body(selection.body, signature)
-    outer = list_expressions(selection)
-    outcomes = len(signature.attributes[selection.term.name].values)
-    slots = list(signature.iter_slots(selection))
-    check_variables(selection.at, outer, slots, selection.body, signature, outcomes=outcomes)
+    check_variables(selection, signature)
     if selection.range:
-        chosen, condition = selection.range.variable, selection.range.condition
-        if any(variable == chosen for expression in outer for variable in iter_variables(expression)):
-            raise SourceIssue(chosen.at, f"variable {chosen} of the dynamic range is also used outside of it")
-        _check_body(condition, signature)
-        slots = [*slots, *signature.iter_range_slots(selection)]
-        inner = [*outer, chosen, *iter_expressions(condition)]
-        check_variables(selection.at, inner, slots, (*selection.body, *condition), signature)
+        variable = selection.range.variable
+        if variable.name in find_variables(*list_expressions(selection)):
+            raise SourceIssue(
+                variable.at, f"variable {variable} of the dynamic range is also used outside of it"
+            )
+        _check_body(selection.range.condition, signature)
+        check_variables(selection, signature, selection.range)
 
 
 def _check_probability(statement: Probability, signature: Signature) -> None:
-    check_attribute(statement.term, signature)
-    _check_body(statement.condition, signature)
+    """Check the label and the number of a pr-atom."""
     selections = require_selections(statement.term, statement.at, signature)
     if statement.label:
         label = statement.label
-        named = [s.label for s in selections if s.label]
-        if not any(other.name == label.name for other in named):
+        labels = [selection.label for selection in selections if selection.label]
+        sizes = {len(other.arguments) for other in labels if other.name == label.name}
+        if not sizes:
             raise SourceIssue(
                 label.at,
                 f"no random selection of {statement.term.name} has the label [{label}];"
-                f" {expected_one_of(list(map(str, named)))}",
+                f" {expected_one_of(list(map(str, labels)))}",
             )
-        sizes = {len(other.arguments) for other in named if other.name == label.name}
         if label.arguments and len(label.arguments) not in sizes:
             raise SourceIssue(
                 label.at,
                 f"label [{label}] has {len(label.arguments)} arguments, the selection's has {min(sizes)}",
             )
-    if isinstance(statement.number, Number) and not 0 <= statement.number.value <= 1:
-        raise SourceIssue(
-            statement.number.at, f"the probability {statement.number.value} is not between 0 and 1"
-        )
-    check_variables(
-        statement.at,
-        list_expressions(statement),
-        list(signature.iter_slots(statement)),
-        statement.condition,
-        signature,
-        statement.number,
-    )
+    number = statement.number
+    if isinstance(number, Number) and not 0 <= number.value <= 1:
+        raise SourceIssue(number.at, f"the probability {number.value} is not between 0 and 1")
 
 
 # lenient mode
@@ -176,30 +154,21 @@ def _has_instances(statement: Statement, signature: Signature) -> bool:
         _check_statement(statement, signature)
     except SortMismatch:
         inner = statement.statement if isinstance(statement, CrRule) else statement
-        if isinstance(inner, Rule | Selection | Probability) and _has_no_instance(inner, signature):
-            return False
-        raise
+        if not isinstance(inner, Rule | Selection | Probability):
+            raise
+        if isinstance(inner, Rule):
+            heads = [inner.head] if inner.head else []
+        elif isinstance(inner, Probability):
+            heads = [Literal(inner.term, "=", inner.value)]
+        else:
+            heads = [Literal(inner.term, "<", inner.term)]  # an order has no slot for a value
+        for head in heads:
+            check_attribute(head.term, signature)
+        positive = [part for part in get_body(inner) if isinstance(part, Literal) and not part.negated]
+        if all(_is_well_sorted(literal, signature) for literal in (*heads, *positive)):
+            raise
+        return False
     return True
-
-
-def _has_no_instance(statement: Rule | Selection | Probability, signature: Signature) -> bool:
-    for literal in _iter_heads(statement):
-        check_attribute(literal.term, signature)
-        if not _is_well_sorted(literal, signature):
-            return True
-    needed = (part for part in get_body(statement) if isinstance(part, Literal) and not part.negated)
-    return any(not _is_well_sorted(literal, signature) for literal in needed)
-
-
-def _iter_heads(statement: Rule | Selection | Probability) -> Iterator[Literal]:
-    """Iterate over the heads of a statement; a selected term gets a relation without value slot."""
-    if isinstance(statement, Rule):
-        if statement.head:
-            yield statement.head
-    elif isinstance(statement, Probability):
-        yield Literal(statement.term, "=", statement.value)
-    else:
-        yield Literal(statement.term, "<", statement.term)
 
 
 def _is_well_sorted(literal: Literal, signature: Signature) -> bool:

@@ -65,20 +65,16 @@ def check_ground_literal(literal: Literal, signature: Signature) -> None:
         SourceIssue: the first error.
     """
     _check_ground_term(literal.term, signature)
-    _check_ground((literal.value,))
+    canonical_text(literal.value)  # raises for a variable
     check_slots(signature.iter_literal_slots(literal), signature)
     check_order((literal,), {}, signature)
 
 
 def _check_ground_term(term: Term, signature: Signature) -> None:
     check_attribute(term, signature)
-    _check_ground(term.arguments)
+    for argument in term.arguments:
+        canonical_text(argument)  # raises for a variable
     check_slots(signature.iter_term_slots(term), signature)
-
-
-def _check_ground(expressions: Iterable[Expression]) -> None:
-    for expression in expressions:
-        canonical_text(expression)  # raises for a variable
 
 
 def check_attribute(term: Term, signature: Signature) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TypeGuard
+from collections.abc import Callable, Iterator
+from typing import TypeGuard, TypeVar
 
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.expressions import (
-    RELATION_SYNONYMS,
     RELATIONS,
     MinusTerm,
     parse_factor,
@@ -33,6 +32,8 @@ from lcorpp.reasoning.language.syntax import (
     Variable,
 )
 
+_Tree = TypeVar("_Tree", SortExpression, ComparisonLiteral | Connective)
+
 _MAX_OPERANDS = 100
 """Maximal length of a chain of operators, which becomes a tree of that depth."""
 
@@ -47,22 +48,21 @@ def parse_plain_sort(cursor: Cursor, name: Expression | MinusTerm) -> SortDefini
 def parse_hash_sort(cursor: Cursor) -> SortDefinition:
     """Parse `#name = expression.`"""
     at = cursor.at
-    name = parse_sort_name(cursor)
+    name = _parse_sort_name(cursor)
     if not cursor.accept("=="):
         cursor.expect("=")
     return _parse_definition(cursor, name, at)
 
 
 def _parse_definition(cursor: Cursor, name: str, at: Place) -> SortDefinition:
-    expression = parse_sort_expression(cursor)
+    expression = _parse_sort_expression(cursor)
     cursor.expect(".")
     return _define_sort(name, expression, at)
 
 
 def _define_sort(name: str, expression: SortExpression, at: Place) -> SortDefinition:
-    return SortDefinition(
-        name, expression.elements if isinstance(expression, SortSet) else (expression,), at=at
-    )
+    elements = expression.elements if isinstance(expression, SortSet) else (expression,)
+    return SortDefinition(name, elements, at=at)
 
 
 def is_bare_name(expression: Expression | MinusTerm) -> TypeGuard[Term]:
@@ -92,14 +92,17 @@ def parse_attributes(cursor: Cursor, name: Expression | MinusTerm) -> Iterator[S
     sorts = [_parse_attribute_sort(cursor, term, new_sorts)]
     while cursor.accept(",") or cursor.accept("*"):
         sorts.append(_parse_attribute_sort(cursor, term, new_sorts))
-    target = _parse_attribute_sort(cursor, term, new_sorts) if cursor.accept("->") else None
-    cursor.expect(".")
-    if target is None and len(sorts) > 1:
-        raise SourceIssue(term.at, f"attribute {term} has arguments but no range; expected '-> sort'")
-    arguments, target = (tuple(sorts), target) if target is not None else ((), sorts[0])
+    if cursor.accept("->"):
+        target = _parse_attribute_sort(cursor, term, new_sorts)
+        cursor.expect(".")
+    else:
+        cursor.expect(".")
+        if len(sorts) > 1:
+            raise SourceIssue(term.at, f"attribute {term} has arguments but no range; expected '-> sort'")
+        target = sorts.pop()
     yield from new_sorts
     for term in terms:
-        yield AttributeDeclaration(term.name, arguments, target, at=term.at)
+        yield AttributeDeclaration(term.name, tuple(sorts), target, at=term.at)
 
 
 def _parse_attribute_sort(cursor: Cursor, attribute: Term, new_sorts: list[SortDefinition]) -> str:
@@ -108,7 +111,7 @@ def _parse_attribute_sort(cursor: Cursor, attribute: Term, new_sorts: list[SortD
     if not cursor.next_is(NAME, HASH_NAME, INTEGER, "{", "(", "-"):
         raise cursor.make_unexpected_error()
     at = cursor.at
-    expression = parse_sort_expression(cursor)
+    expression = _parse_sort_expression(cursor)
     if isinstance(expression, SortName):
         return expression.name
     cursor.uses_plog2 = True
@@ -120,46 +123,44 @@ def _parse_attribute_sort(cursor: Cursor, attribute: Term, new_sorts: list[SortD
 # sort expressions
 
 
-def parse_sort_expression(cursor: Cursor) -> SortExpression:
+def _parse_sort_expression(cursor: Cursor) -> SortExpression:
     """Parse a sort expression. `*` binds more tightly than `+` and `-`."""
-    left = _parse_intersection(cursor)
-    count = 1
-    while cursor.next_is("+", "-"):
-        count = _count_operand(cursor, count)
-        sign = cursor.take()
-        left = SortOperation(sign, left, _parse_intersection(cursor), at=left.at)
-    return left
+    return _parse_chain(cursor, ("+", "-"), _parse_intersection, SortOperation)
 
 
 def _parse_intersection(cursor: Cursor) -> SortExpression:
-    left = _parse_simple_sort(cursor)
+    return _parse_chain(cursor, ("*",), _parse_simple_sort, SortOperation)
+
+
+def _parse_chain(
+    cursor: Cursor,
+    operators: tuple[str, ...],
+    parse_operand: Callable[[Cursor], _Tree],
+    make_node: Callable[..., _Tree],
+) -> _Tree:
+    """Parse operands joined by operators that associate to the left."""
+    left = parse_operand(cursor)
     count = 1
-    while cursor.next_is("*"):
-        count = _count_operand(cursor, count)
-        cursor.take()
-        left = SortOperation("*", left, _parse_simple_sort(cursor), at=left.at)
+    while cursor.next_is(*operators):
+        if count == _MAX_OPERANDS:
+            raise SourceIssue(cursor.at, f"a sort made of more than {_MAX_OPERANDS} sorts in one expression")
+        count += 1
+        left = make_node(cursor.take(), left, parse_operand(cursor), at=left.at)
     return left
-
-
-def _count_operand(cursor: Cursor, count: int) -> int:
-    if count == _MAX_OPERANDS:
-        raise SourceIssue(cursor.at, f"a sort made of more than {_MAX_OPERANDS} sorts in one expression")
-    return count + 1
 
 
 def _parse_simple_sort(cursor: Cursor) -> SortExpression:
     at = cursor.at
     if cursor.next_is(HASH_NAME):
-        return SortName(parse_sort_name(cursor), at=at)
+        return SortName(_parse_sort_name(cursor), at=at)
     if cursor.accept("{"):
-        elements = _parse_elements(cursor)
+        elements = cursor.parse_list(_parse_element)
         cursor.expect("}")
-        return SortSet(elements, at=at)
+        return SortSet(tuple(elements), at=at)
     if cursor.accept("("):
-        cursor.enter()
-        inside = parse_sort_expression(cursor)
-        cursor.leave()
-        cursor.expect(")")
+        cursor.enter_nesting()
+        inside = _parse_sort_expression(cursor)
+        cursor.leave_nesting(")")
         return inside
     if cursor.next_is(NAME) and cursor.second_kind == "(":
         return _parse_record_sort(cursor)
@@ -170,39 +171,35 @@ def _parse_simple_sort(cursor: Cursor) -> SortExpression:
     return IntervalTerm(low, _parse_bound(cursor), at=at)
 
 
-def parse_sort_name(cursor: Cursor) -> str:
+def _parse_sort_name(cursor: Cursor) -> str:
     """Parse `#name` and return the name."""
     cursor.uses_plog2 = True
     return cursor.expect(HASH_NAME)[1:]
 
 
-def _parse_elements(cursor: Cursor) -> tuple[Expression | IntervalTerm, ...]:
-    """Parse the elements of a set: values and intervals."""
-    elements: list[Expression | IntervalTerm] = []
-    while not elements or cursor.accept(","):
-        first = parse_value(cursor)
-        elements.append(_make_interval(first, parse_value(cursor)) if cursor.accept("..") else first)
-    return tuple(elements)
+def _parse_element(cursor: Cursor) -> Expression | IntervalTerm:
+    """Parse an element of a set: a value or an interval."""
+    low = parse_value(cursor)
+    if not cursor.accept(".."):
+        return low
+    high = parse_value(cursor)
+    return IntervalTerm(_evaluate_bound(low), _evaluate_bound(high), at=low.at)
 
 
-def _make_interval(low: Expression, high: Expression) -> IntervalTerm:
-    return IntervalTerm(_require_integer(low), _require_integer(high), at=low.at)
-
-
-def _require_integer(end: Expression) -> int:
-    if isinstance(end, Term):
-        raise SourceIssue(end.at, f"expected an integer, not {end}")
-    return int(canonical_text(end))
+def _evaluate_bound(bound: Expression) -> int:
+    if isinstance(bound, Term):
+        raise SourceIssue(bound.at, f"expected an integer, not {bound}")
+    return int(canonical_text(bound))
 
 
 def _parse_bound(cursor: Cursor) -> int:
     """Parse an end of an interval outside of braces: a sum of integers and constants."""
-    total = _require_integer(require_value(parse_factor(cursor)))
+    total = _evaluate_bound(require_value(parse_factor(cursor)))
     while cursor.next_is("+", "-") and cursor.second_kind in (INTEGER, NAME):
         if cursor.kinds[cursor.index + 2] in ("..", "("):
             break  # another sort follows
         sign = -1 if cursor.take() == "-" else 1
-        total += sign * _require_integer(require_value(parse_factor(cursor)))
+        total += sign * _evaluate_bound(require_value(parse_factor(cursor)))
     return total
 
 
@@ -211,69 +208,49 @@ def _parse_record_sort(cursor: Cursor) -> RecordSort:
     cursor.uses_plog2 = True
     name = cursor.take()
     cursor.expect("(")
-    cursor.enter()
+    cursor.enter_nesting()
     parts: list[SortExpression] = []
     variables: list[str | None] = []
-    while not parts or cursor.accept(","):
-        parts.append(parse_sort_expression(cursor))
-        variables.append(_parse_part_variable(cursor))
-    cursor.leave()
-    cursor.expect(")")
-    condition = _parse_disjunction(cursor, variables) if cursor.accept(":") else None
+    while not parts or cursor.accept(","):  # `sort` or `sort(Variable)`
+        parts.append(_parse_sort_expression(cursor))
+        variables.append(None)
+        if cursor.accept("("):
+            variables[-1] = cursor.expect(VARIABLE)
+            cursor.expect(")")
+    cursor.leave_nesting(")")
+    condition = _parse_condition(cursor, variables) if cursor.accept(":") else None
     return RecordSort(name, tuple(parts), tuple(variables), condition, at=at)
 
 
-def _parse_part_variable(cursor: Cursor) -> str | None:
-    if not cursor.accept("("):
-        return None
-    name = cursor.expect(VARIABLE)
-    cursor.expect(")")
-    return name
+def _parse_condition(cursor: Cursor, variables: list[str | None]) -> ComparisonLiteral | Connective:
+    """Parse the condition of a record with these variables. `&` binds more tightly than `|`."""
 
+    def parse_disjunction(cursor: Cursor) -> ComparisonLiteral | Connective:
+        return _parse_chain(cursor, ("|",), parse_conjunction, Connective)
 
-def _parse_disjunction(cursor: Cursor, variables: list[str | None]) -> ComparisonLiteral | Connective:
-    return _parse_connectives(cursor, variables, "|")
+    def parse_conjunction(cursor: Cursor) -> ComparisonLiteral | Connective:
+        return _parse_chain(cursor, ("&",), parse_comparison, Connective)
 
+    def parse_comparison(cursor: Cursor) -> ComparisonLiteral | Connective:
+        if cursor.accept("("):
+            cursor.enter_nesting()
+            inside = parse_disjunction(cursor)
+            cursor.leave_nesting(")")
+            return inside
+        left = parse_side(cursor)
+        if not cursor.next_is(*RELATIONS):
+            raise cursor.make_unexpected_error(("<",))
+        return ComparisonLiteral(left, RELATIONS[cursor.take()], parse_side(cursor), at=left.at)
 
-def _parse_connectives(
-    cursor: Cursor, variables: list[str | None], sign: str
-) -> ComparisonLiteral | Connective:
-    left = _parse_connectives(cursor, variables, "&") if sign == "|" else _parse_comparison(cursor, variables)
-    count = 1
-    while cursor.next_is(sign):
-        count = _count_operand(cursor, count)
-        cursor.take()
-        right = (
-            _parse_connectives(cursor, variables, "&")
-            if sign == "|"
-            else _parse_comparison(cursor, variables)
-        )
-        left = Connective(sign, left, right, at=left.at)
-    return left
+    def parse_side(cursor: Cursor) -> Expression:
+        """Parse a side of a comparison: an integer, a constant, or a variable of the record."""
+        side = require_value(parse_factor(cursor))
+        if not isinstance(side, Variable):
+            canonical_text(side)  # raises for a variable inside
+        elif side.name not in variables:
+            raise SourceIssue(
+                side.at, f"variable {side} is not an argument of the record; expected f(#sort({side}))"
+            )
+        return side
 
-
-def _parse_comparison(cursor: Cursor, variables: list[str | None]) -> ComparisonLiteral | Connective:
-    if cursor.accept("("):
-        cursor.enter()
-        inside = _parse_disjunction(cursor, variables)
-        cursor.leave()
-        cursor.expect(")")
-        return inside
-    left = _parse_side(cursor, variables)
-    if not cursor.next_is(*RELATIONS):
-        raise cursor.make_unexpected_error(("<",))
-    sign = RELATION_SYNONYMS.get(cursor.word, cursor.word)
-    cursor.take()
-    return ComparisonLiteral(left, sign, _parse_side(cursor, variables), at=left.at)
-
-
-def _parse_side(cursor: Cursor, variables: list[str | None]) -> Expression:
-    """Parse a side of a comparison: an integer, a constant, or a variable of the record."""
-    side = require_value(parse_factor(cursor))
-    if isinstance(side, Variable) and side.name not in variables:
-        raise SourceIssue(
-            side.at, f"variable {side} is not an argument of the record; expected f(#sort({side}))"
-        )
-    if not isinstance(side, Variable):
-        canonical_text(side)
-    return side
+    return parse_disjunction(cursor)

@@ -9,10 +9,10 @@ both dialects: a body literal `obs(a, v, true)` is true if the program contains 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
-from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.signature import BOOLEAN
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
@@ -27,7 +27,7 @@ from lcorpp.reasoning.language.syntax import (
     Statement,
     Term,
 )
-from lcorpp.reasoning.language.traversal import iter_literals, map_literals
+from lcorpp.reasoning.language.traversal import map_literals
 
 TRUE, FALSE = Term("true"), Term("false")
 
@@ -65,38 +65,37 @@ def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statem
 
 def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Statement]:
     """Replace each `obs(...)` in a body by an attribute, and add its declaration and facts."""
-    observed_in_bodies = _find_body_observations(statements)
-    if not observed_in_bodies:
+    observed: dict[str, Term] = {}  # the attributes in `obs(...)` of bodies, and their first occurrence
+
+    def rewrite(literal: Literal) -> Literal:
+        if literal.term.name == "do":
+            raise SourceIssue(literal.at, "do(...) is not supported in the body of a rule")
+        if literal.term.name != "obs":
+            return literal
+        term, value, polarity = _split_observation(literal.term)
+        observed.setdefault(term.name, term)
+        return replace(literal, term=_make_observed_term(term, value, polarity, literal.term.at))
+
+    rewritten = [map_literals(statement, rewrite) for statement in statements]
+    if not observed:
         return statements
     declared = {s.name: s for s in statements if isinstance(s, AttributeDeclaration)}
-    new: list[Statement] = []
-    for name, term in observed_in_bodies.items():
+    for name, term in observed.items():
         attribute = declared.get(name)
         if attribute is None:
             raise SourceIssue(
                 term.at, f"{name!r} is not declared; expected an attribute in obs(attribute, value)"
             )
         sorts = (*attribute.arguments, attribute.range, BOOLEAN)
-        new.append(AttributeDeclaration(_format_observed_name(name), sorts, BOOLEAN, at=attribute.at))
-    new.extend(_create_observed_facts(statements, observed_in_bodies))
-    return [*(map_literals(statement, _rewrite_literal) for statement in statements), *new]
-
-
-def _find_body_observations(statements: Sequence[Statement]) -> dict[str, Term]:
-    """Map the attributes in `obs(...)` of bodies to their first occurrence."""
-    first_terms: dict[str, Term] = {}
+        rewritten.append(AttributeDeclaration(f"observed_{name}", sorts, BOOLEAN, at=attribute.at))
     for statement in statements:
-        for literal, _ in iter_literals(statement):
-            if literal.term.name == "do":
-                raise SourceIssue(literal.at, "do(...) is not supported in the body of a rule")
-            if literal.term.name == "obs":
-                observed = _split_observation(literal.term)[0]
-                first_terms.setdefault(observed.name, observed)
-    return first_terms
-
-
-def _format_observed_name(attribute: str) -> str:
-    return f"observed_{attribute}"
+        if isinstance(statement, Observation) and statement.literal.term.name in observed:
+            literal, at = statement.literal, statement.at
+            if not literal.negated and literal.relation in ("=", "!="):
+                polarity = TRUE if literal.relation == "=" else FALSE
+                term = _make_observed_term(literal.term, literal.value, polarity, at)
+                rewritten.append(Rule(Literal(term, "=", TRUE, at=at), at=at))
+    return rewritten
 
 
 def _split_observation(term: Term) -> tuple[Term, Expression, Expression]:
@@ -109,33 +108,5 @@ def _split_observation(term: Term) -> tuple[Term, Expression, Expression]:
     return first, rest[0] if rest else TRUE, rest[1] if len(rest) > 1 else TRUE
 
 
-def _rewrite_literal(literal: Literal) -> Literal:
-    if literal.term.name != "obs":
-        return literal
-    observed, value, polarity = _split_observation(literal.term)
-    term = Term(
-        _format_observed_name(observed.name), (*observed.arguments, value, polarity), at=literal.term.at
-    )
-    return Literal(term, literal.relation, literal.value, literal.negated, at=literal.at)
-
-
-def _create_observed_facts(
-    statements: Sequence[Statement], observed_in_bodies: dict[str, Term]
-) -> Iterator[Rule]:
-    for statement in statements:
-        if not isinstance(statement, Observation):
-            continue
-        literal, at = statement.literal, statement.at
-        if (
-            literal.negated
-            or literal.term.name not in observed_in_bodies
-            or literal.relation not in ("=", "!=")
-        ):
-            continue
-        polarity = TRUE if literal.relation == "=" else FALSE
-        term = Term(
-            _format_observed_name(literal.term.name),
-            (*literal.term.arguments, literal.value, polarity),
-            at=at,
-        )
-        yield Rule(Literal(term, "=", TRUE, at=at), at=at)
+def _make_observed_term(term: Term, value: Expression, polarity: Expression, at: Place) -> Term:
+    return Term(f"observed_{term.name}", (*term.arguments, value, polarity), at=at)

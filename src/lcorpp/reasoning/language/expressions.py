@@ -5,7 +5,9 @@ Terms, values and literals share their first tokens: a literal is a sum with an 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
+from typing import NamedTuple, TypeVar
 
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.lexer import DECIMAL, INTEGER, MAX_DEPTH, NAME, VARIABLE, Cursor
@@ -21,23 +23,25 @@ from lcorpp.reasoning.language.syntax import (
     Variable,
 )
 
+_Compound = TypeVar("_Compound", Term, Arithmetic)
+
 MAX_DIGITS = 300
 """Maximal number of digits of a number."""
 
 RESERVED = frozenset({"not", "mod"})
 """Names reserved for operators."""
 
+RELATIONS = {"=": "=", "==": "=", "!=": "!=", "<>": "!=", "<": "<", "<=": "<=", ">": ">", ">=": ">="}
+"""Sign of a relation -> the relation that it denotes."""
+
 NEGATED_RELATIONS = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 
-RELATIONS = ("=", "==", "!=", "<>", "<", "<=", ">", ">=")
-RELATION_SYNONYMS = {"==": "=", "<>": "!="}
 
-
-class MinusTerm:
+class MinusTerm(NamedTuple):
     """`-p`, which is valid only as a whole literal: `p=false`."""
 
-    def __init__(self, at: Place, term: Term) -> None:
-        self.at, self.term = at, term
+    at: Place
+    term: Term
 
 
 def parse_value(cursor: Cursor) -> Expression:
@@ -52,20 +56,18 @@ def require_value(expression: Expression | MinusTerm) -> Expression:
     return expression
 
 
-def parse_sum(cursor: Cursor, arrow: bool = False) -> Expression | MinusTerm:
+def parse_sum(cursor: Cursor, plus_minus_is_arrow: bool = False) -> Expression | MinusTerm:
     """Parse a sum, or `-p`.
 
     Args:
-        arrow: whether `+-` is the arrow of a consistency-restoring rule (cr-rule); otherwise `+-` adds a
-            negative number.
+        plus_minus_is_arrow: whether `+-` is the arrow of a consistency-restoring rule (cr-rule); otherwise
+            it adds a negative number.
     """
     left = _parse_product(cursor)
     while True:
-        if cursor.accept("+"):
-            left = _combine("+", left, _parse_product(cursor))
-        elif cursor.accept("-"):
-            left = _combine("-", left, _parse_product(cursor))
-        elif not arrow and cursor.kind == "+-":
+        if cursor.next_is("+", "-"):
+            left = _combine(cursor.take(), left, _parse_product(cursor))
+        elif not plus_minus_is_arrow and cursor.kind == "+-":
             at = cursor.at
             cursor.take()
             left = _combine("+", left, _negate(at, parse_factor(cursor)))
@@ -89,62 +91,46 @@ def parse_factor(cursor: Cursor) -> Expression | MinusTerm:
     """Parse a number, a variable, a term or a parenthesised sum, with an optional minus."""
     at = cursor.at
     if cursor.accept("-"):
-        cursor.enter()
+        cursor.enter_nesting()
         inner = parse_factor(cursor)
-        cursor.leave()
+        cursor.leave_nesting()
         return MinusTerm(at, inner) if isinstance(inner, Term) else _negate(at, inner)
     if cursor.accept("("):
-        cursor.enter()
+        cursor.enter_nesting()
         expression = parse_sum(cursor)
-        cursor.leave()
-        cursor.expect(")")
+        cursor.leave_nesting(")")
         return expression
     if cursor.next_is(INTEGER, DECIMAL):
-        return _parse_number(cursor, at)
+        if len(cursor.word) > MAX_DIGITS:
+            raise SourceIssue(at, f"a number of {len(cursor.word)} digits; expected at most {MAX_DIGITS}")
+        return Number(Fraction(cursor.take()), at=at)
     if cursor.kind == VARIABLE:
-        return Variable(_parse_variable_name(cursor), at=at)
+        name = cursor.take()
+        if name == "_":  # each `_` of a statement gets a name of its own
+            cursor.anonymous_count += 1
+            name = f"_Any{cursor.anonymous_count}"
+        return Variable(name, at=at)
     if cursor.kind == NAME and cursor.word not in RESERVED:
         return _parse_term(cursor, at)
     raise cursor.make_unexpected_error((NAME, VARIABLE))
 
 
-def _parse_number(cursor: Cursor, at: Place) -> Number:
-    if len(cursor.word) > MAX_DIGITS:
-        raise SourceIssue(at, f"a number of {len(cursor.word)} digits; expected at most {MAX_DIGITS}")
-    return Number(Fraction(cursor.take()), at=at)
-
-
-def _parse_variable_name(cursor: Cursor) -> str:
-    """Parse the name of a variable. Each `_` of a statement gets a name of its own."""
-    name = cursor.take()
-    if name == "_":
-        cursor.anonymous_count += 1
-        return f"_Any{cursor.anonymous_count}"
-    return name
-
-
-def _parse_term(cursor: Cursor, at: Place) -> Expression:
+def _parse_term(cursor: Cursor, at: Place) -> Term | Number:
+    """Parse a term; a name declared by `#const` becomes its value."""
     name = cursor.take()
     if not cursor.accept("("):
         constant = cursor.constants.get(name)
-        return Term(name, at=at) if constant is None else _copy_constant(constant, at)
-    cursor.enter()
+        return Term(name, at=at) if constant is None else replace(constant, at=at)
+    cursor.enter_nesting()
     arguments = [parse_value(cursor)]
     while cursor.accept(","):
         arguments.append(parse_value(cursor))
-    cursor.leave()
-    cursor.expect(")")
+    cursor.leave_nesting(")")
     return _check_depth(Term(name, tuple(arguments), at=at))
 
 
-def _copy_constant(constant: Expression, at: Place) -> Expression:
-    if isinstance(constant, Number):
-        return Number(constant.value, at=at)
-    assert isinstance(constant, Term)
-    return Term(constant.name, constant.arguments, at=at)
-
-
 def _negate(at: Place, expression: Expression | MinusTerm) -> Expression:
+    """Negate a number; `-X` becomes `0 - X`."""
     inner = require_value(expression)
     if isinstance(inner, Number):
         return Number(-inner.value, at=at)
@@ -156,7 +142,7 @@ def _combine(operator: str, left: Expression | MinusTerm, right: Expression | Mi
     return _check_depth(Arithmetic(operator, first, require_value(right), at=first.at))
 
 
-def _check_depth(node: Term | Arithmetic) -> Term | Arithmetic:
+def _check_depth(node: _Compound) -> _Compound:
     if node.depth > MAX_DEPTH:
         raise SourceIssue(node.at, f"an expression nested deeper than {MAX_DEPTH}")
     return node
@@ -165,39 +151,36 @@ def _check_depth(node: Term | Arithmetic) -> Term | Arithmetic:
 # literals
 
 
-def parse_literal(cursor: Cursor, arrow: bool = False) -> BodyLiteral:
+def parse_literal(cursor: Cursor, plus_minus_is_arrow: bool = False) -> BodyLiteral:
     """Parse `term`, `-term` or `left relation right`."""
-    return parse_relation(cursor, parse_sum(cursor, arrow), arrow)
+    return parse_rest_of_literal(cursor, parse_sum(cursor, plus_minus_is_arrow), plus_minus_is_arrow)
 
 
-def parse_relation(cursor: Cursor, left: Expression | MinusTerm, arrow: bool = False) -> BodyLiteral:
-    """Parse the rest of a literal after its left side."""
+def parse_rest_of_literal(
+    cursor: Cursor, left: Expression | MinusTerm, plus_minus_is_arrow: bool = False
+) -> BodyLiteral:
+    """Parse the relation and the right side of a literal, if it has them."""
     if not cursor.next_is(*RELATIONS):
-        return _complete_literal(left)
-    relation = cursor.take()
+        if isinstance(left, MinusTerm):
+            return Literal(left.term, "=", Term("false", at=left.at), at=left.at)
+        if isinstance(left, Term):
+            return Literal(left, "=", Term("true", at=left.at), at=left.at)
+        raise SourceIssue(left.at, f"expected a literal, not {left}")
+    relation = RELATIONS[cursor.take()]
     if isinstance(left, MinusTerm):
         raise SourceIssue(left.at, f"'-' before a literal with a value; write {left.term}!=...")
-    right = require_value(parse_sum(cursor, arrow))
-    relation = RELATION_SYNONYMS.get(relation, relation)
+    right = require_value(parse_sum(cursor, plus_minus_is_arrow))
     if isinstance(left, Term):
         return Literal(left, relation, right, at=left.at)
     return ComparisonLiteral(left, relation, right, at=left.at)
 
 
-def _complete_literal(left: Expression | MinusTerm) -> Literal:
-    if isinstance(left, MinusTerm):
-        return Literal(left.term, "=", Term("false", at=left.at), at=left.at)
-    if isinstance(left, Term):
-        return Literal(left, "=", Term("true", at=left.at), at=left.at)
-    raise SourceIssue(left.at, f"expected a literal, not {left}")
+def is_bare_term(literal: Literal) -> bool:
+    """Whether the text of a literal is a term without value and sign, perhaps after `not`.
 
-
-def has_implicit_value(literal: Literal) -> bool:
-    """Whether the text of a literal has no value.
-
-    The parser gives an implicit value the place of the literal, where no explicit value can begin.
+    The parser gives the implicit value `true` the place of the term, where no explicit value can begin.
     """
-    return literal.value.at == literal.term.at or literal.value.at == literal.at
+    return literal.value.at == literal.term.at
 
 
 def parse_body_literal(cursor: Cursor) -> BodyLiteral:
@@ -211,12 +194,10 @@ def parse_body_literal(cursor: Cursor) -> BodyLiteral:
         raise SourceIssue(at, "'_' under 'not' is ambiguous; expected a named variable")
     if isinstance(literal, Literal):
         return Literal(literal.term, literal.relation, literal.value, True, at=at)
+    # the opposite order is the negation, as the checker allows only integers in an order
     return ComparisonLiteral(literal.left, NEGATED_RELATIONS[literal.relation], literal.right, at=at)
 
 
 def parse_body(cursor: Cursor) -> Body:
     """Parse literals separated by commas."""
-    literals = [parse_body_literal(cursor)]
-    while cursor.accept(","):
-        literals.append(parse_body_literal(cursor))
-    return tuple(literals)
+    return tuple(cursor.parse_list(parse_body_literal))

@@ -26,7 +26,6 @@ from lcorpp.reasoning.language.syntax import (
     SortOperation,
     SortSet,
     Statement,
-    Term,
     Variable,
 )
 from lcorpp.reasoning.language.traversal import iter_literals, map_literals
@@ -101,7 +100,7 @@ def infer_declarations(statements: Sequence[Statement]) -> Sequence[Statement]:
 def _rename(literal: Literal, names: dict[tuple[str, int], str]) -> Literal:
     term = literal.term
     name = names.get((term.name, len(term.arguments)), term.name)
-    return literal if name == term.name else replace(literal, term=Term(name, term.arguments, at=term.at))
+    return literal if name == term.name else replace(literal, term=replace(term, name=name))
 
 
 def _analyse(statements: Sequence[Statement]) -> _Analysis:

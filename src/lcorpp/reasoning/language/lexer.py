@@ -7,20 +7,14 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import TypeVar
 
 from lcorpp.reasoning.language.issues import Place, SourceIssue
-from lcorpp.reasoning.language.syntax import Expression
+from lcorpp.reasoning.language.syntax import Number, Semantics, Term
 
-NAME, VARIABLE, INTEGER, DECIMAL, HASH_NAME, UNKNOWN, END = (
-    "a name",
-    "a variable",
-    "a number",
-    "a decimal number",
-    "a sort",
-    "an unknown character",
-    "the end",
-)
+NAME, VARIABLE, INTEGER, DECIMAL = "a name", "a variable", "a number", "a decimal number"
+HASH_NAME, UNKNOWN, END = "a sort", "an unknown character", "the end"
 """Token kinds as shown in messages. A sign such as `:-` is its own kind."""
 
 _KINDS = {"N": NAME, "V": VARIABLE, "I": INTEGER, "D": DECIMAL, "H": HASH_NAME, "U": UNKNOWN}
@@ -52,6 +46,8 @@ _NO_LINE_END = re.compile(r"[^\r\n]")
 
 MAX_DEPTH = 100
 """Maximal nesting depth, so that recursive functions are safe."""
+
+_Item = TypeVar("_Item")
 
 
 def _erase_block_comments(text: str) -> str:
@@ -99,19 +95,18 @@ class Cursor:
         self._starts: list[int] = []
         for token_match in _TOKEN.finditer(_erase_block_comments(text)):
             group = token_match.lastgroup
-            if group is None:
-                continue
-            token = token_match.group()
-            self.kinds.append(_KINDS.get(group, token))
-            self.texts.append(token)
-            self._starts.append(token_match.start())
+            if group is not None:
+                token = token_match.group()
+                self.kinds.append(_KINDS.get(group, token))
+                self.texts.append(token)
+                self._starts.append(token_match.start())
         self.kinds += [END, END]  # two: `second_kind` looks ahead
         self.texts += ["", ""]
         self._lines = [0, *(line_end.end() for line_end in _LINE_END.finditer(text))]
         self.index = 0
-        self.constants: dict[str, Expression] = {}
+        self.constants: dict[str, Number | Term] = {}
         self.uses_plog2 = False
-        self.semantics: str | None = None
+        self.semantics: Semantics | None = None
         self.anonymous_count = 0
         self._depth = 0
         self._expected_kinds: set[str] = set()
@@ -134,11 +129,7 @@ class Cursor:
     @property
     def at(self) -> Place:
         """The place of the next token; at the end of the text, the place after its last visible character."""
-        if self.kind == END:
-            return self._find_place(len(self.text.rstrip()))
-        return self._find_place(self._starts[self.index])
-
-    def _find_place(self, offset: int) -> Place:
+        offset = len(self.text.rstrip()) if self.kind == END else self._starts[self.index]
         line = bisect_right(self._lines, offset)
         return Place(self.file, line, offset - self._lines[line - 1] + 1)
 
@@ -193,8 +184,15 @@ class Cursor:
             return SourceIssue(self.at, f"unexpected end of the text{hint}")
         return SourceIssue(self.at, f"unexpected {self.word!r}{hint}")
 
-    def enter(self) -> None:
-        """Enter a nesting level.
+    def parse_list(self, parse_item: Callable[[Cursor], _Item], separator: str = ",") -> list[_Item]:
+        """Parse one or more items with a separator between them."""
+        items = [parse_item(self)]
+        while self.accept(separator):
+            items.append(parse_item(self))
+        return items
+
+    def enter_nesting(self) -> None:
+        """Begin a nested expression.
 
         Raises:
             SourceIssue: there are more than `MAX_DEPTH` levels.
@@ -203,6 +201,8 @@ class Cursor:
         if self._depth > MAX_DEPTH:
             raise SourceIssue(self.at, f"an expression nested deeper than {MAX_DEPTH}")
 
-    def leave(self) -> None:
-        """Leave a nesting level."""
+    def leave_nesting(self, closing: str | None = None) -> None:
+        """End a nested expression and consume its closing bracket, if it has one."""
         self._depth -= 1
+        if closing:
+            self.expect(closing)

@@ -7,9 +7,9 @@ A program is then desugared (`desugar`) and checked (`Program`).
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn, TypeVar
 
 from lcorpp.errors import ParseError, ProgramError
 from lcorpp.files import read_text
@@ -23,8 +23,6 @@ from lcorpp.reasoning.language.queries import parse_question
 from lcorpp.reasoning.language.signature import check_record_names
 from lcorpp.reasoning.language.statements import parse_statements
 from lcorpp.reasoning.language.syntax import Expression, Query, Semantics
-
-_Result = TypeVar("_Result")
 
 
 def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: bool = True) -> Program:
@@ -62,22 +60,18 @@ def parse_plog(
     Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 2; Balai, Gelfond and Zhang, 2019, section 3;
     the manual of plog 2.0.
     """
-
-    def program(cursor: Cursor) -> Program:
+    with _open_cursor(text, file) as cursor:
         statements = tuple(parse_statements(cursor))
-        dialect: Semantics = "2018" if cursor.uses_plog2 else "2009"
-        declared: Semantics | None = cursor.semantics  # type: ignore[assignment]  # checked by the parser
-        try:
-            whole = desugar(statements, dialect)
-            if strict:
-                check_record_names(whole)
-            else:
-                whole = drop_ill_sorted(whole)
-        except SourceIssue as issue:
-            raise ProgramError(str(issue)) from None
-        return Program(file, whole, semantics or declared or dialect)
-
-    return _parse_with(text, file, program)
+    dialect: Semantics = "2018" if cursor.uses_plog2 else "2009"
+    try:
+        statements = desugar(statements, dialect)
+        if strict:
+            check_record_names(statements)
+        else:
+            statements = drop_ill_sorted(statements)
+    except SourceIssue as issue:
+        raise ProgramError(str(issue)) from None
+    return Program(file, statements, semantics or cursor.semantics or dialect)
 
 
 def parse_query(text: str, program: Program) -> Query:
@@ -88,14 +82,11 @@ def parse_query(text: str, program: Program) -> Query:
     Raises:
         ParseError: the text is not a query, or contains a name unknown to `program`. The file is ``<query>``.
     """
-
-    def query(cursor: Cursor) -> Query:
-        question = parse_question(cursor)
+    with _open_cursor(text, "<query>") as cursor:
+        query = parse_question(cursor)
         cursor.accept(".")
         cursor.expect(END)
-        return program.resolve_query(question)
-
-    return _parse_with(text, "<query>", query)
+        return program.resolve_query(query)
 
 
 def parse_term(text: str, file: str) -> Expression:
@@ -104,23 +95,18 @@ def parse_term(text: str, file: str) -> Expression:
     Raises:
         ParseError: the text is not a term.
     """
-
-    def term(cursor: Cursor) -> Expression:
+    with _open_cursor(text, file) as cursor:
         expression = parse_value(cursor)
         cursor.expect(END)
         return expression
 
-    return _parse_with(text, file, term)
 
-
-def _parse_with(text: str, file: str, parse: Callable[[Cursor], _Result]) -> _Result:
+@contextmanager
+def _open_cursor(text: str, file: str) -> Iterator[Cursor]:
+    """Yield a cursor over the text, and convert a SourceIssue to ParseError."""
     try:
-        return parse(Cursor(text, file))
+        yield Cursor(text, file)
     except SourceIssue as issue:
-        _raise_parse_error(issue, text)
-
-
-def _raise_parse_error(issue: SourceIssue, text: str) -> NoReturn:
-    lines = re.split(r"\r\n|\r|\n", text)
-    shown = lines[issue.at.line - 1] if issue.at.line <= len(lines) else ""
-    raise ParseError(issue.at.file, issue.at.line, issue.at.column, issue.message, shown) from None
+        at, lines = issue.at, re.split(r"\r\n|\r|\n", text)
+        line = lines[at.line - 1] if at.line <= len(lines) else ""
+        raise ParseError(at.file, at.line, at.column, issue.message, line) from None

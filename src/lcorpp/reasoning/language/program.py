@@ -11,7 +11,7 @@ from lcorpp.reasoning.language.conformance import check_query
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import Attribute, Signature
 from lcorpp.reasoning.language.syntax import CrRule, Query, Semantics, SortDefinition, Statement, Term
-from lcorpp.reasoning.language.traversal import rename_query_terms
+from lcorpp.reasoning.language.traversal import map_literals
 
 SHOWN_STATEMENTS = 100
 """Maximal number of statements that a notebook shows."""
@@ -66,7 +66,7 @@ class Program:
         Raises:
             SourceIssue: a name or value is unknown to the program.
         """
-        query = rename_query_terms(query, self.signature.resolve_overload)
+        query = map_literals(query, self.signature.resolve_overload)
         check_query(query, self.signature)
         return query
 

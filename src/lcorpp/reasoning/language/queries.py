@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import chain
+
 from lcorpp.reasoning.language.expressions import (
     NEGATED_RELATIONS,
-    has_implicit_value,
+    is_bare_term,
     parse_body,
     parse_body_literal,
     parse_literal,
@@ -20,10 +23,7 @@ from lcorpp.reasoning.language.syntax import (
     Literal,
     Observation,
     Query,
-    Term,
 )
-
-Conditions = tuple[tuple[Observation, ...], tuple[Intervention, ...]]
 
 
 def require_assignment(literal: BodyLiteral, where: str) -> Literal:
@@ -46,11 +46,11 @@ def parse_observation(cursor: Cursor) -> Observation:
     cursor.expect("(")
     literal = _require_literal(parse_body_literal(cursor), "obs()")
     if cursor.accept(","):
-        if has_implicit_value(literal) and literal.value == Term("true"):
-            literal = Literal(literal.term, "=", parse_value(cursor), literal.negated, at=literal.at)
-            if cursor.accept(","):
-                literal = _apply_polarity(cursor, literal)
-        else:
+        has_polarity = True
+        if is_bare_term(literal):
+            literal = replace(literal, value=parse_value(cursor))
+            has_polarity = cursor.accept(",")
+        if has_polarity:
             literal = _apply_polarity(cursor, literal)
     cursor.expect(")")
     return Observation(literal, at=at)
@@ -62,9 +62,7 @@ def _apply_polarity(cursor: Cursor, literal: Literal) -> Literal:
         return literal
     if not cursor.accept_word("false"):
         raise cursor.make_unexpected_error()
-    return Literal(
-        literal.term, NEGATED_RELATIONS[literal.relation], literal.value, literal.negated, at=literal.at
-    )
+    return replace(literal, relation=NEGATED_RELATIONS[literal.relation])
 
 
 def parse_intervention(cursor: Cursor) -> Intervention:
@@ -73,13 +71,13 @@ def parse_intervention(cursor: Cursor) -> Intervention:
     cursor.take()
     cursor.expect("(")
     literal = require_assignment(parse_literal(cursor), "do()")
-    chosen = literal.value
+    value = literal.value
     if cursor.accept(","):
-        if not has_implicit_value(literal) or literal.value != Term("true"):
+        if not is_bare_term(literal):
             raise SourceIssue(
                 literal.at, f"expected do(attribute=value) or do(attribute, value), not do({literal}, ...)"
             )
-        chosen = parse_value(cursor)
+        value = parse_value(cursor)
         if cursor.kind == ",":
             raise SourceIssue(
                 literal.at, "do() of a named rule is not supported; expected do(attribute, value)"
@@ -87,7 +85,7 @@ def parse_intervention(cursor: Cursor) -> Intervention:
     cursor.expect(")")
     if cursor.kind == ":-":
         raise SourceIssue(cursor.at, "an intervention has no body; expected do(attribute=value).")
-    return Intervention(literal.term, chosen, at=at)
+    return Intervention(literal.term, value, at=at)
 
 
 def parse_query_statement(cursor: Cursor) -> Query:
@@ -96,74 +94,58 @@ def parse_query_statement(cursor: Cursor) -> Query:
     query = parse_question(cursor)
     if cursor.kind != END:
         cursor.expect(".")
-    return Query(query.literals, query.subject, query.observations, query.interventions, at=at)
+    return replace(query, at=at)
 
 
 def parse_question(cursor: Cursor) -> Query:
     """Parse `{literals} | conditions`, `literals | conditions` or `term | conditions`, with optional `?`."""
     cursor.accept("?")
     braced = cursor.accept("{")
-    literals = tuple(
-        _require_literal(literal, "a query")
-        for literal in (_parse_formulas(cursor) if braced else parse_body(cursor))
-    )
+    parts = _parse_formulas(cursor) if braced else parse_body(cursor)
+    literals = tuple([_require_literal(part, "a query") for part in parts])
     if braced:
         cursor.expect("}")
-    observations, interventions = _parse_conditions(cursor) if cursor.accept("|") else ((), ())
-    first = literals[0]
-    if (
-        not braced
-        and len(literals) == 1
-        and not first.negated
-        and has_implicit_value(first)
-        and first.value == Term("true")
-    ):
-        return Query((), first.term, observations, interventions, at=first.at)
-    return Query(literals, None, observations, interventions, at=first.at)
-
-
-def _parse_formulas(cursor: Cursor) -> Body:
-    """Parse a conjunction of formulas of plog 1.0: literals, `(F and F)` and `!literal`."""
-    formulas = list(_parse_formula(cursor))
-    while cursor.accept(","):
-        formulas.extend(_parse_formula(cursor))
-    return tuple(formulas)
-
-
-def _parse_formula(cursor: Cursor) -> Body:
-    at = cursor.at
-    if cursor.accept("!"):
-        cursor.enter()
-        inner = _parse_formula(cursor)
-        cursor.leave()
-        first = inner[0]
-        if len(inner) > 1 or isinstance(first, ComparisonLiteral) or first.negated:
-            raise SourceIssue(at, "'!' is only supported before a single literal")
-        return (Literal(first.term, first.relation, first.value, True, at=at),)
-    if cursor.kind != "(":
-        return (parse_body_literal(cursor),)
-    cursor.take()
-    cursor.enter()
-    formulas = list(_parse_formula(cursor))
-    while cursor.accept_word("and"):
-        formulas.extend(_parse_formula(cursor))
-    cursor.leave()
-    if cursor.kind == NAME and cursor.word == "or":
-        raise SourceIssue(
-            cursor.at, "'or' is not supported in a query; define an attribute with one rule for each case"
-        )
-    cursor.expect(")")
-    return tuple(formulas)
-
-
-def _parse_conditions(cursor: Cursor) -> Conditions:
     observations: list[Observation] = []
     interventions: list[Intervention] = []
-    while not (observations or interventions) or cursor.accept(","):
+    more = cursor.accept("|")
+    while more:
         if cursor.kind == NAME and cursor.word == "obs":
             observations.append(parse_observation(cursor))
         elif cursor.kind == NAME and cursor.word == "do":
             interventions.append(parse_intervention(cursor))
         else:
             raise cursor.make_unexpected_error(("obs", "do"))
-    return tuple(observations), tuple(interventions)
+        more = cursor.accept(",")
+    first, subject = literals[0], None
+    if not braced and len(literals) == 1 and not first.negated and is_bare_term(first):
+        literals, subject = (), first.term
+    return Query(literals, subject, tuple(observations), tuple(interventions), at=first.at)
+
+
+def _parse_formulas(cursor: Cursor) -> Body:
+    """Parse a conjunction of formulas of plog 1.0: literals, `(F and F)` and `!literal`."""
+    return tuple(chain.from_iterable(cursor.parse_list(_parse_formula)))
+
+
+def _parse_formula(cursor: Cursor) -> Body:
+    at = cursor.at
+    if cursor.accept("!"):
+        cursor.enter_nesting()
+        first, *others = _parse_formula(cursor)
+        cursor.leave_nesting()
+        if others or isinstance(first, ComparisonLiteral) or first.negated:
+            raise SourceIssue(at, "'!' is only supported before a single literal")
+        return (replace(first, negated=True, at=at),)
+    if cursor.kind != "(":
+        return (parse_body_literal(cursor),)
+    cursor.take()
+    cursor.enter_nesting()
+    formulas = list(_parse_formula(cursor))
+    while cursor.accept_word("and"):
+        formulas.extend(_parse_formula(cursor))
+    if cursor.kind == NAME and cursor.word == "or":
+        raise SourceIssue(
+            cursor.at, "'or' is not supported in a query; define an attribute with one rule for each case"
+        )
+    cursor.leave_nesting(")")
+    return tuple(formulas)

@@ -5,57 +5,65 @@ A statement that passes these checks can be grounded.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 
-from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, iter_variables
+from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, find_variables, iter_variables
 from lcorpp.reasoning.language.conformance import check_integer, check_order, check_slots
-from lcorpp.reasoning.language.issues import Place, SourceIssue
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     BodyLiteral,
     ComparisonLiteral,
+    DynamicRange,
     Expression,
     Number,
+    Probability,
+    Rule,
+    Selection,
     Term,
     Variable,
 )
+from lcorpp.reasoning.language.traversal import get_body, iter_expressions, list_expressions
 
 MAX_INSTANCES = 2_000_000
 """Maximal number of ground instances of one statement; each outcome of a selection counts."""
 
 
 def check_variables(
-    at: Place,
-    scope: Sequence[Expression],
-    slots: list[ArgumentSlot],
-    body: Iterable[BodyLiteral],
-    signature: Signature,
-    number: Expression | None = None,
-    outcomes: int = 1,
+    statement: Rule | Selection | Probability, signature: Signature, dynamic_range: DynamicRange | None = None
 ) -> None:
     """Check the variables and the arithmetic of a statement.
 
     Args:
-        scope: the expressions of the statement.
-        slots: the expressions with a required sort.
-        number: the number of a pr-atom, which is computed exactly and has no bound.
-        outcomes: the number of values of each instance of a selection.
+        dynamic_range: a dynamic range to be checked with the statement. Without it, each instance of a
+            selection counts once for each value.
 
     Raises:
         SourceIssue: a constant or variable contradicts its sort, a variable is unsafe, there are too many
             instances, or an operand of arithmetic is not an integer or may exceed 32 bits.
     """
+    at, body = statement.at, get_body(statement)
+    scope, slots = list_expressions(statement), list(signature.iter_slots(statement))
+    span = 1
+    if isinstance(statement, Selection) and dynamic_range:
+        body = (*body, *dynamic_range.condition)
+        scope += [dynamic_range.variable, *iter_expressions(dynamic_range.condition)]
+        slots += signature.iter_range_slots(statement)
+    elif isinstance(statement, Selection):
+        span = len(signature.attributes[statement.term.name].values)
+    # the number of a pr-atom is computed exactly and has no bound
+    number = statement.number if isinstance(statement, Probability) else None
     check_slots(slots, signature)
     used = [variable for expression in scope for variable in iter_variables(expression)]
     sorts = find_variable_sorts(slots, used, signature)
-    span = outcomes
     computed = _find_computed_variables(body)
-    for name, found in sorts.items():
-        common = signature.count_common_members(found)
+    for name, sorts_of_variable in sorts.items():
+        common = signature.count_common_members(sorts_of_variable)
         if not common:
             where = next((v.at for v in used if v.name == name), at)
-            raise SourceIssue(where, f"variable {name} cannot be of the sorts {' and '.join(found)} at once")
+            names = " and ".join(sorts_of_variable)
+            raise SourceIssue(where, f"variable {name} cannot be of the sorts {names} at once")
         if name not in computed:
             span *= common
     if span > MAX_INSTANCES:
@@ -63,7 +71,7 @@ def check_variables(
     bounds = dict.fromkeys(sorts, signature.max_integer)
     for expression, _ in slots:
         if isinstance(expression, Term):  # a record: matching its known members binds its variables
-            bounds.update((v.name, signature.max_integer) for v in iter_variables(expression))
+            bounds.update(dict.fromkeys(find_variables(expression), signature.max_integer))
     _add_computed_bounds(body, bounds)
     for variable in used:
         if variable.name not in bounds:
@@ -92,22 +100,24 @@ def find_variable_sorts(
     return sorts
 
 
+def iter_equations(body: Iterable[BodyLiteral]) -> Iterator[tuple[Variable, Expression]]:
+    """Iterate over equations of a variable and an expression; one of two variables occurs in both orders."""
+    for literal in body:
+        if isinstance(literal, ComparisonLiteral) and literal.relation == "=":
+            for side, other in ((literal.left, literal.right), (literal.right, literal.left)):
+                if isinstance(side, Variable):
+                    yield side, other
+
+
 def _find_computed_variables(body: Iterable[BodyLiteral]) -> set[str]:
     """Find the variables computed by equations such as T1=T+1, which do not multiply instances."""
     computed: set[str] = set()
     others: set[str] = set()
-    for comparison in body:
-        if not isinstance(comparison, ComparisonLiteral) or comparison.relation != "=":
-            continue
-        for side, other in (
-            (comparison.left, comparison.right),
-            (comparison.right, comparison.left),
-        ):
-            names = {variable.name for variable in iter_variables(other)}
-            if isinstance(side, Variable) and side.name not in names | others and not names & computed:
-                computed.add(side.name)
-                others |= names
-                break
+    for variable, expression in iter_equations(body):
+        names = find_variables(expression)
+        if variable.name not in names | others and not names & computed:
+            computed.add(variable.name)
+            others |= names
     return computed
 
 
@@ -115,25 +125,22 @@ def _add_computed_bounds(body: Iterable[BodyLiteral], bounds: dict[str, int]) ->
     """Add bounds of variables computed by equations such as X=Y+1 from bounded variables."""
     waiting: dict[str, list[tuple[Variable, Expression, set[str]]]] = {}
     ready: list[tuple[Variable, Expression]] = []
-    for equation in body:
-        if not isinstance(equation, ComparisonLiteral) or equation.relation != "=":
-            continue
-        for side, other in ((equation.left, equation.right), (equation.right, equation.left)):
-            if isinstance(side, Variable) and side.name not in bounds:
-                missing = {v.name for v in iter_variables(other)} - bounds.keys()
-                for name in missing:
-                    waiting.setdefault(name, []).append((side, other, missing))
-                if not missing:
-                    ready.append((side, other))
-    while ready:
-        side, other = ready.pop()
-        if side.name in bounds:
-            continue
-        bounds[side.name] = _bound_magnitude(other, bounds)
-        for next_side, next_other, missing in waiting.pop(side.name, ()):
-            missing.discard(side.name)
+    for variable, expression in iter_equations(body):
+        if variable.name not in bounds:
+            missing = find_variables(expression) - bounds.keys()
+            for name in missing:
+                waiting.setdefault(name, []).append((variable, expression, missing))
             if not missing:
-                ready.append((next_side, next_other))
+                ready.append((variable, expression))
+    while ready:
+        variable, expression = ready.pop()
+        if variable.name in bounds:
+            continue
+        bounds[variable.name] = _bound_magnitude(expression, bounds)
+        for next_variable, next_expression, missing in waiting.pop(variable.name, ()):
+            missing.discard(variable.name)
+            if not missing:
+                ready.append((next_variable, next_expression))
 
 
 def _bound_magnitude(expression: Expression, bounds: dict[str, int]) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from lcorpp.errors import expected_one_of
@@ -85,14 +85,16 @@ class Signature:
             self._common_counts[key] = len(set(members[0]).intersection(*members[1:]))
         return self._common_counts[key]
 
-    def resolve_overload(self, term: Term) -> Term:
-        """Return the term with its mangled name if its attribute is overloaded; see `mangle_name`."""
-        count = len(term.arguments)
+    def resolve_overload(self, literal: Literal) -> Literal:
+        """Return the literal with the mangled name (`mangle_name`) of its attribute if that is overloaded."""
+        term, count = literal.term, len(literal.term.arguments)
         attribute = self.attributes.get(term.name)
         other = self.attributes.get(mangle_name(term.name, count))
-        if attribute is None or len(attribute.arguments) == count or other is None:
-            return term
-        return Term(other.name, term.arguments, at=term.at) if len(other.arguments) == count else term
+        if attribute is None or other is None:
+            return literal
+        if len(attribute.arguments) == count or len(other.arguments) != count:
+            return literal
+        return replace(literal, term=replace(term, name=other.name))
 
     def is_sort(self, literal: Literal) -> bool:
         """Whether the literal is a sort membership `s(X)`; attributes take precedence over sorts."""

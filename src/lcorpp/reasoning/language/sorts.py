@@ -12,7 +12,7 @@ from itertools import product
 from math import prod
 
 from lcorpp.errors import expected_one_of
-from lcorpp.reasoning.language.arithmetic import canonical_text, compare, is_integer
+from lcorpp.reasoning.language.arithmetic import as_value, canonical_text, compare_values, is_integer
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.syntax import (
     ComparisonLiteral,
@@ -43,7 +43,7 @@ class Sort:
     """An evaluated sort.
 
     members: the members in order, as text.
-    largest: the largest absolute value of the integers in its members.
+    max_integer: the largest absolute value of the integers in its members.
     integers: whether all members are integers.
     """
 
@@ -107,26 +107,24 @@ class SortTable:
 
     def _evaluate_set(self, elements: Iterable[Expression | SortExpression], name: str) -> Sort:
         members: dict[str, None] = {}
-        largest, integers = 0, True
+        max_integer, integers = 0, True
         for element in elements:
             if isinstance(element, IntervalTerm):
                 part = self._evaluate_interval(element)
-                found: Iterable[str] = part.members
-                largest = max(largest, part.max_integer)
+                new: Iterable[str] = part.members
+                max_integer = max(max_integer, part.max_integer)
             else:
                 assert not isinstance(element, SortName | SortSet | RecordSort | SortOperation)
                 text = canonical_text(element)
-                found = (text,)
+                new = (text,)
                 self._count_work(1, element.at)
-                if is_integer(text):
-                    largest = max(largest, abs(int(text)))
-                else:
-                    largest, integers = max(largest, _find_max_integer(text)), False
-            for member in found:
+                max_integer = max([max_integer, *map(int, _INTEGER.findall(text))])
+                integers = integers and is_integer(text)
+            for member in new:
                 if member in members:
                     raise SourceIssue(element.at, f"{member} is twice in the sort {name}")
                 members[member] = None
-        return Sort(members, largest, integers)
+        return Sort(members, max_integer, integers)
 
     def _evaluate_interval(self, interval: IntervalTerm) -> Sort:
         low, high = interval.low, interval.high
@@ -153,8 +151,7 @@ class SortTable:
         if len(places) < sum(variable is not None for variable in record.variables):
             raise SourceIssue(record.at, "a variable names two arguments of the record")
         rows: Iterable[Sequence[str]] = product(*(part.members for part in parts))
-        if record.condition is not None:
-            condition = record.condition
+        if (condition := record.condition) is not None:
             rows = (row for row in rows if _is_satisfied(condition, row, places))
         members = {f"{record.name}({','.join(row)})": None for row in rows}
         return Sort(members, max(part.max_integer for part in parts), False)
@@ -171,10 +168,6 @@ class SortTable:
         return Sort(members, max(left.max_integer, right.max_integer), all(map(is_integer, members)))
 
 
-def _find_max_integer(text: str) -> int:
-    return max(map(int, _INTEGER.findall(text)), default=0)
-
-
 def _count_comparisons(condition: ComparisonLiteral | Connective | None) -> int:
     """Return the cost of a condition: two members for each comparison."""
     if isinstance(condition, Connective):
@@ -186,16 +179,13 @@ def _is_satisfied(
     condition: ComparisonLiteral | Connective, row: Sequence[str], places: Mapping[str, int]
 ) -> bool:
     if isinstance(condition, Connective):
-        left = _is_satisfied(condition.left, row, places)
-        if left == (condition.operator == "|"):
-            return left
-        return _is_satisfied(condition.right, row, places)
-    sides = (
-        row[places[side.name]] if isinstance(side, Variable) else canonical_text(side)
+        parts = (_is_satisfied(part, row, places) for part in (condition.left, condition.right))
+        return any(parts) if condition.operator == "|" else all(parts)
+    left, right = (
+        as_value(row[places[side.name]] if isinstance(side, Variable) else canonical_text(side))
         for side in (condition.left, condition.right)
     )
-    first, second = sides
-    return compare(first, condition.relation, second)
+    return compare_values(left, condition.relation, right)
 
 
 def iter_record_shapes(elements: Iterable[Expression | SortExpression]) -> Iterator[tuple[str, int]]:

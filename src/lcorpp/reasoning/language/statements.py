@@ -15,7 +15,7 @@ from lcorpp.reasoning.language.declarations import (
 from lcorpp.reasoning.language.expressions import (
     parse_body,
     parse_literal,
-    parse_relation,
+    parse_rest_of_literal,
     parse_sum,
     parse_value,
 )
@@ -56,9 +56,15 @@ def parse_statements(cursor: Cursor) -> Iterator[Statement]:
 
 
 def _parse_statement(cursor: Cursor) -> Iterator[Statement]:
-    kind = cursor.kind
-    if kind == HASH_NAME:
-        yield from _parse_directive(cursor)
+    kind, word = cursor.kind, cursor.word
+    if word == "#domain":
+        yield from _parse_domains(cursor)
+    elif word == "#const":
+        _parse_constant(cursor)
+    elif word == "#semantics":
+        _parse_semantics(cursor)
+    elif kind == HASH_NAME:
+        yield parse_hash_sort(cursor)
     elif kind == "?":
         yield parse_query_statement(cursor)
     elif kind == ":-" or kind in _ARROWS:
@@ -66,46 +72,31 @@ def _parse_statement(cursor: Cursor) -> Iterator[Statement]:
     elif kind == "[":
         cursor.take()
         yield _parse_labelled(cursor, _parse_label(cursor))
-    elif (
-        kind == NAME
-        and cursor.word in _SECTIONS
-        and cursor.second_kind in (NAME, HASH_NAME, END, "[", ":-", "?")
-    ):
+    elif word in _SECTIONS and cursor.second_kind in (NAME, HASH_NAME, END, "[", ":-", "?"):
         cursor.uses_plog2 = True
         cursor.take()
-    elif kind == NAME and cursor.word in ("random", "pr"):
+    elif word in ("random", "pr"):
         yield _parse_labelled(cursor, None)
-    elif kind == NAME and cursor.word == "obs":
+    elif word == "obs":
         yield parse_observation(cursor)
         cursor.expect(".")
-    elif kind == NAME and cursor.word == "do":
+    elif word == "do":
         yield parse_intervention(cursor)
         cursor.expect(".")
-    elif kind == NAME and cursor.word == "not":
+    elif word == "not":
         raise cursor.make_unexpected_error()
     else:
         yield from _parse_declaration_or_rule(cursor)
 
 
-def _parse_directive(cursor: Cursor) -> Iterator[Statement]:
-    if cursor.word == "#domain":
-        yield from _parse_domains(cursor)
-    elif cursor.word == "#const":
-        _parse_constant(cursor)
-    elif cursor.word == "#semantics":
-        _parse_semantics(cursor)
-    else:
-        yield parse_hash_sort(cursor)
-
-
 def _parse_declaration_or_rule(cursor: Cursor) -> Iterator[Statement]:
-    left = parse_sum(cursor, arrow=True)
+    left = parse_sum(cursor, plus_minus_is_arrow=True)
     if cursor.kind == ":" or (cursor.kind == "," and cursor.second_kind == NAME and is_bare_name(left)):
         yield from parse_attributes(cursor, left)
     elif cursor.kind == "=" and cursor.second_kind == "{":
         yield parse_plain_sort(cursor, left)
     else:
-        yield _parse_rule(cursor, parse_relation(cursor, left, arrow=True), None)
+        yield _parse_rule(cursor, parse_rest_of_literal(cursor, left, plus_minus_is_arrow=True), None)
 
 
 def _parse_domains(cursor: Cursor) -> Iterator[DomainDirective]:
@@ -115,9 +106,7 @@ def _parse_domains(cursor: Cursor) -> Iterator[DomainDirective]:
     while True:
         sort = cursor.expect(NAME)
         cursor.expect("(")
-        names = [_parse_domain_variable(cursor)]
-        while cursor.accept(";"):
-            names.append(_parse_domain_variable(cursor))
+        names = cursor.parse_list(_parse_domain_variable, ";")
         cursor.expect(")")
         yield DomainDirective(sort, tuple(dict.fromkeys(names)), at=at)
         if not cursor.accept(","):
@@ -152,7 +141,7 @@ def _parse_semantics(cursor: Cursor) -> None:
         raise SourceIssue(at, f"unknown semantics {given}; expected 2009 or 2018")
     if cursor.semantics not in (None, given):
         raise SourceIssue(at, f"the semantics {cursor.semantics} is already chosen")
-    cursor.semantics = given
+    cursor.semantics = given  # type: ignore[assignment]  # mypy does not see the test above
     cursor.expect(".")
 
 
@@ -170,33 +159,31 @@ def _parse_label(cursor: Cursor) -> Term:
 def _parse_labelled(cursor: Cursor, label: Term | None) -> Statement:
     at = label.at if label else cursor.at
     if cursor.accept_word("random"):
-        term, chosen = _parse_selection_head(cursor)
+        term, dynamic_range = _parse_selection_head(cursor)
         arrow = cursor.kind
-        given = _parse_tail(cursor)
-        selection = Selection(term, chosen, given, label, at=at)
+        selection = Selection(term, dynamic_range, _parse_tail(cursor), label, at=at)
         return CrRule(selection, at=at) if arrow in _ARROWS else selection
     if cursor.accept_word("pr"):
         return _parse_probability(cursor, label, at)
-    return _parse_rule(cursor, parse_literal(cursor, arrow=True), label)
+    return _parse_rule(cursor, parse_literal(cursor, plus_minus_is_arrow=True), label)
 
 
 def _parse_tail(cursor: Cursor) -> Body:
     """Parse the rest of a rule after its head, full stop included; return the body."""
-    if not cursor.next_is(":-", *_ARROWS):
-        cursor.expect(".")
-        return ()
-    if cursor.take() == ":+":
-        cursor.uses_plog2 = True
-    given = () if cursor.next_is(".") else parse_body(cursor)
+    body: Body = ()
+    if cursor.next_is(":-", *_ARROWS):
+        if cursor.take() == ":+":
+            cursor.uses_plog2 = True
+        if not cursor.next_is("."):
+            body = parse_body(cursor)
     cursor.expect(".")
-    return given
+    return body
 
 
 def _parse_rule(cursor: Cursor, literal: BodyLiteral, label: Term | None) -> Rule | CrRule:
     head = require_assignment(literal, "the head of a rule")
     arrow = cursor.kind
-    given = _parse_tail(cursor)
-    rule = Rule(head, given, at=head.at)
+    rule = Rule(head, _parse_tail(cursor), at=head.at)
     if arrow in _ARROWS:
         return CrRule(rule, label, at=label.at if label else head.at)
     if label:
@@ -219,7 +206,7 @@ def _parse_selection_head(cursor: Cursor) -> tuple[Term, DynamicRange | None]:
     term = parse_value(cursor)
     if not isinstance(term, Term):
         raise SourceIssue(term.at, f"expected an attribute, not {term}")
-    chosen = None
+    dynamic_range = None
     if cursor.accept(":"):
         cursor.expect("{")
         at = cursor.at
@@ -227,21 +214,16 @@ def _parse_selection_head(cursor: Cursor) -> tuple[Term, DynamicRange | None]:
         if variable.name == "_":
             raise SourceIssue(at, "expected a named variable in a dynamic range, not '_'")
         cursor.expect(":")
-        chosen = DynamicRange(variable, parse_body(cursor), at=at)
+        dynamic_range = DynamicRange(variable, parse_body(cursor), at=at)
         cursor.expect("}")
-    elif cursor.accept(","):
-        chosen = _parse_unary_range(cursor)
+    elif cursor.accept(","):  # the values X with p(X)
+        cursor.uses_plog2 = True
+        at = cursor.at
+        variable = Variable("Chosen", at=at)
+        member = Term(cursor.expect(NAME), (variable,), at=at)
+        dynamic_range = DynamicRange(variable, (Literal(member, "=", Term("true", at=at), at=at),), at=at)
     cursor.expect(")")
-    return term, chosen
-
-
-def _parse_unary_range(cursor: Cursor) -> DynamicRange:
-    cursor.uses_plog2 = True
-    at = cursor.at
-    name = cursor.expect(NAME)
-    variable = Variable("Chosen", at=at)
-    condition = Literal(Term(name, (variable,), at=at), "=", Term("true", at=at), at=at)
-    return DynamicRange(variable, (condition,), at=at)
+    return term, dynamic_range
 
 
 def _parse_probability(cursor: Cursor, label: Term | None, at: Place) -> Probability:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from operator import is_
+from typing import Any, TypeVar
 
-from lcorpp.reasoning.language.arithmetic import iter_variables
+from lcorpp.reasoning.language.arithmetic import find_variables
 from lcorpp.reasoning.language.syntax import (
     Body,
     BodyLiteral,
-    ComparisonLiteral,
     CrRule,
+    DynamicRange,
     Expression,
     Intervention,
     Literal,
@@ -22,6 +24,20 @@ from lcorpp.reasoning.language.syntax import (
     Statement,
     Term,
 )
+
+_MAPPED_FIELDS: dict[type, tuple[str, ...]] = {
+    CrRule: ("statement",),
+    Rule: ("head", "body"),
+    Selection: ("range", "term", "body"),
+    DynamicRange: ("condition",),
+    Probability: ("term", "condition"),
+    Observation: ("literal",),
+    Intervention: ("term",),
+    Query: ("literals", "subject", "observations", "interventions"),
+}
+"""The fields that `map_literals` rewrites, in this order."""
+
+_Node = TypeVar("_Node")
 
 Rewrite = Callable[[Literal], Literal]
 """Maps a literal to its replacement. A term without value is passed as the literal `term=term`."""
@@ -50,22 +66,18 @@ def iter_expressions(body: Iterable[BodyLiteral]) -> Iterator[Expression]:
 
 def list_expressions(statement: Rule | Selection | Probability) -> list[Expression]:
     """List the expressions of a statement without those of a dynamic range."""
-    expressions: list[Expression] = []
     if isinstance(statement, Rule):
-        expressions.extend(iter_expressions((statement.head,) if statement.head else ()))
+        expressions = list(iter_expressions((statement.head,) if statement.head else ()))
     else:
-        expressions.extend(
-            (*statement.term.arguments, *(statement.label.arguments if statement.label else ()))
-        )
+        expressions = [*statement.term.arguments, *(statement.label.arguments if statement.label else ())]
         if isinstance(statement, Probability):
             expressions.extend((statement.value, statement.number))
-    expressions.extend(iter_expressions(get_body(statement)))
-    return expressions
+    return [*expressions, *iter_expressions(get_body(statement))]
 
 
-def list_pr_variables(atom: Probability) -> list[str]:
-    """List the variables of a pr-atom in the order of the values in its instances."""
-    return sorted({v.name for expression in list_expressions(atom) for v in iter_variables(expression)})
+def list_variables(statement: Rule | Selection | Probability) -> list[str]:
+    """List the variables of a statement in the order of the values in its instances."""
+    return sorted(find_variables(*list_expressions(statement)))
 
 
 def iter_literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
@@ -76,11 +88,8 @@ def iter_literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
     """
     literals: list[tuple[Literal, bool]] = []
     inner = statement.statement if isinstance(statement, CrRule) else statement
-    head: Term | None = None
-    if isinstance(inner, Selection):
-        head = inner.term
-    elif isinstance(inner, Rule) and inner.head:
-        head = inner.head.term
+    first = inner.head if isinstance(inner, Rule) else inner
+    head = first.term if isinstance(first, Literal | Selection) else None
 
     def collect(literal: Literal) -> Literal:
         literals.append((literal, literal.term is head))
@@ -90,58 +99,23 @@ def iter_literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
     return iter(literals)
 
 
-def map_literals(statement: Statement, rewrite: Rewrite) -> Statement:
-    """Return the statement with each literal, head and selected term rewritten."""
-    if isinstance(statement, Rule):
-        head = rewrite(statement.head) if statement.head else None
-        return replace(statement, head=head, body=_map_body(statement.body, rewrite))
-    if isinstance(statement, CrRule):
-        inner = map_literals(statement.statement, rewrite)
-        assert isinstance(inner, Rule | Selection)
-        return replace(statement, statement=inner)
-    if isinstance(statement, Selection):
-        dynamic = statement.range
-        if dynamic:
-            dynamic = replace(dynamic, condition=_map_body(dynamic.condition, rewrite))
-        return replace(
-            statement,
-            term=_map_term(statement.term, rewrite),
-            range=dynamic,
-            body=_map_body(statement.body, rewrite),
-        )
-    if isinstance(statement, Probability):
-        return replace(
-            statement,
-            term=_map_term(statement.term, rewrite),
-            condition=_map_body(statement.condition, rewrite),
-        )
-    if isinstance(statement, Observation):
-        return replace(statement, literal=rewrite(statement.literal))
-    if isinstance(statement, Intervention):
-        return replace(statement, term=_map_term(statement.term, rewrite))
-    if isinstance(statement, Query):
-        return _map_query(statement, rewrite)
-    return statement
+def map_literals(node: _Node, rewrite: Rewrite) -> _Node:
+    """Return a statement, or a part of one, with each literal, head and selected term rewritten."""
+    return _map_part(node, rewrite)  # type: ignore[no-any-return]  # of the type of the node
 
 
-def rename_query_terms(query: Query, rename: Callable[[Term], Term]) -> Query:
-    """Return the query with each attribute term renamed."""
-    return _map_query(query, lambda literal: replace(literal, term=rename(literal.term)))
-
-
-def _map_query(query: Query, rewrite: Rewrite) -> Query:
-    return replace(
-        query,
-        literals=tuple(map(rewrite, query.literals)),
-        subject=_map_term(query.subject, rewrite) if query.subject else None,
-        observations=tuple(replace(o, literal=rewrite(o.literal)) for o in query.observations),
-        interventions=tuple(replace(i, term=_map_term(i.term, rewrite)) for i in query.interventions),
-    )
-
-
-def _map_term(term: Term, rewrite: Rewrite) -> Term:
-    return rewrite(Literal(term, "=", term, at=term.at)).term
-
-
-def _map_body(body: Body, rewrite: Rewrite) -> Body:
-    return tuple(part if isinstance(part, ComparisonLiteral) else rewrite(part) for part in body)
+def _map_part(part: Any, rewrite: Rewrite) -> Any:
+    if isinstance(part, Literal):
+        return rewrite(part)
+    if isinstance(part, Term):
+        return rewrite(Literal(part, "=", part, at=part.at)).term
+    if isinstance(part, tuple):
+        items = [_map_part(item, rewrite) for item in part]
+        return part if all(map(is_, items, part)) else tuple(items)
+    changes = {}
+    for name in _MAPPED_FIELDS.get(type(part), ()):
+        old = getattr(part, name)
+        new = _map_part(old, rewrite)
+        if new is not old:
+            changes[name] = new
+    return replace(part, **changes) if changes else part
