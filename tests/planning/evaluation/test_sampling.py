@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.evaluation.sampling import CounterRng, InverseCdfSampler
-from lcorpp.planning.evaluation.splitmix64 import splitmix64
+from lcorpp.planning.evaluation.sampling import CounterRng, InverseCdfSampler, splitmix64
 
 ROWS = st.lists(st.lists(st.integers(0, 4), min_size=1, max_size=9).filter(any), min_size=1, max_size=5)
 

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from lcorpp.errors import FileError, PolicyError
 from lcorpp.planning import AlphaVectors, Policy, parse_pomdp, read_alphas, write_alphas
-from lcorpp.planning.formats import vector_lines
+from lcorpp.planning.formats import alpha_file
 from tests.planning.models import LCORPP, TIGER
 
 tiger = parse_pomdp(TIGER)
@@ -83,7 +83,7 @@ def test_vector_sets_are_filled_with_the_floor(tmp_path, monkeypatch):
     policy = Policy.of_sets(tiger, pieces)
     write_alphas(policy, tmp_path / "x.alpha")
     assert read_alphas(tmp_path / "x.alpha", tiger).vectors.tolist() == [[policy.floor, 7], [3, policy.floor]]
-    monkeypatch.setattr(vector_lines, "MAX_BYTES", 10)
+    monkeypatch.setattr(alpha_file, "MAX_BYTES", 10)
     with pytest.raises(PolicyError, match="over all 2 states take about 0 MB"):
         write_alphas(policy, tmp_path / "y.alpha")
 

@@ -27,7 +27,6 @@ from lcorpp.values import Distribution
 
 STATEMENTS = (
     "PRAGMA journal_mode = WAL",
-    "PRAGMA synchronous = FULL",
     "PRAGMA foreign_keys = ON",
     "PRAGMA fullfsync = ON",  # macOS; without effect elsewhere
     "PRAGMA checkpoint_fullfsync = ON",

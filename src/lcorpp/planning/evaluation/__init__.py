@@ -4,5 +4,5 @@ policy_evaluation  bounds on a policy's value             certificate   check of
 simulation         Monte Carlo rollouts                   policy_graph  a policy as a finite-state controller
 belief_graph       reachable beliefs, each computed once  occupancy     discounted visits of the beliefs
 
-batch_policy, sparse_beliefs, rollout, sampling, splitmix64, control_variates and mdp are their parts.
+batch_policy, sparse_beliefs, rollout, sampling, control_variates and mdp are their parts.
 """

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph, mean_row_size
-from lcorpp.planning.evaluation.sampling import CounterRng, InverseCdfSampler
+from lcorpp.planning.evaluation.sampling import CounterRng, InverseCdfSampler, Words
 from lcorpp.planning.evaluation.sparse_beliefs import Indices, segment_sum
-from lcorpp.planning.evaluation.splitmix64 import Words
 from lcorpp.values import Array
 
 MAX_GRAPH_SIZE = 2**25

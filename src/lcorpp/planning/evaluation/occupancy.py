@@ -205,10 +205,7 @@ def solve_gmres(matrix: Any, begin: Array) -> Array:
 def solve_lu(matrix: Any, begin: Array) -> Array:
     """Return (n,) the solution of x = begin + matrix x by sparse LU factorisation.
 
-    GMRES converges slowly on long and narrow graphs, whose factors are sparse.
-
-    Args:
-        matrix: (n, n) sparse, with column sums below 1. begin: (n,).
+    GMRES converges slowly on long and narrow graphs, whose factors are sparse. Arguments as `solve_gmres`.
     """
     from scipy.sparse import eye_array
     from scipy.sparse.linalg import splu

@@ -76,13 +76,12 @@ class Evaluation:
     def summary(self) -> str:
         """Return the result in one line of text."""
         beliefs = f"{self.beliefs} beliefs" + ("" if self.complete else ", not all")
+        bounds, interval = f"{self.lower:.6g} to {self.upper:.6g} ({beliefs})", self.interval
         if not self.trials:
-            return f"value {self.lower:.6g} to {self.upper:.6g} ({beliefs})"
-        interval = self.interval
+            return f"value {bounds}"
         return (
             f"value {interval.estimate:.6g}, {100 * interval.confidence:g}% interval {interval.low:.6g} to"
-            f" {interval.high:.6g} ({self.trials} trials), certainly {self.lower:.6g} to {self.upper:.6g}"
-            f" ({beliefs})"
+            f" {interval.high:.6g} ({self.trials} trials), certainly {bounds}"
         )
 
     def __repr__(self) -> str:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.evaluation.splitmix64 import hash_counter, splitmix64
+from lcorpp.planning.evaluation.sampling import hash_counter, splitmix64
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import Int32Array, Int64Array, SparseTables, ragged_indices
 from lcorpp.values import Array, Belief

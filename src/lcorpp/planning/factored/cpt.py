@@ -59,11 +59,7 @@ def split_words(text: Words) -> tuple[str, ...]:
 
 
 def build_table(scope: Scope, spec: Spec, children: tuple[str, ...], what: str) -> Table:
-    """Build P(children | parents) from its text form.
-
-    Raises:
-        ModelError: a variable or value is unknown, or an array has a wrong shape.
-    """
+    """Build P(children | parents) from its text form; raise a ModelError that names table and row."""
     after = all(child.endswith(AFTER) for child in children)
     if isinstance(spec, str) and spec == SAME and after and not _is_value(scope, children, SAME):
         spec = cpt([child.removesuffix(AFTER) for child in children], {(ALL,) * len(children): SAME})

@@ -53,9 +53,6 @@ class TableBuilder:
         Args:
             place: for each parent, then each child, the index of a value, `ALL` or `EACH`.
             values: an axis for each `EACH`, in the order of `place`, or another shape of equal size.
-
-        Raises:
-            ModelError: the table becomes too large.
         """
         if EACH not in place and ALL not in place:
             cell = sum(int(s) * t for s, t in zip(place, self._strides, strict=True))

@@ -53,11 +53,7 @@ def topological_order(
 
 
 def check_reward(what: str, table: Table, scope: Scope) -> None:
-    """Check that a reward is a table of finite numbers over the variables.
-
-    Raises:
-        ModelError: the table has children, a wrong shape or a number that is not finite.
-    """
+    """Raise a ModelError if a reward has children, or is not a table of finite numbers over the variables."""
     if table.children:
         raise ModelError(f"{what} is a reward table: it must not have children")
     _check_shape(what, table, scope, tuple(scope))

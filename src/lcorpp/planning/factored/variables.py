@@ -67,11 +67,7 @@ def check_word(word: object, what: str) -> None:
 def build_scope(
     states: Sequence[Variable], actions: Sequence[Variable], observations: Sequence[Variable]
 ) -> dict[str, Variable]:
-    """Return the variables by name.
-
-    Raises:
-        ModelError: two variables have the same name, or there is none for states or actions.
-    """
+    """Return the variables by name; raise a ModelError if one is missing or two have the same name."""
     scope: dict[str, Variable] = {}
     for kind, variables in (("states", states), ("actions", actions)):
         if not variables:

@@ -7,6 +7,7 @@ model nor its states, so only the numbers can be checked.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
@@ -15,13 +16,18 @@ import numpy as np
 from lcorpp.errors import PolicyError
 from lcorpp.files import read_text, write_atomically
 from lcorpp.planning.formats.numbers import find_invalid_number, is_count, parse_numbers
-from lcorpp.planning.formats.vector_lines import format_vectors
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array
 
 MAX_ACTION_DIGITS = 9
 """Longest number of an action; a longer one exceeds the actions of any model that fits into memory."""
+
+MAX_BYTES = 200_000_000
+"""Maximum estimated size of a policy with several vector sets when it is written over all states."""
+
+NUMBER_LENGTH = 19
+"""Approximate length of a number with all its digits and a space."""
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
@@ -35,6 +41,43 @@ def write_alphas(policy: Policy, path: str | Path) -> None:
             would become too large as vectors over all states.
     """
     write_atomically(path, "".join(f"{action}\n{line}\n\n" for action, line in format_vectors(policy)))
+
+
+def format_vectors(policy: Policy) -> Iterator[tuple[int, str]]:
+    """Yield the action and the numbers of each vector, with all digits.
+
+    States outside a vector's set get the floor of the policy. The size is limited only in that case.
+
+    Raises:
+        PolicyError: the policy has several vector sets and would become too large over all states.
+    """
+    size = estimate_bytes(policy)
+    if not policy.covers_all_states and size > MAX_BYTES:
+        raise PolicyError(
+            f"this policy has {len(policy.vector_sets)} vector sets; its {len(policy)} vectors over"
+            f" all {len(policy.state_names)} states take about {size / 1e6:.0f} MB;"
+            f" at most {MAX_BYTES / 1e6:.0f} MB are written"
+        )
+    floor = repr(policy.floor)
+    for part in policy.vector_sets:
+        states = part.states.tolist()
+        for action, vector in zip(part.actions.tolist(), part.vectors.tolist(), strict=True):
+            if len(states) == len(policy.state_names):
+                yield action, " ".join(map(repr, vector))
+                continue
+            words = [floor] * len(policy.state_names)
+            for state, value in zip(states, vector, strict=True):
+                words[state] = repr(value)
+            yield action, " ".join(words)
+
+
+def estimate_bytes(policy: Policy) -> int:
+    """Return the approximate size in bytes of the policy's vectors over all states."""
+    S, filler = len(policy.state_names), len(repr(policy.floor)) + 1
+    return sum(
+        len(part.actions) * (len(part.states) * NUMBER_LENGTH + (S - len(part.states)) * filler)
+        for part in policy.vector_sets
+    )
 
 
 def read_alphas(path: str | Path, pomdp: Pomdp) -> Policy:

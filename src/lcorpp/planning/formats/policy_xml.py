@@ -19,11 +19,12 @@ import numpy.typing as npt
 
 from lcorpp.errors import PolicyError
 from lcorpp.files import read_bytes, write_atomically
+from lcorpp.planning.formats.alpha_file import MAX_BYTES, estimate_bytes, format_vectors
 from lcorpp.planning.formats.numbers import find_invalid_number, is_count, parse_numbers
-from lcorpp.planning.formats.vector_lines import MAX_BYTES, estimate_bytes, format_vectors
-from lcorpp.planning.formats.xml import XmlParser
-from lcorpp.planning.policy import AlphaVectors, Indices, Policy
+from lcorpp.planning.formats.xml import XmlReader
+from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array
 
 MAX_DEPTH = 9
@@ -94,16 +95,17 @@ def read_policy(path: str | Path, pomdp: Pomdp, *, blocks: Sequence[npt.ArrayLik
         FileError: the file cannot be read.
         PolicyError: the file is malformed, contains a DTD, or belongs to another model.
     """
-    return _PolicyHandler(str(path), pomdp, blocks).read(read_bytes(path))
+    return _PolicyReader(str(path), pomdp, blocks).read(read_bytes(path))
 
 
-class _PolicyHandler:
-    """XML handler that collects the vectors.
+class _PolicyReader(XmlReader):
+    """Collects the vectors.
 
     state_sets: states of each vector set: a single one, unless the header announces several.
     """
 
     def __init__(self, file: str, pomdp: Pomdp, blocks: Sequence[npt.ArrayLike] | None) -> None:
+        super().__init__(root="Policy", max_depth=MAX_DEPTH, join_text=True)
         self.file, self.pomdp = file, pomdp
         self.blocks = None if blocks is None else [np.asarray(block, dtype=np.intp) for block in blocks]
         self.has_own_sets = False  # whether the file lists the states of its vector sets
@@ -115,16 +117,14 @@ class _PolicyHandler:
         self.announced = -1  # number of vectors in the header
         self.pieces: list[str] = []  # of the current text
         self.entries: list[tuple[int, float]] = []  # of the current sparse vector
-        self.text = self.pieces.append
-        self.parser = XmlParser(self, root="Policy", max_depth=MAX_DEPTH, join_text=True)
 
     def read(self, data: bytes) -> Policy:
-        self.parser.parse(data)
+        self.parse(data)
         count = sum(map(len, self.vectors.values()))
         if not count:
-            raise self.parser.error("there is no alpha vector in it")
+            raise self.error("there is no alpha vector in it")
         if self.announced not in (-1, count):
-            raise self.parser.error(f"the header announces {self.announced} vectors, found {count}")
+            raise self.error(f"the header announces {self.announced} vectors, found {count}")
         if self.fingerprint and self.fingerprint != self.pomdp.fingerprint:
             raise PolicyError(
                 f"{self.file}: this policy is for another model: the fingerprint of its states, actions,"
@@ -138,7 +138,7 @@ class _PolicyHandler:
             sets.append(AlphaVectors(states, np.array(vectors)[:, order], actions))
         return Policy.of_sets(self.pomdp, sets)
 
-    def error(self, line: int, column: int, message: str) -> PolicyError:
+    def make_error(self, line: int, column: int, message: str) -> PolicyError:
         return PolicyError(f"{self.file}:{line}:{column}: {message}")
 
     def comment(self, text: str) -> None:
@@ -155,14 +155,15 @@ class _PolicyHandler:
         ranges = [(int(first), int(last or first)) for first, _, last in ends]
         numbers = [number for pair in ranges for number in pair]
         if numbers != sorted(numbers) or numbers[-1] >= len(self.pomdp.states):
-            raise self.parser.error(
-                f"expected increasing ranges of the model's state indices, found {words[:80]!r}"
-            )
+            raise self.error(f"expected increasing ranges of the model's state indices, found {words[:80]!r}")
         return np.concatenate([np.arange(first, last + 1) for first, last in ranges])
 
+    def text(self, text: str) -> None:
+        self.pieces.append(text)
+
     def start(self, name: str, attributes: dict[str, str]) -> None:
-        if name in _VECTORS and any(outer in _VECTORS for outer in self.parser.open):
-            raise self.parser.error(f"<{name}> cannot be inside another vector")
+        if name in _VECTORS and any(outer in _VECTORS for outer in self.open):
+            raise self.error(f"<{name}> cannot be inside another vector")
         self.pieces.clear()
         if name == "AlphaVector":
             self._read_header(attributes)
@@ -172,17 +173,17 @@ class _PolicyHandler:
 
     def _read_header(self, attributes: dict[str, str]) -> None:
         if self.vectors:
-            raise self.parser.error("a second <AlphaVector> in this policy")
+            raise self.error("a second <AlphaVector> in this policy")
         values = self._count(attributes, "numObsValue", "1")
         if values == 1:
             self._check_length(attributes, len(self.pomdp.states), "states")
         elif self.blocks is None:
-            raise self.parser.error(
+            raise self.error(
                 f"this policy is for a factored model with {values} values of its observed"
                 " variables; only policies over one set of states are read"
             )
         elif values != len(self.blocks):
-            raise self.parser.error(
+            raise self.error(
                 f"this policy is for another model: its observed variables have {values} values, those of the"
                 f" model {len(self.blocks)}"
             )
@@ -195,7 +196,7 @@ class _PolicyHandler:
 
     def _check_length(self, attributes: dict[str, str], length: int, what: str) -> None:
         if self._count(attributes, "vectorLength", f"{length}") != length:
-            raise self.parser.error(
+            raise self.error(
                 f"this policy is for another model: its vectors have {attributes['vectorLength']} numbers,"
                 f" the model has {length} {what}"
             )
@@ -203,15 +204,15 @@ class _PolicyHandler:
     def _start_vector(self, attributes: dict[str, str]) -> None:
         action = self._count(attributes, "action")
         if action >= len(self.pomdp.actions):
-            raise self.parser.error(
+            raise self.error(
                 f"this policy is for another model: action {action} is not among its"
                 f" {len(self.pomdp.actions)} actions, counted from 0"
             )
         if self.blocks is None and attributes.get("obsValue", "0") != "0":
-            raise self.parser.error(f"obsValue {attributes['obsValue']!r} belongs to a factored model")
+            raise self.error(f"obsValue {attributes['obsValue']!r} belongs to a factored model")
         self.current_set = self._count(attributes, "obsValue", "0")
         if self.current_set >= len(self.state_sets):
-            raise self.parser.error(
+            raise self.error(
                 f"obsValue {self.current_set} is not among the {len(self.state_sets)} values of the observed"
                 " variables, counted from 0"
             )
@@ -224,7 +225,7 @@ class _PolicyHandler:
         if name == "Vector":
             vector = self._parse_numbers(text, "vector")
             if len(vector) != length:
-                raise self.parser.error(
+                raise self.error(
                     f"this policy is for another model: a vector of {len(vector)} numbers,"
                     f" the model has {length} states"
                 )
@@ -232,28 +233,26 @@ class _PolicyHandler:
             vector = np.zeros(length)
             for state, value in self.entries:
                 if state >= length:
-                    raise self.parser.error(f"state {state} is not among the {length} states, counted from 0")
+                    raise self.error(f"state {state} is not among the {length} states, counted from 0")
                 vector[state] = value
         if name in _VECTORS:
             self.vectors.setdefault(self.current_set, []).append(vector)
         elif name == "Entry":
             words = text.split()
             if len(words) != 2 or not is_count(words[0]) or len(words[0]) > 9:
-                raise self.parser.error(
-                    f"an entry is a state's number and a value, not {' '.join(words)[:80]!r}"
-                )
+                raise self.error(f"an entry is a state's number and a value, not {' '.join(words)[:80]!r}")
             self.entries.append((int(words[0]), float(self._parse_numbers(words[1], "entry")[0])))
 
     def _count(self, attributes: dict[str, str], name: str, default: str = "") -> int:
         """Return the value of an attribute that is a whole number."""
         text = attributes.get(name, default)
         if not (is_count(text) and len(text) < 10):
-            raise self.parser.error(f"{name} must be a whole number, not {text[:40]!r}")
+            raise self.error(f"{name} must be a whole number, not {text[:40]!r}")
         return int(text)
 
     def _parse_numbers(self, text: str, what: str) -> Array:
         values = parse_numbers(text)
         if values is None:
             index, message = find_invalid_number(text.split())
-            raise self.parser.error(f"{message}, number {index + 1} of this {what}")
+            raise self.error(f"{message}, number {index + 1} of this {what}")
         return values

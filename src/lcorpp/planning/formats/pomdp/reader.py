@@ -17,7 +17,7 @@ from lcorpp.planning.formats.pomdp.preamble import Preamble, read_preamble
 from lcorpp.planning.formats.pomdp.rewards import expected_rewards
 from lcorpp.planning.formats.pomdp.statements import Statements
 from lcorpp.planning.formats.pomdp.tables import TableStatements
-from lcorpp.planning.formats.pomdp.tokens import Offsets, Tokens
+from lcorpp.planning.formats.pomdp.tokens import Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.planning.sparse import SparseTables
 
@@ -78,38 +78,28 @@ def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
 
 
 def _normalize_rows(tokens: Tokens, preamble: Preamble, table: TableStatements) -> SparseTables:
-    """Return the rows of a table, all present and of sum 1, without the file's rounding errors.
-
-    Raises:
-        ParseError: a row is missing or has another sum.
-    """
+    """Check that each row is present and sums to 1; return the rows without the file's rounding errors."""
+    actions, states = preamble.names["actions"], preamble.names["states"]
     rows, offsets = table.rows()
-    _check_complete(tokens, preamble, table, offsets)
+    unset = offsets < 0
+    if unset.any():
+        a = int(unset.any(axis=1).argmax())
+        places = preamble.offsets["actions"]
+        place = places[a] if len(places) > 1 else places[0]
+        if unset[a].all():
+            raise tokens.error(f"action {actions[a]!r} has no {table.title} rows", place)
+        state = states[int(unset[a].argmax())]
+        raise tokens.error(f"{table.title} row for {actions[a]!r}, {state!r} is missing", place)
     sums = rows.row_sums()
     errors = np.abs(sums - 1)
     if errors.max() > ROW_TOLERANCE:
         wrong = np.argwhere(errors > ROW_TOLERANCE)
         a, s = wrong[offsets[tuple(wrong.T)].argmin()].tolist()
         raise tokens.error(
-            f"{table.title} row for {preamble.names['actions'][a]!r}, {preamble.names['states'][s]!r}"
-            f" sums to {sums[a, s]:.10g}, not 1",
+            f"{table.title} row for {actions[a]!r}, {states[s]!r} sums to {sums[a, s]:.10g}, not 1",
             int(offsets[a, s]),
         )
     if errors.max() <= SUM_TOLERANCE:
         return rows
     divisors = np.where(errors > SUM_TOLERANCE, sums, 1.0).reshape(-1)
     return SparseTables(rows.shape, rows.begins, rows.columns, rows.values / divisors[rows.rows])
-
-
-def _check_complete(tokens: Tokens, preamble: Preamble, table: TableStatements, offsets: Offsets) -> None:
-    """Raise a ParseError if a row of the table is missing."""
-    unset = offsets < 0
-    if not unset.any():
-        return
-    a = int(unset.any(axis=1).argmax())
-    action, action_offsets = preamble.names["actions"][a], preamble.offsets["actions"]
-    offset = action_offsets[a] if len(action_offsets) > 1 else action_offsets[0]
-    if unset[a].all():
-        raise tokens.error(f"action {action!r} has no {table.title} rows", offset)
-    state = preamble.names["states"][int(unset[a].argmax())]
-    raise tokens.error(f"{table.title} row for {action!r}, {state!r} is missing", offset)

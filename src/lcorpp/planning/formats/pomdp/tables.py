@@ -81,11 +81,7 @@ class TableStatements:
         self._stored = 0
 
     def store(self, numbers: Array) -> StoredRows:
-        """Store the nonzero numbers of a row (N,) or a matrix (S, N).
-
-        Raises:
-            ModelError: the table becomes too large.
-        """
+        """Store the nonzero numbers of a row (N,) or a matrix (S, N); raise a ModelError if too many."""
         nonzero = np.nonzero(numbers)
         begin = self._store(nonzero[-1].astype(np.int32), numbers[nonzero])
         if numbers.ndim == 1:
@@ -119,11 +115,7 @@ class TableStatements:
         self._statements[action, state] = rows, offsets
 
     def rows(self) -> tuple[SparseTables, Offsets]:
-        """Return the table, and for each row (A, S) the offset of the last statement about it, or -1.
-
-        Raises:
-            ModelError: the table is too large.
-        """
+        """Return the table, and for each row (A, S) the offset of the last statement about it, or -1."""
         A, S, _ = self.shape
         begins, lengths, offsets = np.zeros((3, A, S), dtype=np.int64)
         offsets[:] = -1

@@ -116,15 +116,10 @@ class Tokens:
         names = ", ".join(f"{name}:" for name in (*PREAMBLE_KEYWORDS, "start", *TABLE_KEYWORDS))
         return self.error(f"expected one of {names}, found {self.describe_next()}")
 
-    def _skip(self, start: int, count: int) -> int:
-        """Return the offset of the token that is `count` tokens after the one at an offset."""
-        for match in islice(_TOKEN.finditer(self.text, start), count):
-            start = match.end()
-        return start
-
-    def _find_word(self, offset: int) -> str:
-        match = _TOKEN.match(self.text, offset)
-        return match[1] if match else ""
+    def _find_token(self, start: int, count: int) -> tuple[str, int]:
+        """Return the token that is `count` tokens after the one at an offset, and its own offset."""
+        match = next(islice(_TOKEN.finditer(self.text, start), count, None))
+        return match[1], match.start()
 
     # --- numbers ---
 
@@ -151,8 +146,8 @@ class Tokens:
             values[row] = numbers
             offsets[row], at = at, match.end()
         if not finite:
-            at = self._skip(first, int(np.argmin(np.isfinite(values))))
-            raise self.error(f"{self._find_word(at)} is too large for a number", at)
+            word, at = self._find_token(first, int(np.argmin(np.isfinite(values))))
+            raise self.error(f"{word} is too large for a number", at)
         self._move_to(at)
         return values, offsets
 
@@ -173,11 +168,11 @@ class Tokens:
         first = self.offset
         values, offsets = self.numbers(count, what, rows)
         if values.min() < 0:
-            at = self._skip(first, int(values.argmin()))
-            raise self.error(f"negative probability {self._find_word(at)} in {what}", at)
+            word, at = self._find_token(first, int(values.argmin()))
+            raise self.error(f"negative probability {word} in {what}", at)
         if values.max() > 1 + ROW_TOLERANCE:
-            at = self._skip(first, int(values.argmax()))
-            raise self.error(f"{self._find_word(at)} is no probability in {what}", at)
+            word, at = self._find_token(first, int(values.argmax()))
+            raise self.error(f"{word} is no probability in {what}", at)
         return values, offsets
 
     def plain_entries(
@@ -205,9 +200,7 @@ class Tokens:
             return None
         words = list(zip(*(match.groups() for match in matches), strict=True))
         columns = [list(map(index.get, column)) for index, column in zip(indices, words, strict=False)]
-        for column in columns:
-            if None in column:
-                n = min(n, column.index(None))
+        n = min([n, *(column.index(None) for column in columns if None in column)])
         values = list(map(float, words[-1][:n])) if n else []
         if values and not low <= min(values) <= max(values) <= high:
             n = next(i for i, value in enumerate(values) if not low <= value <= high)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from lcorpp.errors import ParseError, expected_one_of
 from lcorpp.planning.formats.numbers import find_invalid_number, parse_numbers
-from lcorpp.planning.formats.xml import XmlParser
+from lcorpp.planning.formats.xml import XmlReader
 from lcorpp.values import Array
 
 MAX_DEPTH = 1000
@@ -60,9 +60,8 @@ class Document:
 
     def __init__(self, data: str | bytes, file: str, root: str) -> None:
         self.file, self._data = file, data
-        builder = _TreeBuilder(self)
-        builder.parser = XmlParser(builder, root=root, max_depth=MAX_DEPTH)
-        builder.parser.parse(data)
+        builder = _TreeBuilder(self, root)
+        builder.parse(data)
         self.root = builder.root
 
     def error_at(self, line: int, column: int, message: str) -> ParseError:
@@ -155,19 +154,19 @@ class Document:
                 raise self.error(element, f"unknown attribute {name!r} of <{element.name}>; {known}")
 
 
-class _TreeBuilder:
-    """XML handler that builds the tree of elements."""
+class _TreeBuilder(XmlReader):
+    """Builds the tree of elements."""
 
-    parser: XmlParser
     root: Element
 
-    def __init__(self, document: Document) -> None:
+    def __init__(self, document: Document, root: str) -> None:
+        super().__init__(root=root, max_depth=MAX_DEPTH)
         self._document = document
         self._open: list[Element] = []
         self._texts: list[list[str]] = []  # pieces of text of each open element
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
-        element = Element(name, attributes or _NO_ATTRIBUTES, *self.parser.position)
+        element = Element(name, attributes or _NO_ATTRIBUTES, *self.position)
         if self._open:
             self._open[-1].children.append(element)
         else:
@@ -186,13 +185,10 @@ class _TreeBuilder:
                 element.length += 1
             return
         if element.children:
-            raise self.parser.error(f"text among the elements of <{element.name}>: {text.strip()[:40]!r}")
-        element.pieces.append((element.length, *self.parser.position))
+            raise self.error(f"text among the elements of <{element.name}>: {text.strip()[:40]!r}")
+        element.pieces.append((element.length, *self.position))
         element.length += len(text)
         pieces.append(text)
 
-    def comment(self, text: str) -> None:
-        """Ignore it."""
-
-    def error(self, line: int, column: int, message: str) -> ParseError:
+    def make_error(self, line: int, column: int, message: str) -> ParseError:
         return self._document.error_at(line, column, message)

@@ -42,11 +42,7 @@ class Function:
 
 
 def read_entries(function: Function, builder: TableBuilder) -> None:
-    """Put the entries of a function into a table.
-
-    Raises:
-        ParseError: an entry is malformed.
-    """
+    """Put the entries of a function into a table; raise a ParseError if one is malformed."""
     for entry in function.declarations.document.check_children(function.parameter, ("Entry",), ("type",)):
         _read_entry(function, builder, entry)
 
@@ -119,11 +115,7 @@ def check_probabilities(document: Document, element: Element, values: Array) -> 
 
 
 def normalize_rows(function: Function, table: Table) -> Table:
-    """Check that every row sums to 1, and remove the file's rounding errors.
-
-    Raises:
-        ParseError: a row is missing or has another sum.
-    """
+    """Check that each row is present and sums to 1; return the table without the file's rounding errors."""
     sums = table.rows.row_sums()
     errors = np.abs(sums - 1)
     wrong = np.flatnonzero(errors[0] > ROW_TOLERANCE)

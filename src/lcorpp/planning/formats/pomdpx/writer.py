@@ -69,9 +69,8 @@ def _format_lines(problem: Factored) -> Iterator[str]:
         if tables:
             yield f"<{section}>"
             for table in tables:
-                yield from _format_function(
-                    "CondProb", [names[name] for name in table.children], table, problem, names
-                )
+                children = [names[name] for name in table.children]
+                yield from _format_function("CondProb", children, table, problem, names)
             yield f"</{section}>"
     yield "<RewardFunction>"
     for name, table in problem.reward.items():
@@ -103,18 +102,11 @@ def _format_function(
 
 
 def _make_names(problem: Factored) -> dict[str, str]:
-    """Return our name -> name in the file: ``x_0`` and ``x_1`` for x before and after an action.
-
-    Raises:
-        ModelError: a name has another meaning in the format.
-    """
+    """Return our name -> name in the file: ``x_0`` and ``x_1`` for x before and after an action."""
     plain = [variable.name for variable in (*problem.actions, *problem.observations)]
     states = [variable.name for variable in problem.states]
-    for name in (*plain, *states, *problem.reward):
-        if name == "null":
-            raise ModelError(
-                "the name 'null' cannot be written into a .pomdpx file, where it means no parents"
-            )
+    if "null" in (*plain, *states, *problem.reward):
+        raise ModelError("the name 'null' cannot be written into a .pomdpx file, where it means no parents")
     suffixes = {"": "_0", AFTER: "_1"}
     written = {*plain, *problem.reward, *(name + end for name in states for end in suffixes.values())}
     if len(written) < len(plain) + len(problem.reward) + 2 * len(states) or written.intersection(states):
