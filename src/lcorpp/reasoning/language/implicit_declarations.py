@@ -39,11 +39,7 @@ class _Slot:
     constants: dict[str, Expression] = field(default_factory=dict)
 
     def add(self, expression: Expression, known: dict[str, str], sorts: SortTable) -> None:
-        """Add a use.
-
-        Args:
-            known: variable -> its sort.
-        """
+        """Add a use; `known` maps variables to their sorts."""
         if isinstance(expression, Variable):
             if known.get(expression.name) in sorts.known:
                 self.sorts[known[expression.name]] = None
