@@ -148,7 +148,11 @@ class Tree(Protocol):
 
 
 class Kernels(Protocol):
-    """The classes and functions of an implementation."""
+    """The classes and functions of an implementation.
+
+    The functions iterate until the result is within a tolerance, in reward units, or until wall-clock seconds
+    are over. They raise a ValueError if one of these is NaN, or the tolerance negative.
+    """
 
     @property
     def Model(self) -> Callable[..., Model]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from itertools import accumulate
+from itertools import accumulate, repeat
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -63,7 +63,8 @@ class TableSimulator:
         self._terminal: list[bool] = zero_reward_states(pomdp).tolist()
         self._values: list[float] = np.where(self._terminal, 0.0, LEAF_VALUES[leaf_values](pomdp)).tolist()
         self._transition, self._observation = _RowSampler(pomdp.transition), _RowSampler(pomdp.observation)
-        self._numbers = _draw_numbers(np.random.default_rng(seed))
+        rng = np.random.default_rng(seed)
+        self._numbers = (number for _ in repeat(None) for number in rng.random(BATCH_SIZE).tolist())
 
     def __repr__(self) -> str:
         return f"<TableSimulator: {self._states} states, {self.actions} actions>"
@@ -113,11 +114,6 @@ def _cumulate(weights: list[float]) -> list[float]:
     """Cumulative sums as shares of the total; the last is above all random numbers."""
     sums = list(accumulate(weights))
     return [part / sums[-1] for part in sums[:-1]] + [2.0]
-
-
-def _draw_numbers(rng: np.random.Generator) -> Iterator[float]:
-    while True:
-        yield from rng.random(BATCH_SIZE).tolist()
 
 
 def _compute_mdp_values(pomdp: Pomdp) -> Array:
