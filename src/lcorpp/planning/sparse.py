@@ -50,9 +50,9 @@ class SparseTables:
                 array = np.ascontiguousarray(original, dtype=kind)
             if field != "values" and not np.array_equal(array, original):
                 limit = 2**31 - 1 if field == "columns" else 2**63 - 1
-                raise ModelError(
-                    f"{field} are whole numbers up to {limit}, not {_find_changed_number(array, original)}"
-                )
+                same_shape = array.shape == original.shape
+                wrong = original[array != original].flat[0] if same_shape else original.shape
+                raise ModelError(f"{field} are whole numbers up to {limit}, not {wrong}")
             if array is getattr(self, field) and array.flags.writeable:
                 array = array.copy()
             array.setflags(write=False)
@@ -255,8 +255,3 @@ def ragged_indices(begins: npt.NDArray[np.integer], sizes: npt.NDArray[np.intege
 def _freeze(array: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:
     array.setflags(write=False)
     return array
-
-
-def _find_changed_number(array: npt.NDArray[Any], original: npt.NDArray[Any]) -> object:
-    """Return the first number that a conversion changed, or the shape if the shapes differ."""
-    return original[array != original].flat[0] if array.shape == original.shape else original.shape

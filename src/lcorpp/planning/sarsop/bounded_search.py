@@ -28,7 +28,7 @@ CROSSING_TOLERANCE = 1e-9
 """Largest difference by which rounding may make the bounds cross, relative to the largest value."""
 
 SampleFunction = Callable[..., int]
-"""Samples one path and backs up its nodes, as `lcorpp.planning.sarsop.path_sampling.sample`."""
+"""Has the parameters and the result of `lcorpp.planning.sarsop.path_sampling.sample`."""
 
 
 class BoundedTree:
@@ -198,7 +198,7 @@ class BoundedSearch:
             function: samples the path instead of `Tree.sample`.
         """
         tree = self.bounds.tree
-        target = max(share * self.gap, 0.5 * self.precision)
+        target = max(share * self.gap, 0.5 * self.precision)  # a smaller gap is never needed
         use_lower_bound = self.trials % 2 == 1
         arguments = self.bounds.predictor, self.widest, target, max_depth, self.seconds_left, use_lower_bound
         if function is None:

@@ -93,7 +93,7 @@ class Tree(Protocol):
         seconds: float,
         use_lower_bound: bool,
     ) -> int:
-        """Sample a path and back up its nodes; return their number. See sampling.py."""
+        """Sample a path and back up its nodes; return their number. See path_sampling.py."""
 
     def prune(self, roots: Sequence[int], radius: float, max_ratio: float, growth: float) -> None:
         """Keep the vectors that are best, or nearly best, at a belief that the roots may reach."""

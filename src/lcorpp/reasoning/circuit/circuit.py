@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property
 from math import prod
 from operator import itemgetter
 
@@ -90,6 +89,7 @@ class Circuit:
         self._get_inputs = itemgetter(*self.inputs) if self.inputs else itemgetter(0)
         self._world_queries = world_queries
         self._has_table = AnswerTable.is_feasible(self._encoder.sizes)
+        self._built_table: AnswerTable | None = None
 
     def __repr__(self) -> str:
         given, queries = join_some(self.inputs) or "nothing", join_some(self.queries) or "nothing"
@@ -148,9 +148,11 @@ class Circuit:
             self._partial_answers[tuple(map(evidence.get, self.inputs))] = len(evidence), answer
         return answer
 
-    @cached_property
-    def _table(self) -> AnswerTable:
-        return AnswerTable(self._encoder.sizes, self._compute_weights)
+    @property
+    def _table(self) -> AnswerTable:  # a cached_property would slow down all attributes, as it needs __dict__
+        if self._built_table is None:
+            self._built_table = AnswerTable(self._encoder.sizes, self._compute_weights)
+        return self._built_table
 
     def _look_up(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
         table = self._table

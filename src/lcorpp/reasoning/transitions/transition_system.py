@@ -35,7 +35,6 @@ from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, Ground
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.transitions.local_distribution import (
     AcyclicTermDistribution,
-    GuardedClause,
     LocalDistribution,
     Outcome,
     ProbabilityCache,
@@ -262,8 +261,7 @@ class _TransitionBuilder:
         for _, parent, _ in children:
             read_terms.update([template.terms[i] for update in parent.updates for i, _ in update.conditions])
         clauses = [
-            GuardedClause(bits[group.satisfied_slot], group.clause, group.own_literals)
-            for group in template.clause_groups
+            (bits[group.satisfied_slot], group.clause, group.own_literals) for group in template.clause_groups
         ]
         return build_component(self._program, template.terms, clauses, self._probabilities, read_terms)
 

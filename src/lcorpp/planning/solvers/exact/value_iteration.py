@@ -91,7 +91,7 @@ def solve_exact(
 class _ValueIteration:
     """The state of value iteration.
 
-    plans: the value function, as the values of plans.
+    plans: the value function: alpha vectors, which are the values of plans, and the plans' first actions.
     lower: plans whose vectors are proven lower bounds on the value of their policy.
     upper: proven upper bound on the optimal value.
     witnesses: (n, S) the starts, and a belief for each plan of the last exact step where it was the best.
