@@ -23,8 +23,8 @@ from rich.console import Console
 
 from lcorpp.domains import load_domain
 from lcorpp.files import make_folder, write_atomically
+from lcorpp.learning import StreamingClassifier, with_prefix_ensemble
 from lcorpp.learning.classifiers.registry import learner
-from lcorpp.learning.streaming import StreamingClassifier, with_prefix_ensemble
 from lcorpp.values import Array
 
 RATE = 30.0

@@ -5,14 +5,7 @@ import os
 import pytest
 
 from lcorpp.errors import FileError, ParseError
-from lcorpp.files import (
-    make_folder,
-    open_atomically,
-    open_text,
-    read_text,
-    sync_folder,
-    write_atomically,
-)
+from lcorpp.files import make_folder, open_atomically, open_text, read_text, sync_folder, write_atomically
 
 
 def test_what_is_written_is_read(tmp_path):

@@ -23,7 +23,7 @@ void dot_run(const double* table, std::size_t capacity, const Index* positions, 
              std::size_t row, double* out) {
     double sums[kRun] = {0.0};
     for (std::size_t i = 0; i < n; ++i) {
-        const double* run = table + static_cast<std::size_t>(positions[i]) * capacity + row;
+        const double* run = table + as_size(positions[i]) * capacity + row;
         const double weight = weights[i];
         for (std::size_t k = 0; k < kRun; ++k) sums[k] += weight * run[k];
     }
@@ -34,7 +34,7 @@ void dot_run(const double* table, std::size_t capacity, const Index* positions, 
 
 std::size_t VectorSet::first_since(Stamp stamp) const {
     if (stamps_.empty() || stamps_.back() < stamp) return stamps_.size();
-    return static_cast<std::size_t>(std::lower_bound(stamps_.begin(), stamps_.end(), stamp) - stamps_.begin());
+    return as_size(std::lower_bound(stamps_.begin(), stamps_.end(), stamp) - stamps_.begin());
 }
 
 Index VectorSet::find(Stamp stamp) const {
@@ -100,7 +100,7 @@ void VectorSet::add(const std::vector<double>& vector, Index action, Stamp stamp
     actions_.push_back(action);
     sums_.push_back(sum);
     stamps_.push_back(stamp);
-    if (central_ < 0 || sum > sums_[static_cast<std::size_t>(central_)]) central_ = static_cast<Index>(row);
+    if (central_ < 0 || sum > sums_[as_size(central_)]) central_ = static_cast<Index>(row);
 }
 
 void VectorSet::keep(const std::vector<char>& kept) {

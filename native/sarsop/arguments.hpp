@@ -60,15 +60,15 @@ inline SparseTables make_tables(Index tables, Index rows, Index columns, const I
 
 // A copy of a table (A, S) of finite numbers.
 inline std::vector<double> copy_table(const Model& model, const InputArray<double, 2>& table) {
-    require(table.shape(0) == static_cast<std::size_t>(model.actions) &&
-                table.shape(1) == static_cast<std::size_t>(model.states),
+    require(table.shape(0) == as_size(model.actions) &&
+                table.shape(1) == as_size(model.states),
             "expected a table of actions by states");
     require_finite(table, "expected a table of finite numbers");
     return copy(table);
 }
 
 inline Weights make_belief(const Model& model, const InputArray<double, 1>& dense) {
-    require(dense.shape(0) == static_cast<std::size_t>(model.states), "a belief needs one number per state");
+    require(dense.shape(0) == as_size(model.states), "a belief needs one number per state");
     Weights belief;
     double total = 0.0;
     for (Index s = 0; s < model.states; ++s) {
@@ -111,14 +111,14 @@ inline std::vector<Weights> make_beliefs(const Model& model, const InputArray<st
 }
 
 inline Node& get_node(Tree& tree, Index node) {
-    if (node < 0 || static_cast<std::size_t>(node) >= tree.nodes.size()) throw nb::index_error("unknown node");
-    return tree.nodes[static_cast<std::size_t>(node)];
+    if (node < 0 || as_size(node) >= tree.nodes.size()) throw nb::index_error("unknown node");
+    return tree.nodes[as_size(node)];
 }
 
 inline Branch& get_branch(Tree& tree, Index node, Index action) {
     Node& found = get_node(tree, node);
     if (action < 0 || action >= tree.model.actions) throw nb::index_error("unknown action");
-    return found.branches[static_cast<std::size_t>(action)];
+    return found.branches[as_size(action)];
 }
 
 inline VectorSet& get_set(Tree& tree, std::size_t group) {

@@ -10,12 +10,12 @@ namespace lcorpp {
 
 void Tree::backup(Index number) {
     refresh(number);
-    Node& node = nodes[static_cast<std::size_t>(number)];
+    Node& node = nodes[as_size(number)];
     Index action = find_best_lower_action(node);
     for (int attempt = 0; attempt < 2; ++attempt) {
-        Branch& branch = node.branches[static_cast<std::size_t>(action)];
+        Branch& branch = node.branches[as_size(action)];
         const bool pruned = std::any_of(branch.children.begin(), branch.children.end(), [&](const Child& child) {
-            return sets[static_cast<std::size_t>(child.group)].find(child.best_vector) < 0;
+            return sets[as_size(child.group)].find(child.best_vector) < 0;
         });
         if (!pruned) break;
         for (Branch& other : node.branches) {  // a remembered vector was pruned: forget all lower bounds
@@ -27,21 +27,21 @@ void Tree::backup(Index number) {
         action = find_best_lower_action(node);
     }
     update_best_vector(node);
-    if (node.branches[static_cast<std::size_t>(action)].lower > node.lower_value + kMinGain * max_abs_value) {
+    if (node.branches[as_size(action)].lower > node.lower_value + kMinGain * max_abs_value) {
         std::vector<Stamp> depends_on;
         const std::vector<double> vector = make_vector(node, action, depends_on);
         // The value of the vector here, not the look-ahead value: their rounding errors differ.
-        const bool is_block = static_cast<std::size_t>(node.group) < model.members.size();
+        const bool is_block = as_size(node.group) < model.members.size();
         double value = 0.0;
         for (std::size_t i = 0; i < node.belief.size(); ++i) {
-            const auto s = static_cast<std::size_t>(node.belief.state[i]);
-            value += node.belief.weight[i] * vector[is_block ? static_cast<std::size_t>(model.local[s]) : s];
+            const auto s = as_size(node.belief.state[i]);
+            value += node.belief.weight[i] * vector[is_block ? as_size(model.local[s]) : s];
         }
         if (value > node.lower_value) {
             node.best_vector = next_vector_;
             node.lower_value = value;
             dependencies.record(next_vector_, std::move(depends_on));
-            sets[static_cast<std::size_t>(node.group)].add(vector, action, next_vector_++);
+            sets[as_size(node.group)].add(vector, action, next_vector_++);
         }
     }
     node.lower = node.lower_value;
@@ -57,29 +57,29 @@ void Tree::backup(Index number) {
 // observation that is impossible at this belief any vector is valid; the best vector after the action alone is used,
 // because it serves the neighbouring beliefs.
 std::vector<double> Tree::make_vector(Node& node, Index action, std::vector<Stamp>& depends_on) {
-    const Branch& branch = node.branches[static_cast<std::size_t>(action)];
+    const Branch& branch = node.branches[as_size(action)];
     const SparseTables& T = model.transition;
     const SparseTables& Z = model.observation;
-    std::vector<Index> row(static_cast<std::size_t>(model.observations), -1);
+    std::vector<Index> row(as_size(model.observations), -1);
     for (std::size_t c = 0; c < branch.children.size(); ++c) {
         const Child& child = branch.children[c];
         depends_on.push_back(child.best_vector);
-        row[static_cast<std::size_t>(child.observation)] = sets[static_cast<std::size_t>(child.group)].find(child.best_vector);
+        row[as_size(child.observation)] = sets[as_size(child.group)].find(child.best_vector);
     }
     std::vector<Index> default_rows(model.members.size(), -1);
     const auto default_row = [&](Index block) {
-        Index& result = default_rows[static_cast<std::size_t>(block)];
+        Index& result = default_rows[as_size(block)];
         if (result >= 0) return result;
         Weights part;
         const Weights& predicted = successors_.predict(node.belief, action);
         for (std::size_t i = 0; i < predicted.size(); ++i) {
-            if (model.block[static_cast<std::size_t>(predicted.state[i])] != block) continue;
+            if (model.block[as_size(predicted.state[i])] != block) continue;
             part.state.push_back(predicted.state[i]);
             part.weight.push_back(predicted.weight[i]);
         }
-        const VectorSet& set = sets[static_cast<std::size_t>(block)];
+        const VectorSet& set = sets[as_size(block)];
         result = part.size() ? find_best_vector(block, part.state.data(), part.weight.data(), part.size(), 0).row : set.central();
-        depends_on.push_back(set.stamp(static_cast<std::size_t>(result)));
+        depends_on.push_back(set.stamp(as_size(result)));
         return result;
     };
     std::fill(next_values_.begin(), next_values_.end(), kInfinity);
@@ -88,15 +88,15 @@ std::vector<double> Tree::make_vector(Node& node, Index action, std::vector<Stam
     for (std::size_t i = 0; i < states.size(); ++i) {
         double sum = 0.0;
         for (std::size_t j = T.begin(action, states[i]); j < T.end(action, states[i]); ++j) {
-            const auto next = static_cast<std::size_t>(T.column[j]);
+            const auto next = as_size(T.column[j]);
             double& next_value = next_values_[next];
             if (next_value == kInfinity) {
-                const VectorSet& set = sets[static_cast<std::size_t>(model.block[next])];
+                const VectorSet& set = sets[as_size(model.block[next])];
                 next_value = 0.0;
                 for (std::size_t k = Z.begin(action, T.column[j]); k < Z.end(action, T.column[j]); ++k) {
-                    Index chosen = row[static_cast<std::size_t>(Z.column[k])];
+                    Index chosen = row[as_size(Z.column[k])];
                     if (chosen < 0) chosen = default_row(model.block[next]);
-                    next_value += Z.value[k] * set.at(static_cast<std::size_t>(chosen), static_cast<std::size_t>(model.local[next]));
+                    next_value += Z.value[k] * set.at(as_size(chosen), as_size(model.local[next]));
                 }
             }
             sum += T.value[j] * next_value;

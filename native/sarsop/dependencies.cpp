@@ -24,7 +24,7 @@ void VectorDependencies::record_pruned_vectors(const VectorSet& set, Index group
         if (kept[row]) continue;
         const Index dominating = set.find_dominating(row, kept, slack);
         if (dominating >= 0) {
-            replaced_by_[set.stamp(row)] = set.stamp(static_cast<std::size_t>(dominating));
+            replaced_by_[set.stamp(row)] = set.stamp(as_size(dominating));
         } else {
             PrunedVector pruned{group, set.action(row), {}};
             for (std::size_t s = 0; s < set.states(); ++s) pruned.values.push_back(set.at(row, s));
@@ -40,7 +40,8 @@ Stamp VectorDependencies::find_replacement(Stamp stamp) const {
     return stamp;
 }
 
-// The stamps of the vectors in the sets and of all vectors that they depend on, directly or not.
+// Replace all pruned vectors that were replaced in the dependencies; return the stamps of the vectors in the sets and of
+// all vectors that they depend on, directly or not.
 std::vector<Stamp> VectorDependencies::find_needed_stamps(const std::vector<VectorSet>& sets) {
     std::vector<Stamp> queue;
     std::unordered_set<Stamp> visited;
@@ -62,7 +63,7 @@ std::vector<Stamp> VectorDependencies::find_needed_stamps(const std::vector<Vect
 }
 
 void VectorDependencies::forget_unneeded(const std::vector<VectorSet>& sets) {
-    const std::vector<Stamp> needed = find_needed_stamps(sets);  // it resolves all replacements
+    const std::vector<Stamp> needed = find_needed_stamps(sets);  // after it, no dependency is on a replaced vector
     decltype(depends_on_) depends_on;
     decltype(pruned_) pruned;
     for (const Stamp stamp : needed) {

@@ -16,12 +16,13 @@ struct PrunedVector {
     std::vector<double> values;
 };
 
-// A backup computes a vector from one vector per observation, and the promised value is earned only if the policy
-// continues with those. If one of them is pruned, a vector that dominates it replaces it. If there is none, the pruned
+// A vector depends on the vectors from which its backup computed it, one per observation: the promised value is earned
+// only if the policy continues with those. If one of them is pruned, a vector that dominates it replaces it. If there is none, the pruned
 // vector is kept here until no other vector depends on it.
 class VectorDependencies {
   public:
-    // Vectors with stamps below `blind` are blind policies: they depend on themselves and are never pruned.
+    // Vectors with stamps below `blind`, the number of actions, are blind policies: they depend on themselves and are
+    // never pruned.
     explicit VectorDependencies(Stamp blind) : blind_(blind) {}
 
     // Record a new vector and the vectors it depends on.
@@ -40,7 +41,7 @@ class VectorDependencies {
     std::vector<const PrunedVector*> find_needed_vectors(const std::vector<VectorSet>& sets);
 
   private:
-    // Stands for all imported vectors.
+    // Stands for all imported vectors: each depends on it, and it depends on each.
     static constexpr Stamp kImported = std::numeric_limits<Stamp>::max();
 
     Stamp find_replacement(Stamp stamp) const;

@@ -35,10 +35,11 @@ void check(const SparseTables& tables) {
     }
 }
 
+// The root of a tree of a union-find forest; halves the path to it.
 Index find_root(std::vector<Index>& parent, Index i) {
-    while (parent[static_cast<std::size_t>(i)] != i) {
-        Index& up = parent[static_cast<std::size_t>(i)];
-        up = parent[static_cast<std::size_t>(up)];
+    while (parent[as_size(i)] != i) {
+        Index& up = parent[as_size(i)];
+        up = parent[as_size(up)];
         i = up;
     }
     return i;
@@ -57,33 +58,34 @@ Model::Model(SparseTables transition_, SparseTables observation_, std::vector<do
     check(transition);
     check(observation);
     if (transition.columns != states || observation.rows != states || observation.tables != actions ||
-        reward.size() != static_cast<std::size_t>(actions) * static_cast<std::size_t>(states)) {
+        reward.size() != as_size(actions) * as_size(states)) {
         throw std::invalid_argument("the tables of a model have different numbers of states or actions");
     }
     find_blocks();
 }
 
-// Two states are in one block if the same action reaches both and the same observation can follow.
+// Blocks are the connected components of the states, where two are connected if the same action reaches both and the
+// same observation can follow.
 void Model::find_blocks() {
-    const auto count = static_cast<std::size_t>(states);
+    const auto count = as_size(states);
     std::vector<Index> parent(count);
     std::iota(parent.begin(), parent.end(), 0);
     std::vector<char> reached(count);
-    std::vector<Index> first(static_cast<std::size_t>(observations));
+    std::vector<Index> first_with(as_size(observations));
     for (Index a = 0; a < actions; ++a) {
         std::fill(reached.begin(), reached.end(), 0);
         for (std::size_t i = transition.begin(a, 0); i < transition.end(a, states - 1); ++i) {
-            reached[static_cast<std::size_t>(transition.column[i])] = 1;
+            reached[as_size(transition.column[i])] = 1;
         }
-        std::fill(first.begin(), first.end(), -1);
+        std::fill(first_with.begin(), first_with.end(), -1);
         for (Index s = 0; s < states; ++s) {
-            if (!reached[static_cast<std::size_t>(s)]) continue;
+            if (!reached[as_size(s)]) continue;
             for (std::size_t i = observation.begin(a, s); i < observation.end(a, s); ++i) {
-                Index& other = first[static_cast<std::size_t>(observation.column[i])];
-                if (other < 0) {
-                    other = s;
+                Index& first = first_with[as_size(observation.column[i])];
+                if (first < 0) {
+                    first = s;
                 } else {
-                    parent[static_cast<std::size_t>(find_root(parent, s))] = find_root(parent, other);
+                    parent[as_size(find_root(parent, s))] = find_root(parent, first);
                 }
             }
         }
@@ -92,22 +94,22 @@ void Model::find_blocks() {
     local.assign(count, 0);
     std::vector<Index> number(count, -1);
     for (Index s = 0; s < states; ++s) {
-        Index& own = number[static_cast<std::size_t>(find_root(parent, s))];
+        Index& own = number[as_size(find_root(parent, s))];
         if (own < 0) {
             own = static_cast<Index>(members.size());
             members.emplace_back();
         }
-        auto& others = members[static_cast<std::size_t>(own)];
-        block[static_cast<std::size_t>(s)] = own;
-        local[static_cast<std::size_t>(s)] = static_cast<Index>(others.size());
+        auto& others = members[as_size(own)];
+        block[as_size(s)] = own;
+        local[as_size(s)] = static_cast<Index>(others.size());
         others.push_back(s);
     }
 }
 
 Successors::Successors(const Model& model)
     : model_(model),
-      mass_(static_cast<std::size_t>(model.states), 0.0),
-      entries_(static_cast<std::size_t>(model.observations), 0) {}
+      mass_(as_size(model.states), 0.0),
+      entries_(as_size(model.observations), 0) {}
 
 const Weights& Successors::predict(const Weights& belief, Index action) {
     const SparseTables& T = model_.transition;
@@ -115,7 +117,7 @@ const Weights& Successors::predict(const Weights& belief, Index action) {
     for (std::size_t i = 0; i < belief.size(); ++i) {
         const std::size_t end = T.end(action, belief.state[i]);
         for (std::size_t j = T.begin(action, belief.state[i]); j < end; ++j) {
-            double& mass = mass_[static_cast<std::size_t>(T.column[j])];
+            double& mass = mass_[as_size(T.column[j])];
             const double share = belief.weight[i] * T.value[j];
             if (mass == 0.0 && share > 0.0) predicted_.state.push_back(T.column[j]);
             mass += share;
@@ -123,7 +125,7 @@ const Weights& Successors::predict(const Weights& belief, Index action) {
     }
     std::sort(predicted_.state.begin(), predicted_.state.end());
     for (const Index s : predicted_.state) {
-        double& mass = mass_[static_cast<std::size_t>(s)];
+        double& mass = mass_[as_size(s)];
         predicted_.weight.push_back(mass);
         mass = 0.0;
     }
@@ -137,14 +139,14 @@ const Outcomes& Successors::compute_outcomes(const Weights& belief, Index action
     out.observation.clear();
     for (const Index s : predicted_.state) {
         for (std::size_t j = Z.begin(action, s); j < Z.end(action, s); ++j) {
-            if (entries_[static_cast<std::size_t>(Z.column[j])]++ == 0) out.observation.push_back(Z.column[j]);
+            if (entries_[as_size(Z.column[j])]++ == 0) out.observation.push_back(Z.column[j]);
         }
     }
     std::sort(out.observation.begin(), out.observation.end());
     const std::size_t children = out.observation.size();
     out.begins.assign(children + 1, 0);
     for (std::size_t c = 0; c < children; ++c) {
-        std::size_t& entries = entries_[static_cast<std::size_t>(out.observation[c])];
+        std::size_t& entries = entries_[as_size(out.observation[c])];
         out.begins[c + 1] = out.begins[c] + entries;
         entries = out.begins[c];  // from here on: index of the next entry of this child
     }
@@ -154,7 +156,7 @@ const Outcomes& Successors::compute_outcomes(const Weights& belief, Index action
     for (std::size_t i = 0; i < predicted_.size(); ++i) {
         const Index s = predicted_.state[i];
         for (std::size_t j = Z.begin(action, s); j < Z.end(action, s); ++j) {
-            std::size_t& next = entries_[static_cast<std::size_t>(Z.column[j])];
+            std::size_t& next = entries_[as_size(Z.column[j])];
             out.state[next] = s;
             out.weight[next] = predicted_.weight[i] * Z.value[j];
             ++next;
@@ -163,7 +165,7 @@ const Outcomes& Successors::compute_outcomes(const Weights& belief, Index action
     // Drop the children whose probability has no significant digits.
     std::size_t kept = 0, written = 0;
     for (std::size_t c = 0; c < children; ++c) {
-        entries_[static_cast<std::size_t>(out.observation[c])] = 0;
+        entries_[as_size(out.observation[c])] = 0;
         const std::size_t from = out.begins[c], to = out.begins[c + 1], start = written;
         double total = 0.0;
         for (std::size_t i = from; i < to; ++i) total += out.weight[i];

@@ -10,6 +10,9 @@ namespace lcorpp {
 using Index = std::int32_t;
 using Stamp = std::int64_t;
 
+// An index as a position in an array.
+constexpr std::size_t as_size(Index index) { return static_cast<std::size_t>(index); }
+
 // The smallest normal double. A smaller probability has no significant digits: dividing by it is meaningless.
 constexpr double kMinProbability = 2.2250738585072014e-308;
 
@@ -24,7 +27,7 @@ struct SparseTables {
     std::vector<double> value;         // (entries)
 
     std::size_t at(Index table, Index row) const {
-        return static_cast<std::size_t>(table) * static_cast<std::size_t>(rows) + static_cast<std::size_t>(row);
+        return as_size(table) * as_size(rows) + as_size(row);
     }
     std::size_t begin(Index table, Index row) const { return static_cast<std::size_t>(begins[at(table, row)]); }
     std::size_t end(Index table, Index row) const { return static_cast<std::size_t>(begins[at(table, row) + 1]); }
@@ -42,9 +45,10 @@ struct Weights {
     }
 };
 
-// The POMDP as sparse tables, and its partition into blocks. Blocks partition the states: after every action and observation the belief lies within one block. A
-// model with fully observed parts (a MOMDP; Ong, Png, Hsu and Lee, 2010) has many blocks, and beliefs and alpha vectors
-// are stored over their own block only. A group is a block, or (the last one) all states, for beliefs over several blocks.
+// The POMDP as sparse tables, and its partition into blocks. Blocks partition the states: after every action and
+// observation the belief lies within one block; only a start belief may be over several. A model with fully observed
+// parts (a MOMDP; Ong, Png, Hsu and Lee, 2010) has many blocks, and beliefs and alpha vectors are stored over their own
+// block only. A group is a block, or (the last one) all states, for beliefs over several blocks.
 class Model {
   public:
     // Throws std::invalid_argument if shapes or indices do not fit together.
@@ -61,7 +65,7 @@ class Model {
     std::vector<std::vector<Index>> members;  // states of each block
 
     double reward_of(Index action, Index state) const {
-        return reward[static_cast<std::size_t>(action) * static_cast<std::size_t>(states) + static_cast<std::size_t>(state)];
+        return reward[as_size(action) * as_size(states) + as_size(state)];
     }
 
   private:

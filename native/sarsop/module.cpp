@@ -38,7 +38,7 @@ auto run_timed(const Model& model, double tolerance, double seconds, Work work) 
         Clock clock(seconds, check_interrupt);
         table = work(clock);
     }
-    return make_array(std::move(table), {static_cast<std::size_t>(model.actions), static_cast<std::size_t>(model.states)});
+    return make_array(std::move(table), {as_size(model.actions), as_size(model.states)});
 }
 
 // (A,) a field of each branch of a node.
@@ -89,8 +89,8 @@ void bind_model(nb::module_& m) {
                InputArray<Index, 1> t_columns, InputArray<double, 1> t_values, InputArray<std::int64_t, 1> o_begins,
                InputArray<Index, 1> o_columns, InputArray<double, 1> o_values, InputArray<double, 2> reward, double discount) {
                 require(discount > 0 && discount < 1, "the discount must lie strictly between 0 and 1");
-                require(n_actions > 0 && n_states > 0 && reward.shape(0) == static_cast<std::size_t>(n_actions) &&
-                            reward.shape(1) == static_cast<std::size_t>(n_states),
+                require(n_actions > 0 && n_states > 0 && reward.shape(0) == as_size(n_actions) &&
+                            reward.shape(1) == as_size(n_states),
                         "expected rewards of actions by states");
                 require_finite(reward, "expected finite rewards");
                 new (self) Model(make_tables(n_actions, n_states, n_states, t_begins, t_columns, t_values),
@@ -213,9 +213,9 @@ void bind_tree(nb::module_& m) {
         .def(
             "belief",
             [](Tree& tree, Index node) {
-                std::vector<double> dense(static_cast<std::size_t>(tree.model.states), 0.0);
+                std::vector<double> dense(as_size(tree.model.states), 0.0);
                 const Weights& belief = get_node(tree, node).belief;
-                for (std::size_t i = 0; i < belief.size(); ++i) dense[static_cast<std::size_t>(belief.state[i])] = belief.weight[i];
+                for (std::size_t i = 0; i < belief.size(); ++i) dense[as_size(belief.state[i])] = belief.weight[i];
                 return make_array(std::move(dense));
             },
             "node"_a)
@@ -244,7 +244,7 @@ void bind_tree(nb::module_& m) {
                 std::vector<double> table;
                 std::vector<Index> actions;
                 for (const PrunedVector* pruned : tree.dependencies.find_needed_vectors(tree.sets)) {
-                    if (static_cast<std::size_t>(pruned->group) != group) continue;
+                    if (as_size(pruned->group) != group) continue;
                     actions.push_back(pruned->action);
                     table.insert(table.end(), pruned->values.begin(), pruned->values.end());
                 }

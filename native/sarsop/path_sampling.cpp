@@ -46,14 +46,14 @@ std::size_t sample(Tree& tree, ValuePredictor& predictor, Index root, const Samp
     std::vector<Index> path{root};
     Index action = tree.select_action(root, options.use_lower_bound);
     double allowed = options.target;
-    double L = tree.nodes[static_cast<std::size_t>(root)].lower, U = L + allowed;
+    double L = tree.nodes[as_size(root)].lower, U = L + allowed;
     Index number = root;
     while (path.size() < options.max_depth && !clock.expired()) {
-        const Node& node = tree.nodes[static_cast<std::size_t>(number)];
+        const Node& node = tree.nodes[as_size(number)];
         if (node.upper - node.lower <= kNegligibleShare * allowed) break;
         const double margin = kLevelMargin * allowed;
         if (predictor.predict(node) <= L + margin && node.upper <= std::max(U, node.lower + allowed) + margin) break;
-        const Branch& branch = node.branches[static_cast<std::size_t>(action)];
+        const Branch& branch = node.branches[as_size(action)];
         allowed /= gamma;
         double widest = -kInfinity, widest_fresh = -kInfinity, lower_sum = 0.0, upper_sum = 0.0;
         std::size_t any = 0, fresh = 0;
@@ -81,7 +81,7 @@ std::size_t sample(Tree& tree, ValuePredictor& predictor, Index root, const Samp
         U = ((U - branch.expected_reward) / gamma - (upper_sum - child.upper)) / child.probability;
         number = tree.find_or_add_child(number, action, chosen);
         action = tree.select_action(number, options.use_lower_bound);
-        predictor.learn(tree.nodes[static_cast<std::size_t>(number)]);
+        predictor.learn(tree.nodes[as_size(number)]);
         path.push_back(number);
     }
     for (auto node = path.rbegin(); node != path.rend(); ++node) {

@@ -24,17 +24,17 @@ std::vector<Index> Tree::find_reachable(const std::vector<Index>& roots) const {
     std::vector<char> visited(nodes.size(), 0);
     std::vector<Index> queue;
     for (const Index root : roots) {
-        if (!visited[static_cast<std::size_t>(root)]) queue.push_back(root);
-        visited[static_cast<std::size_t>(root)] = 1;
+        if (!visited[as_size(root)]) queue.push_back(root);
+        visited[as_size(root)] = 1;
     }
     for (std::size_t i = 0; i < queue.size(); ++i) {
-        const Node& node = nodes[static_cast<std::size_t>(queue[i])];
-        const double lower = node.branches[static_cast<std::size_t>(find_best_lower_action(node))].lower;
+        const Node& node = nodes[as_size(queue[i])];
+        const double lower = node.branches[as_size(find_best_lower_action(node))].lower;
         for (const Branch& branch : node.branches) {
             if (branch.upper < lower) continue;
             for (const Child& child : branch.children) {
-                if (child.node < 0 || visited[static_cast<std::size_t>(child.node)]) continue;
-                visited[static_cast<std::size_t>(child.node)] = 1;
+                if (child.node < 0 || visited[as_size(child.node)]) continue;
+                visited[as_size(child.node)] = 1;
                 queue.push_back(child.node);
             }
         }
@@ -52,7 +52,7 @@ void Tree::prune(const std::vector<Index>& roots, double radius, double max_rati
     if (!any_grown) return;
     std::vector<std::vector<Index>> by_group(sets.size());
     for (const Index number : find_reachable(roots)) {
-        by_group[static_cast<std::size_t>(nodes[static_cast<std::size_t>(number)].group)].push_back(number);
+        by_group[as_size(nodes[as_size(number)].group)].push_back(number);
     }
     for (std::size_t g = 0; g < sets.size(); ++g) {
         if (!has_grown(g)) continue;
@@ -67,34 +67,34 @@ void Tree::prune(const std::vector<Index>& roots, double radius, double max_rati
 // stops the search; too large a radius slows it down. At most `max_ratio` times the vectors that are best somewhere
 // survive, those with the smallest radius.
 void Tree::prune_set(Index group, const std::vector<Index>& nodes_of_group, double radius, double max_ratio) {
-    VectorSet& set = sets[static_cast<std::size_t>(group)];
+    VectorSet& set = sets[as_size(group)];
     const std::size_t count = set.count();
     std::vector<double> min_radius(count, kInfinity);  // by row: the smallest radius with which a vector survives
     std::vector<Index> winners;                        // rows that are best at a node
     std::vector<Index> winner_number(count, -1);       // by row: its place in `winners`
     for (const Index i : nodes_of_group) {
-        Node& node = nodes[static_cast<std::size_t>(i)];
+        Node& node = nodes[as_size(i)];
         update_best_vector(node);
         const Index row = set.find(node.best_vector);
-        if (winner_number[static_cast<std::size_t>(row)] < 0) {
-            winner_number[static_cast<std::size_t>(row)] = static_cast<Index>(winners.size());
+        if (winner_number[as_size(row)] < 0) {
+            winner_number[as_size(row)] = static_cast<Index>(winners.size());
             winners.push_back(row);
         }
     }
     std::vector<std::vector<double>> distances(winners.size());
-    const bool is_block = static_cast<std::size_t>(group) < model.members.size();
+    const bool is_block = as_size(group) < model.members.size();
     const std::size_t step = std::max<std::size_t>(1, nodes_of_group.size() / kMaxSampledBeliefs);
     std::vector<Index> positions;
     std::vector<double> values;
     for (std::size_t i = 0; i < nodes_of_group.size(); i += step) {
-        const Node& node = nodes[static_cast<std::size_t>(nodes_of_group[i])];
+        const Node& node = nodes[as_size(nodes_of_group[i])];
         positions = node.belief.state;
         if (is_block) {
-            for (Index& position : positions) position = model.local[static_cast<std::size_t>(position)];
+            for (Index& position : positions) position = model.local[as_size(position)];
         }
         set.values(positions.data(), node.belief.weight.data(), positions.size(), values);
-        const auto winner = static_cast<std::size_t>(set.find(node.best_vector));
-        auto& distance = distances[static_cast<std::size_t>(winner_number[winner])];
+        const auto winner = as_size(set.find(node.best_vector));
+        auto& distance = distances[as_size(winner_number[winner])];
         if (distance.empty()) set.distances(winner, distance);
         for (std::size_t row = 0; row < count; ++row) {
             // A duplicate has distance 0: it is dropped unless it is itself a winner.
@@ -102,7 +102,7 @@ void Tree::prune_set(Index group, const std::vector<Index>& nodes_of_group, doub
             if (distance[row] > 0 && loss < min_radius[row] * distance[row]) min_radius[row] = loss / distance[row];
         }
     }
-    for (const Index row : winners) min_radius[static_cast<std::size_t>(row)] = -1.0;
+    for (const Index row : winners) min_radius[as_size(row)] = -1.0;
     // Blind policies depend on themselves and always stay.
     for (std::size_t row = 0; row < count; ++row) {
         if (set.stamp(row) < model.actions) min_radius[row] = -1.0;

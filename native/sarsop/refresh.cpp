@@ -7,18 +7,18 @@
 namespace lcorpp {
 
 void Tree::refresh_lower(Node& node, Index action) {
-    Branch& branch = node.branches[static_cast<std::size_t>(action)];
+    Branch& branch = node.branches[as_size(action)];
     if (branch.expanded && branch.vectors_version == next_vector_) return;
     const Outcomes& outcomes = expand(node, action);
     double sum = 0.0;
     for (std::size_t c = 0; c < branch.children.size(); ++c) {
         Child& child = branch.children[c];
-        const VectorSet& set = sets[static_cast<std::size_t>(child.group)];
+        const VectorSet& set = sets[as_size(child.group)];
         const std::size_t first = set.first_since(branch.vectors_version);
         const Best newer = find_best_vector(child.group, outcomes.states(c), outcomes.weights(c), outcomes.size(c), first);
         if (newer.row >= 0 && newer.value > child.lower) {
             child.lower = newer.value;
-            child.best_vector = set.stamp(static_cast<std::size_t>(newer.row));
+            child.best_vector = set.stamp(as_size(newer.row));
         }
         sum += child.lower;
     }
@@ -27,7 +27,7 @@ void Tree::refresh_lower(Node& node, Index action) {
 }
 
 void Tree::refresh_upper(Node& node, Index action) {
-    Branch& branch = node.branches[static_cast<std::size_t>(action)];
+    Branch& branch = node.branches[as_size(action)];
     if (branch.refreshed && branch.points_version == sawtooth.next_stamp()) return;
     const Outcomes& outcomes = expand(node, action);
     double sum = 0.0;
@@ -37,7 +37,7 @@ void Tree::refresh_upper(Node& node, Index action) {
             sawtooth.bound(outcomes.states(c), outcomes.weights(c), outcomes.size(c), child.group, branch.points_version);
         child.upper = std::min(child.upper, bound);
         if (child.node >= 0) {
-            const double node_bound = nodes[static_cast<std::size_t>(child.node)].upper + child.lipschitz_slack;
+            const double node_bound = nodes[as_size(child.node)].upper + child.lipschitz_slack;
             child.upper = std::min(child.upper, child.probability * node_bound);
         }
         sum += child.upper;
@@ -66,27 +66,27 @@ Index Tree::find_best_upper_action(const Node& node) {
 // Update upper bounds until the best action by the upper bound is up to date; the others' older bounds stay valid.
 // Returns for each action whether its upper bound was updated.
 std::vector<char> Tree::refresh_best_upper(Node& node) {
-    std::vector<char> updated(static_cast<std::size_t>(model.actions), 0);
+    std::vector<char> updated(as_size(model.actions), 0);
     Index action = find_best_upper_action(node);
-    while (!updated[static_cast<std::size_t>(action)]) {
+    while (!updated[as_size(action)]) {
         refresh_upper(node, action);
-        updated[static_cast<std::size_t>(action)] = 1;
+        updated[as_size(action)] = 1;
         action = find_best_upper_action(node);
     }
-    node.upper = std::min(node.upper, node.branches[static_cast<std::size_t>(action)].upper);
+    node.upper = std::min(node.upper, node.branches[as_size(action)].upper);
     return updated;
 }
 
 void Tree::refresh(Index number) {
-    Node& node = nodes[static_cast<std::size_t>(number)];
+    Node& node = nodes[as_size(number)];
     refresh_best_upper(node);
     const Index action = find_best_upper_action(node);
     // The lower bounds of actions that cannot be the best are not updated.
-    double lower = node.branches[static_cast<std::size_t>(find_best_lower_action(node))].lower;
+    double lower = node.branches[as_size(find_best_lower_action(node))].lower;
     refresh_lower(node, action);
-    lower = std::max(lower, node.branches[static_cast<std::size_t>(action)].lower);
+    lower = std::max(lower, node.branches[as_size(action)].lower);
     for (Index a = 0; a < model.actions; ++a) {
-        Branch& branch = node.branches[static_cast<std::size_t>(a)];
+        Branch& branch = node.branches[as_size(a)];
         if (a == action || branch.upper <= lower) continue;
         refresh_lower(node, a);
         lower = std::max(lower, branch.lower);
@@ -96,25 +96,25 @@ void Tree::refresh(Index number) {
 }
 
 Index Tree::select_action(Index number, bool use_lower_bound) {
-    Node& node = nodes[static_cast<std::size_t>(number)];
+    Node& node = nodes[as_size(number)];
     const std::vector<char> updated = refresh_best_upper(node);
     Index action = find_best_upper_action(node);
     update_best_vector(node);
     if (use_lower_bound) {
         action = find_best_lower_action(node);
-        if (node.branches[static_cast<std::size_t>(action)].lower < node.lower_value) {
-            const VectorSet& set = sets[static_cast<std::size_t>(node.group)];
-            action = set.action(static_cast<std::size_t>(set.find(node.best_vector)));
+        if (node.branches[as_size(action)].lower < node.lower_value) {
+            const VectorSet& set = sets[as_size(node.group)];
+            action = set.action(as_size(set.find(node.best_vector)));
         }
-        if (!updated[static_cast<std::size_t>(action)]) refresh_upper(node, action);
+        if (!updated[as_size(action)]) refresh_upper(node, action);
     }
     refresh_lower(node, action);
-    node.lower = std::max({node.lower, node.branches[static_cast<std::size_t>(action)].lower, node.lower_value});
+    node.lower = std::max({node.lower, node.branches[as_size(action)].lower, node.lower_value});
     return action;
 }
 
 void Tree::update_best_vector(Node& node) {
-    const VectorSet& set = sets[static_cast<std::size_t>(node.group)];
+    const VectorSet& set = sets[as_size(node.group)];
     if (node.best_vector >= 0 && set.find(node.best_vector) < 0) {  // it was pruned
         node.vectors_version = 0;
         node.lower_value = -kInfinity;
@@ -123,19 +123,19 @@ void Tree::update_best_vector(Node& node) {
                                         node.belief.size(), set.first_since(node.vectors_version));
     if (newer.row >= 0 && newer.value > node.lower_value) {
         node.lower_value = newer.value;
-        node.best_vector = set.stamp(static_cast<std::size_t>(newer.row));
+        node.best_vector = set.stamp(as_size(newer.row));
     }
     node.vectors_version = next_vector_;
 }
 
 double Tree::lower_bound(Index number) {
-    Node& node = nodes[static_cast<std::size_t>(number)];
+    Node& node = nodes[as_size(number)];
     update_best_vector(node);
     return node.lower_value;
 }
 
 double Tree::upper_bound(Index number) {
-    Node& node = nodes[static_cast<std::size_t>(number)];
+    Node& node = nodes[as_size(number)];
     const double newer = sawtooth.bound(node.belief.state.data(), node.belief.weight.data(), node.belief.size(),
                                         node.group, node.sawtooth_version);
     node.sawtooth_value = std::min(node.sawtooth_value, newer);

@@ -15,10 +15,10 @@ constexpr std::size_t kCompactionMargin = 96;
 
 Sawtooth::Sawtooth(const Model& model, std::vector<double> informed, std::size_t groups)
     : model_(model),
-      actions_(static_cast<std::size_t>(model.actions)),
+      actions_(as_size(model.actions)),
       informed_(std::move(informed)),
-      corners_(static_cast<std::size_t>(model.states)),
-      dense_(static_cast<std::size_t>(model.states), 0.0) {
+      corners_(as_size(model.states)),
+      dense_(as_size(model.states), 0.0) {
     for (std::size_t s = 0; s < corners_.size(); ++s) {
         const double* row = informed_.data() + s * actions_;
         corners_[s] = *std::max_element(row, row + actions_);
@@ -31,15 +31,15 @@ Sawtooth::Sawtooth(const Model& model, std::vector<double> informed, std::size_t
 }
 
 std::size_t Sawtooth::position(Index group, Index state) const {
-    const auto s = static_cast<std::size_t>(state);
-    return static_cast<std::size_t>(group) < model_.members.size() ? static_cast<std::size_t>(model_.local[s]) : s;
+    const auto s = as_size(state);
+    return as_size(group) < model_.members.size() ? as_size(model_.local[s]) : s;
 }
 
 double Sawtooth::informed_value(const Index* states, const double* weights, std::size_t n) const {
     double best = -std::numeric_limits<double>::infinity();
     for (std::size_t a = 0; a < actions_; ++a) {
         double sum = 0.0;
-        for (std::size_t i = 0; i < n; ++i) sum += weights[i] * informed_[static_cast<std::size_t>(states[i]) * actions_ + a];
+        for (std::size_t i = 0; i < n; ++i) sum += weights[i] * informed_[as_size(states[i]) * actions_ + a];
         best = std::max(best, sum);
     }
     return best;
@@ -48,8 +48,7 @@ double Sawtooth::informed_value(const Index* states, const double* weights, std:
 double Sawtooth::informed_value(const Weights& belief, Index action) const {
     double sum = 0.0;
     for (std::size_t i = 0; i < belief.size(); ++i) {
-        sum += belief.weight[i] *
-               informed_[static_cast<std::size_t>(belief.state[i]) * actions_ + static_cast<std::size_t>(action)];
+        sum += belief.weight[i] * informed_[as_size(belief.state[i]) * actions_ + as_size(action)];
     }
     return sum;
 }
@@ -61,15 +60,15 @@ double Sawtooth::bound(const Index* states, const double* weights, std::size_t n
     double plane = 0.0, mass = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
         mass += weights[i];
-        plane += weights[i] * corners_[static_cast<std::size_t>(states[i])];
-        dense_[static_cast<std::size_t>(states[i])] = weights[i];
+        plane += weights[i] * corners_[as_size(states[i])];
+        dense_[as_size(states[i])] = weights[i];
     }
-    const auto& points_by_state = points_by_state_[static_cast<std::size_t>(group)];
+    const auto& points_by_state = points_by_state_[as_size(group)];
     double lowest = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
         const auto& numbers = points_by_state[position(group, states[i])];
         for (auto number = numbers.rbegin(); number != numbers.rend(); ++number) {  // the newest first
-            const Point& point = points_[static_cast<std::size_t>(*number)];
+            const Point& point = points_[as_size(*number)];
             if (point.stamp < since) break;
             if (point.excess * mass >= lowest) continue;  // phi is at most the mass
             const double threshold = lowest / point.excess;
@@ -77,21 +76,21 @@ double Sawtooth::bound(const Index* states, const double* weights, std::size_t n
             const Entry* entry = entries_.data() + point.begin;
             const Entry* end = entries_.data() + point.end;
             for (; entry != end; ++entry) {
-                const double ratio = dense_[static_cast<std::size_t>(entry->state)] * entry->inverse_weight;
+                const double ratio = dense_[as_size(entry->state)] * entry->inverse_weight;
                 if (ratio <= threshold) break;
                 if (ratio < phi) phi = ratio;
             }
             if (entry == end) lowest = phi * point.excess;
         }
     }
-    for (std::size_t i = 0; i < n; ++i) dense_[static_cast<std::size_t>(states[i])] = 0.0;
+    for (std::size_t i = 0; i < n; ++i) dense_[as_size(states[i])] = 0.0;
     return std::min(informed_value(states, weights, n), plane + lowest);
 }
 
 Stamp Sawtooth::add(const Weights& belief, Index group, double value) {
     if (belief.size() == 1) {
         value /= belief.weight[0];
-        double& corner = corners_[static_cast<std::size_t>(belief.state[0])];
+        double& corner = corners_[as_size(belief.state[0])];
         if (value < corner) {
             corner = value;
             for (Point& point : points_) {
@@ -103,7 +102,7 @@ Stamp Sawtooth::add(const Weights& belief, Index group, double value) {
     }
     Point point{next_stamp_++, value, 0.0, entries_.size(), entries_.size() + belief.size(), group, false};
     for (std::size_t i = 0; i < belief.size(); ++i) entries_.push_back({belief.state[i], 1.0 / std::max(belief.weight[i], kMinProbability)});
-    auto& counts = point_counts_[static_cast<std::size_t>(group)];
+    auto& counts = point_counts_[as_size(group)];
     for (const Index s : belief.state) ++counts[position(group, s)];
     // Sort the rarest states first: they exclude a point soonest.
     std::sort(entries_.begin() + static_cast<std::ptrdiff_t>(point.begin), entries_.end(),
@@ -144,7 +143,7 @@ void Sawtooth::compact() {
         point.begin = begin;
         point.end = entries.size();
         for (std::size_t i = begin; i < entries.size(); ++i) {
-            ++point_counts_[static_cast<std::size_t>(point.group)][position(point.group, entries[i].state)];
+            ++point_counts_[as_size(point.group)][position(point.group, entries[i].state)];
         }
         points_[kept++] = point;
     }
@@ -157,7 +156,7 @@ void Sawtooth::compact() {
 double Sawtooth::excess(const Point& point) const {
     double plane = 0.0;
     for (std::size_t i = point.begin; i < point.end; ++i) {
-        plane += corners_[static_cast<std::size_t>(entries_[i].state)] / entries_[i].inverse_weight;
+        plane += corners_[as_size(entries_[i].state)] / entries_[i].inverse_weight;
     }
     return std::min(0.0, point.value - plane);
 }
@@ -165,7 +164,7 @@ double Sawtooth::excess(const Point& point) const {
 void Sawtooth::index_point(std::size_t number) {
     const Point& point = points_[number];
     const Index state = entries_[point.begin].state;  // the rarest
-    points_by_state_[static_cast<std::size_t>(point.group)][position(point.group, state)].push_back(static_cast<Index>(number));
+    points_by_state_[as_size(point.group)][position(point.group, state)].push_back(static_cast<Index>(number));
 }
 
 }  // namespace lcorpp

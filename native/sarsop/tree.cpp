@@ -65,7 +65,7 @@ double l1_distance(const Weights& a, const Weights& b) {
 
 // A table (A, S) as (S, A).
 std::vector<double> transpose(const Model& model, const std::vector<double>& table) {
-    const auto states = static_cast<std::size_t>(model.states), actions = static_cast<std::size_t>(model.actions);
+    const auto states = as_size(model.states), actions = as_size(model.actions);
     std::vector<double> transposed(states * actions);
     for (std::size_t a = 0; a < actions; ++a) {
         for (std::size_t s = 0; s < states; ++s) transposed[s * actions + a] = table[a * states + s];
@@ -80,8 +80,8 @@ Tree::Tree(const Model& model_, const std::vector<double>& informed, const std::
       dependencies(model_.actions),
       sawtooth(model_, transpose(model_, informed), model_.members.size() + 1),
       successors_(model_),
-      all_states_(static_cast<std::size_t>(model_.states)),
-      next_values_(static_cast<std::size_t>(model_.states)) {
+      all_states_(as_size(model_.states)),
+      next_values_(as_size(model_.states)) {
     std::iota(all_states_.begin(), all_states_.end(), 0);
     for (const double value : blind) max_abs_value = std::max(max_abs_value, std::abs(value));
     for (const double value : informed) max_abs_value = std::max(max_abs_value, std::abs(value));
@@ -93,8 +93,7 @@ Tree::Tree(const Model& model_, const std::vector<double>& informed, const std::
         for (Index a = 0; a < model.actions; ++a) {
             std::vector<double> values;
             for (const Index s : states) {
-                values.push_back(blind[static_cast<std::size_t>(a) * static_cast<std::size_t>(model.states) +
-                                     static_cast<std::size_t>(s)]);
+                values.push_back(blind[as_size(a) * as_size(model.states) + as_size(s)]);
             }
             const Stamp stamp = a;  // the blind policies have the stamps 0 to A - 1
             sets.back().add(values, a, stamp);
@@ -106,7 +105,7 @@ Tree::Tree(const Model& model_, const std::vector<double>& informed, const std::
 
 void Tree::add_vector(Index group, const std::vector<double>& vector, Index action) {
     dependencies.record_imported_vector(next_vector_);
-    sets[static_cast<std::size_t>(group)].add(vector, action, next_vector_++);
+    sets[as_size(group)].add(vector, action, next_vector_++);
 }
 
 void Tree::add_point(const Weights& belief, double value) { sawtooth.add(belief, find_group(belief), value); }
@@ -118,19 +117,19 @@ std::size_t Tree::vector_count() const {
 }
 
 Index Tree::find_group(const Weights& belief) const {
-    const Index block = model.block[static_cast<std::size_t>(belief.state[0])];
+    const Index block = model.block[as_size(belief.state[0])];
     for (const Index s : belief.state) {
-        if (model.block[static_cast<std::size_t>(s)] != block) return static_cast<Index>(model.members.size());
+        if (model.block[as_size(s)] != block) return static_cast<Index>(model.members.size());
     }
     return block;
 }
 
 Best Tree::find_best_vector(Index group, const Index* states, const double* weights, std::size_t n, std::size_t first) {
-    const VectorSet& set = sets[static_cast<std::size_t>(group)];
+    const VectorSet& set = sets[as_size(group)];
     if (first >= set.count()) return {-1, -kInfinity};
-    if (static_cast<std::size_t>(group) == model.members.size()) return set.best(states, weights, n, first);
+    if (as_size(group) == model.members.size()) return set.best(states, weights, n, first);
     positions_.resize(n);
-    for (std::size_t i = 0; i < n; ++i) positions_[i] = model.local[static_cast<std::size_t>(states[i])];
+    for (std::size_t i = 0; i < n; ++i) positions_[i] = model.local[as_size(states[i])];
     return set.best(positions_.data(), weights, n, first);
 }
 
@@ -138,18 +137,18 @@ Index Tree::find_or_add_node(Weights belief) {
     const std::uint64_t hash = hash_belief(belief);
     const auto range = node_index_.equal_range(hash);
     for (auto entry = range.first; entry != range.second; ++entry) {
-        if (same_belief(nodes[static_cast<std::size_t>(entry->second)].belief, belief)) return entry->second;
+        if (same_belief(nodes[as_size(entry->second)].belief, belief)) return entry->second;
     }
     Node node;
     node.group = find_group(belief);
-    node.branches.resize(static_cast<std::size_t>(model.actions));
+    node.branches.resize(as_size(model.actions));
     double entropy = 0.0;
     for (const double p : belief.weight) entropy -= p * std::log(p);
     const double max_entropy = std::log(static_cast<double>(model.states));
     node.entropy_bin = std::clamp(static_cast<int>(max_entropy > 0 ? entropy / max_entropy * kPredictorBins : 0), 0, kPredictorBins - 1);
     node.belief = std::move(belief);
     for (Index a = 0; a < model.actions; ++a) {
-        Branch& branch = node.branches[static_cast<std::size_t>(a)];
+        Branch& branch = node.branches[as_size(a)];
         for (std::size_t i = 0; i < node.belief.size(); ++i) {
             branch.expected_reward += node.belief.weight[i] * model.reward_of(a, node.belief.state[i]);
         }
@@ -168,7 +167,7 @@ Index Tree::find_or_add_node(Weights belief) {
 
 // The children of a node and an action; the reference is valid until the next call.
 const Outcomes& Tree::expand(Node& node, Index action) {
-    Branch& branch = node.branches[static_cast<std::size_t>(action)];
+    Branch& branch = node.branches[as_size(action)];
     if (branch.outcomes) return *branch.outcomes;
     const Outcomes& outcomes = successors_.compute_outcomes(node.belief, action);
     if (!branch.expanded) {
@@ -177,7 +176,7 @@ const Outcomes& Tree::expand(Node& node, Index action) {
         for (std::size_t c = 0; c < outcomes.count(); ++c) {
             branch.children[c].observation = outcomes.observation[c];
             branch.children[c].probability = outcomes.probability[c];
-            branch.children[c].group = model.block[static_cast<std::size_t>(outcomes.states(c)[0])];
+            branch.children[c].group = model.block[as_size(outcomes.states(c)[0])];
         }
         if (outcomes.state.size() <= cache_budget_) {
             cache_budget_ -= outcomes.state.size();
@@ -188,8 +187,8 @@ const Outcomes& Tree::expand(Node& node, Index action) {
 }
 
 Index Tree::find_or_add_child(Index number, Index action, std::size_t c) {
-    Node& node = nodes[static_cast<std::size_t>(number)];
-    Branch& branch = node.branches[static_cast<std::size_t>(action)];
+    Node& node = nodes[as_size(number)];
+    Branch& branch = node.branches[as_size(action)];
     if (branch.children[c].node < 0) {
         const Outcomes& outcomes = expand(node, action);
         Weights next;
@@ -198,7 +197,7 @@ Index Tree::find_or_add_child(Index number, Index action, std::size_t c) {
         for (double& weight : next.weight) weight /= outcomes.probability[c];
         branch.children[c].node = find_or_add_node(next);
         // The values of two beliefs differ by at most the largest value times their distance.
-        branch.children[c].lipschitz_slack = max_abs_value * l1_distance(next, nodes[static_cast<std::size_t>(branch.children[c].node)].belief);
+        branch.children[c].lipschitz_slack = max_abs_value * l1_distance(next, nodes[as_size(branch.children[c].node)].belief);
     }
     return branch.children[c].node;
 }

@@ -100,7 +100,7 @@ class Tree {
 
     std::size_t vector_count() const;
     const std::vector<Index>& group_states(Index group) const {
-        return static_cast<std::size_t>(group) < model.members.size() ? model.members[static_cast<std::size_t>(group)]
+        return as_size(group) < model.members.size() ? model.members[as_size(group)]
                                                                       : all_states_;
     }
 

@@ -73,11 +73,11 @@ class DataError(LcorppError):
 
 
 class DomainError(LcorppError):
-    """A domain folder whose files do not fit together."""
+    """A domain folder whose files do not fit together, or a request that does not fit the domain."""
 
 
 class DecisionError(LcorppError):
-    """A decision that cannot be completed, e.g. because the policy never reports."""
+    """A decision that cannot be completed, e.g. because a part of the robot is wrong or never reports."""
 
 
 def expected_one_of(names: Collection[str], limit: int = 12) -> str:

@@ -124,21 +124,8 @@ def test_run_on_the_authors_tracks(lcorpp):
 
 
 def test_learn_grows_and_keeps_every_batch(lcorpp, tmp_path):
-    options = (
-        "--tracks",
-        30,
-        "--epochs",
-        1,
-        "--batch-size",
-        5,
-        "--max-batches",
-        2,
-        "--epsilon",
-        0,
-        "--jobs",
-        1,
-    )
-    ended = lcorpp("learn", ROOMS, *options, "--out", tmp_path)
+    options = "--tracks 30 --epochs 1 --batch-size 5 --max-batches 2 --epsilon 0 --jobs 1"
+    ended = lcorpp("learn", ROOMS, *options.split(), "--out", tmp_path)
     assert ended.code == 0, ended.err
     with (tmp_path / "batches.csv").open() as file:
         rows = list(csv.DictReader(file))

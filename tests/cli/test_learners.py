@@ -32,7 +32,7 @@ def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
         assert words in ended.out
     content = json.loads((tmp_path / "report.json").read_text())
     assert list(content["classes"]["interested"]) == [
-        *("cases", "auc", "roc", "raw", "calibrated", "thresholds"),
+        *("cases", "auc", "roc", "raw", "calibrated", "thresholds")
     ]
     assert content["classes"]["interested"]["thresholds"][0]["prevalence"] == pytest.approx(0.4)  # as known
     assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
@@ -124,15 +124,9 @@ def test_wrong_options_end_in_one_message(lcorpp, tmp_path):
     refused(lcorpp("run", "--learner", "lstm", "--classifier", "channel"), "both choose the classifier")
     refused(lcorpp("run", "--classifier", "channel", "--evidence", "soft"), "a channel has labels only")
     refused(lcorpp("run", "--classifier", "channel", "--epochs", 2), "--epochs: nothing is trained")
-    refused(
-        lcorpp("run", "--classifier", tmp_path / "x.npz", "--threshold", "f1"),
-        "nothing is trained",
-    )
+    refused(lcorpp("run", "--classifier", tmp_path / "x.npz", "--threshold", "f1"), "nothing is trained")
     refused(lcorpp("run", "--classifier", tmp_path / "x.npz", "--features", "x"), "--features: nothing")
-    refused(
-        lcorpp("run", "--evidence", "soft", "--smoothing", "laplace"),
-        "labels of a trained classifier",
-    )
+    refused(lcorpp("run", "--evidence", "soft", "--smoothing", "laplace"), "labels of a trained classifier")
     refused(lcorpp("run", "--learner", "lstm", "--features", "x,z", "--tracks", 40, "--jobs", 1), "'z'")
     refused(lcorpp("run", "--learner", "lstm", "--features", "facing", "--tracks", 40, "--jobs", 1), "facing")
     refused(lcorpp("run", "--evidence", "firm"), "firm")

@@ -147,8 +147,7 @@ def test_show_refuses(lcorpp, solved, tmp_path):
         "unknown state 'up'; expected one of",
     )
     refused(
-        lcorpp("show", AUTHORS, solved, "--states", TURNED, "-o", tmp_path / "a.jpg"),
-        "not a figure file",
+        lcorpp("show", AUTHORS, solved, "--states", TURNED, "-o", tmp_path / "a.jpg"), "not a figure file"
     )
     assert os.listdir(tmp_path) == []
 

@@ -118,97 +118,77 @@ def test_shipped_domains_load_by_name():
 
 TOML, PLOG, POMDP = "domain.toml", "badges.plog", "guide.pomdp"
 
-WRONG = [
+WRONG_TOML = [
+    ('target = "goal"', 'target = "gaol"', r"domain\.toml:7: \[reasoning\] target: .*badges\.plog has no"),
+    ('"weekday"]', '"week"]', r"domain\.toml:6: \[reasoning\] observed: .*no attribute 'week'"),
+    ('"badge", "weekday"', '"badge", "badge"', r"a name is repeated"),
+    ('"badge", "weekday"', '"badge", "goal"', r"'goal' is the target, so it cannot be observed"),
     (
-        TOML,
-        'target = "goal"',
-        'target = "gaol"',
-        r"domain\.toml:7: \[reasoning\] target: .*badges\.plog has no",
-    ),
-    (TOML, '"weekday"]', '"week"]', r"domain\.toml:6: \[reasoning\] observed: .*no attribute 'week'"),
-    (TOML, '"badge", "weekday"', '"badge", "badge"', r"a name is repeated"),
-    (TOML, '"badge", "weekday"', '"badge", "goal"', r"'goal' is the target, so it cannot be observed"),
-    (
-        TOML,
         "left = ",
         "wrong = ",
         r"domain\.toml:11: .*'wrong' is not among the values of heading at .*badges\.plog:5",
     ),
     (
-        TOML,
         '"store" }\ntracks',
         '"attic" }\ntracks',
         r"'attic' is not among the values of goal at .*badges\.plog:5",
     ),
-    (TOML, '"store" }\ntracks', '"lab" }\ntracks', r"'store' is missing|two labels claim"),
+    ('"store" }\ntracks', '"lab" }\ntracks', r"'store' is missing|two labels claim"),
+    ("tracks = 60", "tracks = 2", r"domain\.toml:12: \[learning\] tracks: expected a whole number of at"),
+    ("tracks = 60", "tracks = true", r"\[learning\] tracks: expected a whole number"),
+    ("wants_{goal}", "{goal}", r"domain\.toml:16: .* makes 'lab', which is not a state of .*guide\.pomdp:3"),
+    ("wants_{goal}", "wants", r"has to name each of goal in\s+braces"),
+    ("wants_{goal}", "wants_{goal", r"\[planning\] states: 'wants_\{goal'"),
+    ('terminal = "gone"', 'terminal = "away"', r"guide\.pomdp:3 has no state 'away'"),
+    ('terminal = "gone"\n', "", r"guide\.pomdp:3: state 'gone' is neither made by"),
     (
-        TOML,
-        "tracks = 60",
-        "tracks = 2",
-        r"domain\.toml:12: \[learning\] tracks: expected a whole number of at",
-    ),
-    (TOML, "tracks = 60", "tracks = true", r"\[learning\] tracks: expected a whole number"),
-    (
-        TOML,
-        "wants_{goal}",
-        "{goal}",
-        r"domain\.toml:16: .* makes 'lab', which is not a state of .*guide\.pomdp:3",
-    ),
-    (TOML, "wants_{goal}", "wants", r"has to name each of goal in\s+braces"),
-    (TOML, "wants_{goal}", "wants_{goal", r"\[planning\] states: 'wants_\{goal'"),
-    (TOML, 'terminal = "gone"', 'terminal = "away"', r"guide\.pomdp:3 has no state 'away'"),
-    (TOML, 'terminal = "gone"\n', "", r"guide\.pomdp:3: state 'gone' is neither made by"),
-    (
-        TOML,
         "to_lab =",
         "to_lob =",
         r"domain\.toml:20: .*guide\.pomdp:4 has no action 'to_lob'; expected one of point",
     ),
-    (TOML, 'to_lab = "lab"', 'to_lab = "den"', r"goal cannot be 'den' \(.*badges\.plog:5\)"),
-    (TOML, 'to_lab = "lab"\n', "", r"\[planning\] reports: no action reports 'lab'"),
-    (TOML, 'store = "shrug"', 'store = "nod"', r"guide\.pomdp:5 has no observation 'nod'"),
+    ('to_lab = "lab"', 'to_lab = "den"', r"goal cannot be 'den' \(.*badges\.plog:5\)"),
+    ('to_lab = "lab"\n', "", r"\[planning\] reports: no action reports 'lab'"),
+    ('store = "shrug"', 'store = "nod"', r"guide\.pomdp:5 has no observation 'nod'"),
     (
-        TOML,
         'store = "shrug"',
         'store = "silence"',
         r"people may answer 'silence' to 'point', but .*guide\.pomdp gives it probability 0",
     ),
-    (TOML, 'lab = "yes", ', "", r"\[simulation\] feedback: 'lab' is missing"),
-    (TOML, "noise = 0.2", "noise = 1.2", r"domain\.toml:27: .*expected a number from 0 to 1, not 1\.2"),
+    ('lab = "yes", ', "", r"\[simulation\] feedback: 'lab' is missing"),
+    ("noise = 0.2", "noise = 1.2", r"domain\.toml:27: .*expected a number from 0 to 1, not 1\.2"),
+    ("noise = 0.2", "nose = 0.2", r"domain\.toml:27: \[simulation\] nose: unknown key; expected one of"),
+    ("noise = 0.2", 'noise = 0.2\ntruth = "none.plog"', r"none\.plog: cannot be read"),
+    ("noise = 0.4", "noise = -1", r"\[simulation\] noise: expected a number from 0 to 1"),
+    ("[reasoning]", "[reasning]", r"reasoning is missing"),
+    ("[learning]\n", "[learning\n", r"domain\.toml:9:\d+: "),
+    ('name = "rooms"', "name = ", r"domain\.toml:1:8: "),
+    ('people = "people.py"', 'people = "crowd.py"', r"crowd\.py: not a Python file"),
     (
-        TOML,
-        "noise = 0.2",
-        "nose = 0.2",
-        r"domain\.toml:27: \[simulation\] nose: unknown key; expected one of",
-    ),
-    (TOML, "noise = 0.2", 'noise = 0.2\ntruth = "none.plog"', r"none\.plog: cannot be read"),
-    (TOML, "noise = 0.4", "noise = -1", r"\[simulation\] noise: expected a number from 0 to 1"),
-    (TOML, "[reasoning]", "[reasning]", r"reasoning is missing"),
-    (TOML, "[learning]\n", "[learning\n", r"domain\.toml:9:\d+: "),
-    (TOML, 'name = "rooms"', "name = ", r"domain\.toml:1:8: "),
-    (TOML, 'people = "people.py"', 'people = "crowd.py"', r"crowd\.py: not a Python file"),
-    (
-        TOML,
         "noise = 0.2\n",
         "noise = 0.2\n[simulation.channel]\nlab = { left = 1 }\n",
         r"channel: 'office' is missing",
     ),
-    (PLOG, "random(goal)", "random(gaol)", r"badges\.plog:6:\d+: .*gaol"),
-    (PLOG, "3/5", "8/5", r"badges\.plog:7:\d+: "),
-    (POMDP, "0.8 0.1 0.1 0\n", "0.8 0.1 0.2 0\n", r"guide\.pomdp:13:1: .*sums to 1\.1"),
-    (TOML, "wants_{goal}", "{goal:>99999999999}", r"has to name each of goal"),
-    (TOML, "wants_{goal}", "{goal!r}", r"has to name each of goal"),
-    (TOML, "noise = 0.2", "noise = " + "9" * 5000, r"domain\.toml: cannot be read"),
-    (TOML, "noise = 0.2", "noise = " + "[" * 5000, r"domain\.toml"),
-    (TOML, '"guide.pomdp"', '"a\\u0000b"', r"cannot be read: embedded null byte"),
+    ("wants_{goal}", "{goal:>99999999999}", r"has to name each of goal"),
+    ("wants_{goal}", "{goal!r}", r"has to name each of goal"),
+    ("noise = 0.2", "noise = " + "9" * 5000, r"domain\.toml: cannot be read"),
+    ("noise = 0.2", "noise = " + "[" * 5000, r"domain\.toml"),
+    ('"guide.pomdp"', '"a\\u0000b"', r"cannot be read: embedded null byte"),
+]
+WRONG_PLOG = [
+    ("random(goal)", "random(gaol)", r"badges\.plog:6:\d+: .*gaol"),
+    ("3/5", "8/5", r"badges\.plog:7:\d+: "),
+]
+WRONG_POMDP = [
+    ("0.8 0.1 0.1 0\n", "0.8 0.1 0.2 0\n", r"guide\.pomdp:13:1: .*sums to 1\.1"),
     (
-        POMDP,
         "R: point : * : * : * -1",
         "R: point : * : * : * -1e308",
         r"guide\.pomdp: a reward of 1e\+308 at discount",
     ),
-    (POMDP, "to_store\n", "to_store extra\n", r"guide\.pomdp"),
+    ("to_store\n", "to_store extra\n", r"guide\.pomdp"),
 ]
+TABLES = {TOML: WRONG_TOML, PLOG: WRONG_PLOG, POMDP: WRONG_POMDP}
+WRONG = [(file, *row) for file, rows in TABLES.items() for row in rows]
 
 
 @pytest.mark.parametrize(
@@ -301,18 +281,14 @@ def test_a_preset_of_a_missing_table(folder):
         load_domain(folder)
 
 
-def test_the_domain_sets_the_interval_of_simulated_tracks(tmp_path):
-    shutil.copytree(ROOMS, tmp_path / "rooms")
-    file = tmp_path / "rooms" / "domain.toml"
-    file.write_text(file.read_text().replace("tracks = 60", "tracks = 60\ninterval = 0.4"))
-    assert (load_domain(ROOMS).learning.interval, load_domain(tmp_path / "rooms").learning.interval) == (
-        0.033,
-        0.4,
-    )
-    assert simulate_training_data(load_domain(tmp_path / "rooms"), 0).dataset.interval == 0.4
-    file.write_text(file.read_text().replace("0.4", "0"))
+def test_the_domain_sets_the_interval_of_simulated_tracks(folder):
+    edit(folder / TOML, "tracks = 60", "tracks = 60\ninterval = 0.45")
+    changed = load_domain(folder)
+    assert (load_domain(ROOMS).learning.interval, changed.learning.interval) == (0.033, 0.45)
+    assert simulate_training_data(changed, 0).dataset.interval == 0.45
+    edit(folder / TOML, "0.45", "0")
     with pytest.raises(DomainError, match="interval"):
-        load_domain(tmp_path / "rooms")
+        load_domain(folder)
 
 
 def test_repr_is_one_line():

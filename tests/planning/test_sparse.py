@@ -50,6 +50,13 @@ def test_zeros_are_dropped():
     )
 
 
+def test_row_entries_gives_entries_and_their_rows():
+    rows = SparseTables.of(np.array([[[0.5, 0.5], [0, 1.0]], [[1, 0], [0.25, 0.75]]]))
+    index, owner = rows.row_entries(np.array([3, 1, 0]))
+    assert rows.values[index].tolist() == [0.25, 0.75, 1.0, 0.5, 0.5]
+    assert owner.tolist() == [0, 0, 1, 2, 2]
+
+
 def test_tables_are_read_only():
     values = np.ones(2)
     rows = SparseTables((1, 2, 2), np.array([0, 1, 2]), np.array([0, 1]), values)

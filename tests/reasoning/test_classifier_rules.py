@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -35,51 +36,30 @@ def test_classifier_rules_are_replaced_and_the_program_is_unchanged() -> None:
 
 
 @pytest.mark.parametrize(
-    ("attribute", "target", "classes", "labels", "words"),
+    ("changes", "words"),
     [
+        ({"attribute": "clasifier"}, "unknown attribute 'clasifier'; expected one of identity"),
+        ({"target": "interest"}, "unknown attribute 'interest'"),
+        ({"classes": ("a", "b")}, "class 'a' is not a value of intention; expected one of"),
+        ({"labels": {"interested": "one"}}, "labels are given for interested, the confusion"),
         (
-            "clasifier",
-            "intention",
-            CLASSES,
-            LABELS,
-            "unknown attribute 'clasifier'; expected one of identity",
-        ),
-        ("classifier", "interest", CLASSES, LABELS, "unknown attribute 'interest'"),
-        (
-            "classifier",
-            "intention",
-            ("a", "b"),
-            LABELS,
-            "class 'a' is not a value of intention; expected one of",
-        ),
-        (
-            "classifier",
-            "intention",
-            CLASSES,
-            {"interested": "one"},
-            "labels are given for interested, the confusion",
-        ),
-        (
-            "classifier",
-            "intention",
-            CLASSES,
-            {"interested": "yes", "not_interested": "zero"},
+            {"labels": {**LABELS, "interested": "yes"}},
             "label 'yes' is not a value of classifier; expected one of zero, one",
         ),
-        (
-            "classifier",
-            "intention",
-            CLASSES,
-            dict.fromkeys(CLASSES, "one"),
-            "classes share a label of classifier",
-        ),
+        ({"labels": dict.fromkeys(CLASSES, "one")}, "classes share a label of classifier"),
     ],
 )
-def test_names_that_do_not_match_the_program_are_errors(
-    attribute: str, target: str, classes: tuple[str, ...], labels: dict[str, str], words: str
-) -> None:
+def test_names_that_do_not_match_the_program_are_errors(changes: dict[str, Any], words: str) -> None:
+    options = {
+        "attribute": "classifier",
+        "target": "intention",
+        "classes": CLASSES,
+        "labels": LABELS,
+        **changes,
+    }
+    matrix = ConfusionMatrix(options["classes"], [[1, 0], [0, 1]])
     with pytest.raises(ProgramError) as caught:
-        with_classifier(PROGRAM, attribute, target, ConfusionMatrix(classes, [[1, 0], [0, 1]]), labels)
+        with_classifier(PROGRAM, options["attribute"], options["target"], matrix, options["labels"])
     assert words in str(caught.value)
 
 

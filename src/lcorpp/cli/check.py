@@ -46,11 +46,19 @@ def check(
     elif is_store(path):
         _check_store(path)
     elif suffix == ".plog":
-        _check_program(path)
+        from lcorpp.reasoning import Reasoner, read_plog
+
+        program = read_plog(path)
+        worlds = Reasoner(program).count()
+        console.out.print(f"{path}: {len(program.attributes)} attributes, {worlds} possible worlds: OK")
     elif suffix in model_files.MODELS:
-        _check_model(path)
+        from lcorpp.planning import read_pomdp
+
+        pomdp = read_pomdp(path)
+        console.out.print(f"{path}: {_format_size(pomdp)}, discount {pomdp.discount:g}: OK")
     elif suffix in model_files.POLICIES and model is not None:
-        _check_policy(path, model)
+        policy = model_files.read_policy(path, *model_files.read_model(model))
+        console.out.print(f"{path}: {len(policy)} vectors for {model}: OK")
     elif suffix in model_files.POLICIES:
         raise FileError(f"{path}: a policy is checked against its model; give --model FILE.pomdp")
     elif not path.exists():
@@ -102,25 +110,5 @@ def _check_domain(folder: Path) -> None:
         )
 
 
-def _check_program(path: Path) -> None:
-    from lcorpp.reasoning import Reasoner, read_plog
-
-    program = read_plog(path)
-    worlds = Reasoner(program).count()
-    console.out.print(f"{path}: {len(program.attributes)} attributes, {worlds} possible worlds: OK")
-
-
-def _check_model(path: Path) -> None:
-    from lcorpp.planning import read_pomdp
-
-    pomdp = read_pomdp(path)
-    console.out.print(f"{path}: {_format_size(pomdp)}, discount {pomdp.discount:g}: OK")
-
-
 def _format_size(pomdp: Pomdp) -> str:
     return f"{len(pomdp.states)} states, {len(pomdp.actions)} actions, {len(pomdp.observations)} observations"
-
-
-def _check_policy(path: Path, model: Path) -> None:
-    policy = model_files.read_policy(path, *model_files.read_model(model))
-    console.out.print(f"{path}: {len(policy)} vectors for {model}: OK")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress
 
     out: Console
     err: Console
@@ -97,27 +98,20 @@ def show_delayed_progress(title: str) -> Iterator[Callable[[float, str], None]]:
     start = monotonic()
     visible = sys.stderr is not None and sys.stderr.isatty()
     with ExitStack() as stack:
-        update: Callable[[float, str], None] | None = None
+        display: Progress | None = None
 
         def advance(share: float, text: str) -> None:
-            nonlocal update
-            if update is None and visible and monotonic() - start > MIN_STEP_SECONDS:
-                update = stack.enter_context(_show_bar_with_text(title))
-            if update is not None:
-                update(share, text)
+            nonlocal display
+            if display is None and visible and monotonic() - start > MIN_STEP_SECONDS:
+                from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+                columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"))
+                display = Progress(*columns, TimeElapsedColumn(), console=_console("err"), transient=True)
+                stack.enter_context(display).add_task(title, total=1.0, text="")
+            if display is not None:
+                display.update(display.task_ids[0], completed=share, text=text)
 
         yield advance
-
-
-@contextmanager
-def _show_bar_with_text(title: str) -> Iterator[Callable[[float, str], None]]:
-    """Display a bar with a text; yield the function that updates both."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"))
-    with Progress(*columns, TimeElapsedColumn(), console=_console("err"), transient=True) as display:
-        task = display.add_task(title, total=1.0, text="")
-        yield lambda share, text: display.update(task, completed=share, text=text)
 
 
 def print_heading(number: int, title: str, subtitle: str) -> None:

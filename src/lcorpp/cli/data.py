@@ -113,6 +113,8 @@ def fetch(
     sha256: Annotated[str | None, typer.Option(help="The expected checksum of the file.")] = None,
 ) -> None:
     """Download recorded tracks and check them; resume partial downloads."""
+    import hashlib
+
     from lcorpp.learning.data.fetching import AUTHORS, fetch as download
 
     if what == "authors" and sha256 is not None:
@@ -121,17 +123,11 @@ def fetch(
     for url, digest in downloads.items():
         with console.show_progress(f"downloading {url.rsplit('/', 1)[-1]}", kept=PARTIAL) as advance:
             file = download(url, out, sha256=digest, progress=advance)
-        console.out.print(f"{file}: {file.stat().st_size} bytes, {_format_checksum(file)}")
+        with open(file, "rb") as opened:
+            checksum = hashlib.file_digest(opened, "sha256").hexdigest()
+        console.out.print(f"{file}: {file.stat().st_size} bytes, sha256 {checksum}")
     if what == "authors":
         console.out.print("note: their repository names no licence; the tracks are their authors'")
-
-
-def _format_checksum(file: Path) -> str:
-    """Return the SHA-256 checksum of a file as `sha256 HEX`."""
-    import hashlib
-
-    with open(file, "rb") as opened:
-        return f"sha256 {hashlib.file_digest(opened, 'sha256').hexdigest()}"
 
 
 @app.command()
@@ -193,25 +189,20 @@ def _read(
 ) -> Recording:
     from lcorpp.learning import read_recording
 
-    labels: dict[str, str] | None = None
-    for word, name in map(_parse_label, label or ()):
-        labels = labels or {}
+    labels: dict[str, str] = {}
+    for text in label or ():
+        word, sign, name = text.partition("=")
+        if not (sign and word and name):
+            raise DataError(f"--label {text!r}: expected WORD=CLASS, for example 1=interested")
         if labels.setdefault(word, name) != name:
             raise DataError(f"--label {word}: has the classes {labels[word]!r} and {name!r}; expected one")
     with console.show_progress(f"reading {path.name}") as advance:
         return read_recording(
             path,
-            labels=labels,
+            labels=labels or None,
             label_file=label_file,
             repair=repair or (),
             robot=robot,
             gap=gap,
             progress=advance,
         )
-
-
-def _parse_label(text: str) -> tuple[str, str]:
-    word, sign, name = text.partition("=")
-    if not (sign and word and name):
-        raise DataError(f"--label {text!r}: expected WORD=CLASS, for example 1=interested")
-    return word, name

@@ -14,7 +14,7 @@ from lcorpp.errors import FileError, ModelError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.planning import Factored, Policy, Pomdp
-    from lcorpp.planning.policy import Indices
+    from lcorpp.planning.sparse import Indices
 
 MODELS = (".pomdp", ".pomdpx")
 POLICIES = (".policy", ".xml", ".alpha")

@@ -66,11 +66,16 @@ def show(
     chosen = _select_states(pomdp, states) if out is not None else ()
     _print_model(model, pomdp, problem)
     _print_policy(policy, pomdp, loaded)
+    title = f"{model.name}, {policy.name}"
     if out is not None:
-        _draw(pomdp, loaded, chosen, f"{model.name}, {policy.name}", out)
+        from lcorpp.planning import draw_line, draw_triangle
+        from lcorpp.plot_style import save_figure
+
+        draw = draw_line if len(chosen) == 2 else draw_triangle
+        save_figure(draw(pomdp, loaded, chosen, title=title), out)
         typer.echo(f"drew {', '.join(chosen)} in {out}")
     if graph is not None:
-        _write_graph(pomdp, loaded, f"{model.name}, {policy.name}", graph)
+        _write_graph(pomdp, loaded, title, graph)
 
 
 def _print_model(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
@@ -144,14 +149,6 @@ def _select_states(pomdp: Pomdp, states: str | None) -> tuple[str, ...]:
     if len(names) not in (2, 3) or len(set(names)) < len(names):
         raise ModelError(f"--states {states!r}: a picture has two or three different states")
     return names
-
-
-def _draw(pomdp: Pomdp, policy: Policy, states: tuple[str, ...], title: str, out: Path) -> None:
-    from lcorpp.planning import draw_line, draw_triangle
-    from lcorpp.plot_style import save_figure
-
-    draw = draw_line if len(states) == 2 else draw_triangle
-    save_figure(draw(pomdp, policy, states, title=title), out)
 
 
 def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:

@@ -87,8 +87,7 @@ class SimulationPlugin:
         Args:
             seconds: minimum and maximum duration; None for the plug-in's default.
         """
-        options = {} if seconds is None else {"seconds": seconds}
-        returned = self._call("recordings", people, rng, **options)
+        returned = self._call("recordings", people, rng, **({} if seconds is None else {"seconds": seconds}))
         try:
             tables = [np.array(table, dtype=np.float64) for table in returned]
         except (TypeError, ValueError):

@@ -72,17 +72,20 @@ from .store import (
     TrackSchema as TrackSchema,
     read_store as read_store,
 )
-from .streaming import (
-    Prediction as Prediction,
-    PredictionTimeline as PredictionTimeline,
-    PrefixCalibration as PrefixCalibration,
+from .streaming.plots import plot_timeline as plot_timeline
+from .streaming.predictions import Prediction as Prediction, StreamReport as StreamReport
+from .streaming.prefix_ensemble import (
     PrefixEnsemble as PrefixEnsemble,
-    StreamingClassifier as StreamingClassifier,
-    StreamReport as StreamReport,
-    calibrate_prefixes as calibrate_prefixes,
+    with_prefix_ensemble as with_prefix_ensemble,
+)
+from .streaming.prefixes import (
     cross_predict_over_time as cross_predict_over_time,
     predict_over_time as predict_over_time,
     truncate as truncate,
-    with_prefix_ensemble as with_prefix_ensemble,
 )
-from .streaming.plots import plot_timeline as plot_timeline
+from .streaming.streaming_classifier import StreamingClassifier as StreamingClassifier
+from .streaming.timeline import (
+    PredictionTimeline as PredictionTimeline,
+    PrefixCalibration as PrefixCalibration,
+    calibrate_prefixes as calibrate_prefixes,
+)

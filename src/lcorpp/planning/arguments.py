@@ -22,12 +22,16 @@ def check_type(name: str, value: object, *kinds: type) -> None:
 
 
 def check_solver_arguments(
-    pomdp: object, precision: float, time_limit: float, callback: object = None
-) -> None:
-    """Check the arguments that all solvers have, except the start.
+    pomdp: Pomdp, start: npt.ArrayLike | None, precision: float, time_limit: float, callback: object = None
+) -> Array:
+    """Check the arguments that all solvers have; return the start beliefs (N, S).
+
+    Args:
+        start: None for the model's own, one belief (S,) or several (N, S).
 
     Raises:
-        ModelError: an argument has a wrong type, or precision or time limit are not positive.
+        ModelError: an argument has a wrong type, precision or time limit are not positive, a belief is not a
+            distribution over the states, or there is none.
     """
     check_type("pomdp", pomdp, Pomdp)
     check_type("precision", precision, Real)
@@ -36,14 +40,6 @@ def check_solver_arguments(
         raise ModelError(f"callback must be a function, not {shorten(callback)}")
     if not precision > 0 or not time_limit > 0:
         raise ModelError(f"precision {precision} and time limit {time_limit} must be positive")
-
-
-def check_starts(pomdp: Pomdp, start: npt.ArrayLike | None) -> Array:
-    """Return the start beliefs (N, S): the model's own for None, one (S,) or several (N, S).
-
-    Raises:
-        ModelError: a belief is not a distribution over the states, or there is none.
-    """
     try:
         beliefs = np.atleast_2d(np.asarray(pomdp.start if start is None else start))
     except ValueError:
@@ -54,22 +50,14 @@ def check_starts(pomdp: Pomdp, start: npt.ArrayLike | None) -> Array:
 
 
 def check_count(name: str, number: object, minimum: int) -> int:
-    """Return an argument that is an integer of at least `minimum`.
-
-    Raises:
-        ModelError: it is not; the message names it.
-    """
+    """Return an argument that is an integer of at least `minimum`; a ModelError names any other."""
     if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < minimum:
         raise ModelError(f"{name} must be an integer of at least {minimum}, not {number!r}")
     return int(number)
 
 
 def check_discount(pomdp: Pomdp, discount: float | None) -> float:
-    """Return the discount of a finite horizon, the model's own for None.
-
-    Raises:
-        ModelError: it is not a number above 0 and at most 1.
-    """
+    """Return the discount of a finite horizon, the model's own for None; reject invalid ones."""
     if discount is None:
         return pomdp.discount
     check_type("discount", discount, Real)

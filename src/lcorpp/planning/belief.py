@@ -31,7 +31,9 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
 
     Source: Bayes' rule; Kaelbling, Littman and Cassandra, 1998, section 3.3.
     """
-    weights: Belief = _condition(pomdp, pomdp.transition.forward(action, belief), action, observation)
+    predicted, weights = pomdp.transition.forward(action, belief), np.zeros(len(pomdp.states))
+    states, likelihood = pomdp.observation.column(action, observation)
+    weights[states] = predicted[states] * likelihood
     total = weights.sum()
     if not total >= MIN_PROBABILITY:
         raise make_impossible_error(pomdp, belief, action, observation)
@@ -45,14 +47,6 @@ def make_impossible_error(pomdp: Pomdp, belief: Belief, action: int, observation
         f"observation {pomdp.observations[observation]!r} is impossible after action"
         f" {pomdp.actions[action]!r} in belief {format_belief(pomdp, belief)}"
     )
-
-
-def _condition(pomdp: Pomdp, predicted: Belief, action: int, observation: int) -> Belief:
-    """Return (S,) the predicted belief (S,) times the likelihood of an observation, not normalised."""
-    states, likelihood = pomdp.observation.column(action, observation)
-    weights = np.zeros(len(predicted))
-    weights[states] = predicted[states] * likelihood
-    return weights
 
 
 def observation_probabilities(pomdp: Pomdp, belief: Belief, action: int) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
+from lcorpp.planning.arguments import check_type
 from lcorpp.planning.belief import check_belief, update
 from lcorpp.planning.evaluation.mdp import zero_reward_states
 from lcorpp.planning.evaluation.sampling import InverseCdfSampler
@@ -59,6 +60,7 @@ class PomdpEnvironment(gymnasium.Env):  # type: ignore[misc]
     ) -> None:
         if render_mode not in (None, "ansi"):
             raise ModelError(f"the render mode is None or 'ansi', not {render_mode!r}")
+        check_type("pomdp", pomdp, Pomdp)
         self.pomdp, self.render_mode = pomdp, render_mode
         self.start = check_belief(pomdp, pomdp.start if start is None else start)
         self.action_space = Discrete(len(pomdp.actions))

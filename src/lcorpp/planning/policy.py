@@ -14,10 +14,8 @@ from lcorpp.errors import ModelError, PolicyError
 from lcorpp.notebook import html_table, join_some
 from lcorpp.planning.arguments import check_type
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import MAX_BYTES
+from lcorpp.planning.sparse import MAX_BYTES, Indices
 from lcorpp.values import Array, Belief, freeze
-
-Indices = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,12 +220,7 @@ class Policy:
 
 
 def check_same_model(pomdp: Pomdp, policy: Policy) -> None:
-    """Reject a policy that belongs to another model.
-
-    Raises:
-        ModelError: an argument has a wrong type.
-        PolicyError: the names or the fingerprints differ.
-    """
+    """Reject arguments of wrong types (ModelError), and a policy for another model (PolicyError)."""
     check_type("pomdp", pomdp, Pomdp)
     check_type("policy", policy, Policy)
     if policy.state_names != pomdp.states or policy.action_names != pomdp.actions:

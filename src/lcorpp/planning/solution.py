@@ -97,16 +97,12 @@ def describe_start(count: int) -> str:
 class BoundsRecord:
     """The bounds of a running search at its start beliefs.
 
+    starts: N beliefs (S,). began: start time on the monotonic clock.
     widest: index of the start with the widest gap. lower, upper: the bounds there.
     history: as in `Solution`.
     """
 
     def __init__(self, pomdp: Pomdp, starts: Sequence[Belief] | Array, began: float) -> None:
-        """
-        Args:
-            starts: N beliefs (S,).
-            began: start time on the monotonic clock.
-        """
         self.pomdp, self.starts, self.began = pomdp, starts, began
         self.history: list[tuple[float, float, float, int]] = []
 

@@ -15,6 +15,7 @@ from lcorpp.values import Array
 
 Int32Array = npt.NDArray[np.int32]
 Int64Array = npt.NDArray[np.int64]
+Indices = npt.NDArray[np.intp]
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
@@ -49,9 +50,9 @@ class SparseTables:
                 array = np.ascontiguousarray(original, dtype=kind)
             if field != "values" and not np.array_equal(array, original):
                 limit = 2**31 - 1 if field == "columns" else 2**63 - 1
-                raise ModelError(
-                    f"{field} are whole numbers up to {limit}, not {_find_changed_number(array, original)}"
-                )
+                same_shape = array.shape == original.shape
+                wrong = original[array != original].flat[0] if same_shape else original.shape
+                raise ModelError(f"{field} are whole numbers up to {limit}, not {wrong}")
             if array is getattr(self, field) and array.flags.writeable:
                 array = array.copy()
             array.setflags(write=False)
@@ -100,22 +101,17 @@ class SparseTables:
 
     @classmethod
     def _of_matrices(cls, matrices: Sequence[Any]) -> SparseTables:
-        parts = [matrix.tocsr(copy=True) for matrix in matrices]
-        for part in parts:
-            part.sum_duplicates()
-            part.eliminate_zeros()
-            if part.shape != parts[0].shape:
+        from scipy.sparse import vstack
+
+        shape = matrices[0].shape
+        for matrix in matrices:
+            if matrix.shape != shape:
                 raise ModelError(
-                    f"the matrices of a table must have equal shapes, not {parts[0].shape} and {part.shape}"
+                    f"the matrices of a table must have equal shapes, not {shape} and {matrix.shape}"
                 )
-        ends = np.cumsum([0, *(part.nnz for part in parts)])
-        begins = [part.indptr[:-1].astype(np.int64) + end for part, end in zip(parts, ends[:-1], strict=True)]
-        return cls(
-            (len(parts), *parts[0].shape),
-            np.concatenate([*begins, ends[-1:]]),
-            np.concatenate([part.indices for part in parts]).astype(np.int32),
-            np.concatenate([part.data for part in parts]),
-        )
+        stack = vstack([matrix.tocsr() for matrix in matrices], format="csr")
+        stack.sum_duplicates()
+        return cls((len(matrices), *shape), stack.indptr, stack.indices, stack.data)
 
     @classmethod
     def of_entries(
@@ -165,7 +161,7 @@ class SparseTables:
         return table
 
     @cached_property
-    def rows(self) -> npt.NDArray[np.intp]:
+    def rows(self) -> Indices:
         """(entries,) the row a R + r of each entry."""
         return np.repeat(np.arange(len(self.begins) - 1), np.diff(self.begins))
 
@@ -180,12 +176,17 @@ class SparseTables:
         part = slice(int(self.begins[at]), int(self.begins[at + 1]))
         return self.columns[part], self.values[part]
 
-    def column(self, action: int, column: int) -> tuple[npt.NDArray[np.intp], Array]:
+    def column(self, action: int, column: int) -> tuple[Indices, Array]:
         """Return the rows, increasing, and the values of one column of an action."""
         begins, rows, values = self._by_column
         at = action * self.shape[2] + column
         part = slice(begins[at], begins[at + 1])
         return rows[part], values[part]
+
+    def row_entries(self, rows: npt.NDArray[np.integer]) -> tuple[Int64Array, Indices]:
+        """Return the indices (k,) of the entries of rows a R + r (n,), and their positions in `rows` (k,)."""
+        sizes = self.begins[rows + 1] - self.begins[rows]
+        return ragged_indices(self.begins[rows], sizes), np.repeat(np.arange(len(rows)), sizes)
 
     def forward(self, action: int, weights: Array) -> Array:
         """Return (N,) the weights (R,) times the matrix of an action."""
@@ -198,14 +199,14 @@ class SparseTables:
         return np.asarray(np.bincount(rows, values * column[columns], self.shape[1]), dtype=np.float64)
 
     @cached_property
-    def _parts(self) -> list[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Array]]:
+    def _parts(self) -> list[tuple[Indices, Indices, Array]]:
         """For each action the rows, columns and values of its entries."""
         A, R, _ = self.shape
         rows, columns = self.rows % R, self.columns.astype(np.intp)
         return [(rows[part], columns[part], self.values[part]) for part in map(self.action_slice, range(A))]
 
     @cached_property
-    def _by_column(self) -> tuple[list[int], npt.NDArray[np.intp], Array]:
+    def _by_column(self) -> tuple[list[int], Indices, Array]:
         A, R, N = self.shape
         key = self.rows // R * N + self.columns
         order = np.argsort(key, kind="stable")
@@ -224,6 +225,25 @@ class SparseTables:
         )
 
 
+def joint_matrix(
+    transition: SparseTables, observation: SparseTables, action: int
+) -> tuple[Any, Int64Array, Int64Array]:
+    """Return P(s', o | s, a) of an action as a sparse matrix, and the observation and state of its rows.
+
+    The matrix (k, S) has a column for each s' and a row for each of the k possible pairs (o, s), by rising o.
+    """
+    from scipy.sparse import csr_array
+
+    T, Z, S = transition, observation, transition.shape[1]
+    part = T.action_slice(action)
+    z_entry, offset = Z.row_entries(action * S + T.columns[part].astype(np.int64))
+    t_entry = part.start + offset
+    keys = Z.columns[z_entry] * np.int64(S) + T.rows[t_entry] - action * S
+    pairs, row = np.unique(keys, return_inverse=True)
+    entries = T.values[t_entry] * Z.values[z_entry], (row, T.columns[t_entry])
+    return csr_array(entries, shape=(len(pairs), S)), *np.divmod(pairs, S)
+
+
 def ragged_indices(begins: npt.NDArray[np.integer], sizes: npt.NDArray[np.integer]) -> Int64Array:
     """Return the ranges begins[i] to begins[i] + sizes[i], one after the other."""
     ends = np.cumsum(sizes)
@@ -235,8 +255,3 @@ def ragged_indices(begins: npt.NDArray[np.integer], sizes: npt.NDArray[np.intege
 def _freeze(array: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:
     array.setflags(write=False)
     return array
-
-
-def _find_changed_number(array: npt.NDArray[Any], original: npt.NDArray[Any]) -> object:
-    """Return the first number that a conversion changed, or the shape if the shapes differ."""
-    return original[array != original].flat[0] if array.shape == original.shape else original.shape

@@ -58,10 +58,8 @@ def with_classifier(
     for name, row in zip(confusion.classes, confusion.rates(smoothing), strict=True):
         condition = Literal(Term(target), "=", parse_term(name, "<class>"))
         for label, rate in zip(labels, row, strict=True):
-            number = Number(rate)
-            rules.append(
-                Probability(Term(attribute), parse_term(label, "<label>"), number, (condition,), at=places[0])
-            )
+            value = parse_term(label, "<label>")
+            rules.append(Probability(Term(attribute), value, Number(rate), (condition,), at=places[0]))
     kept = [s for s in program.statements if not (isinstance(s, Probability) and s.term.name == attribute)]
     return Program(program.file, (*kept, *rules), program.semantics)
 

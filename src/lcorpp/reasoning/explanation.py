@@ -69,16 +69,14 @@ def explain(reasoner: Reasoner, query: Query, *, count: int = 3) -> Explanation:
         answer = model.answer(exact=True)
     except UndefinedError:
         answer = None
-    without = tuple([(text, _try_answer(reasoner, rest)) for text, rest in _drop_conditions(model.query)])
+    without: list[tuple[str, QueryAnswer | str]] = []
+    for condition, rest in _drop_conditions(model.query):
+        try:
+            without.append((condition, reasoner.ask(rest, exact=True)))
+        except LcorppError as error:
+            without.append((condition, str(error)))
     worlds = _explain_worlds(model, count) if isinstance(model, QueryModel) else ()
-    return Explanation(model.query, answer, without, worlds)
-
-
-def _try_answer(reasoner: Reasoner, query: Query) -> QueryAnswer | str:
-    try:
-        return reasoner.ask(query, exact=True)
-    except LcorppError as error:
-        return str(error)
+    return Explanation(model.query, answer, tuple(without), worlds)
 
 
 def _drop_conditions(query: Query) -> Iterator[tuple[str, Query]]:

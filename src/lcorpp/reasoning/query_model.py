@@ -79,13 +79,11 @@ class QueryModel:
             return self._estimate()
 
     def _compute(self, *, exact: bool) -> QueryAnswer:
-        conditions = self._format_conditions()
+        parts = [str(part)[:-1] for part in (*self.query.observations, *self.query.interventions)]
+        conditions = f" has {', '.join(parts)}" if parts else ""
+        worlds = self.worlds
         weights: Mapping[str, Fraction | float]
-        weights = (
-            self.worlds.compute_exact_weights(self.term, {})
-            if exact
-            else self.worlds.compute_float_weights(self.term, {})
-        )
+        weights = (worlds.compute_exact_weights if exact else worlds.compute_float_weights)(self.term, {})
         if self.query.subject:
             return normalise_marginal(self.program, self.term, weights, conditions)  # type: ignore[type-var, return-value]
         total = sum(weights.values())
@@ -104,30 +102,15 @@ class QueryModel:
             raise make_no_value_error(self.program, self.term, share)
         return dict(estimates)
 
-    def _format_conditions(self) -> str:
-        parts = [
-            str(part).removesuffix(".") for part in (*self.query.observations, *self.query.interventions)
-        ]
-        return f" has {', '.join(parts)}" if parts else ""
-
 
 class EnumeratedQuery:
-    """A query to a program with cr-rules, which enumeration answers.
-
-    Args:
-        enumeration: the reasoner.
-        query: a query resolved by `resolve_query`.
-    """
+    """A query to a program with cr-rules, resolved by `resolve_query`, which enumeration answers."""
 
     def __init__(self, enumeration: Enumeration, query: Query) -> None:
         self.enumeration, self.query = enumeration, query
 
     def answer(self, *, exact: bool) -> QueryAnswer:
-        """Compute the answer, as fractions if `exact`.
-
-        Raises:
-            ProgramError, UndefinedError: as `Enumeration.ask`.
-        """
+        """Compute the answer, as fractions if `exact`; raise the errors of `Enumeration.ask`."""
         answer = self.enumeration.ask(self.query)
         if isinstance(answer, dict):
             return {value: p if exact else float(p) for value, p in answer.items()}

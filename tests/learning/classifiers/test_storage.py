@@ -97,12 +97,13 @@ def test_calibration_and_threshold_come_back(trained, tmp_path):
     assert all(a == b for a, b in pairs)
 
 
-def test_the_baseline_is_stored_like_the_lstm(tmp_path):
-    data = walkers()
-    baseline = train_and_validate(learner("summaries"), data, folds=2)[0]
-    save_classifier(baseline, tmp_path / "c")
-    found = load_classifier(tmp_path / "c").probabilities(data.trajectories)
-    assert np.array_equal(found, baseline.probabilities(data.trajectories))
+@pytest.mark.parametrize("name", ["summaries", pytest.param("forest", marks=skops)])
+def test_other_learners_are_stored_like_the_lstm(name, forest, tmp_path):
+    tracks = walkers(30, seed=9).trajectories
+    trained = forest if name == "forest" else train_and_validate(learner(name), walkers(), folds=2)[0]
+    save_classifier(trained, tmp_path / "c")
+    found = load_classifier(tmp_path / "c").probabilities(tracks)
+    assert np.array_equal(found, trained.probabilities(tracks))
 
 
 @pytest.mark.skipif(find_spec("skops") is not None, reason="skops is installed")
@@ -113,19 +114,12 @@ def test_without_skops_the_error_names_the_installation(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@skops
-def test_a_forest_is_kept_by_skops(forest, tmp_path):
-    save_classifier(forest, tmp_path / "c")
-    tracks = walkers(30, seed=9).trajectories
-    assert np.array_equal(load_classifier(tmp_path / "c").probabilities(tracks), forest.probabilities(tracks))
-
-
 class Mine(LogisticRegression):
-    """Of a type that nobody knows."""
+    """Of a type that skops does not trust."""
 
 
 @skops
-def test_unknown_types_are_not_kept(tmp_path):
+def test_unknown_types_are_not_stored(tmp_path):
     mine = make_pipeline(FunctionTransformer(np.ravel), Mine())
     with pytest.raises(DataError, match="cannot be stored safely: it contains"):
         save_classifier(TrainedClassifier(make_pipeline(Mine())), tmp_path / "c")
@@ -161,9 +155,8 @@ def test_a_classifier_without_a_matrix(trained, tmp_path):
     assert load_classifier(tmp_path / "c").confusion is None
 
 
-def test_progress_is_not_kept(trained, tmp_path):
-    told = []
-    trained.estimator.set_params(lstm__progress=told.append)
+def test_progress_is_not_stored(trained, tmp_path):
+    trained.estimator.set_params(lstm__progress=print)
     save_classifier(trained, tmp_path / "c")
     trained.estimator.set_params(lstm__progress=None)
     assert load_classifier(tmp_path / "c").estimator.get_params()["lstm__progress"] is None

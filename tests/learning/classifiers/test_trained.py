@@ -32,14 +32,10 @@ def test_one_and_many_agree():
     assert [classifier.classify(Instance(t, {})) for t in data.trajectories] == many
 
 
-def test_a_cut_calls_otherwise():
-    tracks = walkers().trajectories
-    assert set(
-        TrainedClassifier(ByLength(), threshold=DecisionThreshold("fast", 0.1)).classify_many(tracks)
-    ) == {"fast"}
-    assert set(
-        TrainedClassifier(ByLength(), threshold=DecisionThreshold("slow", 0.05)).classify_many(tracks)
-    ) == {"slow"}
+@pytest.mark.parametrize(("name", "probability"), [("fast", 0.1), ("slow", 0.05)])
+def test_a_low_threshold_predicts_its_class_always(name, probability):
+    classifier = TrainedClassifier(ByLength(), threshold=DecisionThreshold(name, probability))
+    assert set(classifier.classify_many(walkers().trajectories)) == {name}
 
 
 def test_soft_evidence_is_the_calibrated_likelihood():
@@ -48,17 +44,17 @@ def test_soft_evidence_is_the_calibrated_likelihood():
     )
     trained = TrainedClassifier(ByLength(), calibration=calibration)
     tracks = walkers(12).trajectories
-    said = trained.soft().classify_many(tracks)
+    likelihoods = trained.soft().classify_many(tracks)
     right = calibration.calibrate(ByLength().predict_proba(tracks))
-    for likelihood, row in zip(said, right, strict=True):
+    for likelihood, row in zip(likelihoods, right, strict=True):
         weight = dict(likelihood)
         assert weight["fast"] / weight["slow"] == pytest.approx(row[0] / row[1] * 0.9 / 0.1)
-    assert dict(trained.soft().classify(Instance(tracks[0], {}))) == dict(said[0])
+    assert dict(trained.soft().classify(Instance(tracks[0], {}))) == dict(likelihoods[0])
     with pytest.raises(DataError, match="trained without cross-validation"):
         TrainedClassifier(ByLength()).soft()
 
 
-def test_importing_the_room_loads_neither_torch_nor_scikit_learn():
+def test_importing_the_package_loads_neither_torch_nor_scikit_learn():
     program = (
         "import sys, lcorpp.learning; print([m for m in ('torch', 'sklearn', 'joblib') if m in sys.modules])"
     )

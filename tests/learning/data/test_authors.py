@@ -62,34 +62,24 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("text", "row", "column", "words"), BAD)
-@pytest.mark.parametrize("name", ["x", "y"])
+OTHERS = [
+    (f"{line('9', 0, '1')}\n{line('8', 0, '0')}", 1, 1, "'9'; expected '7' as in line 1 of interposx.csv"),
+    (f"{line('7', 0, '1')}\n{line('8', 0, '1')}", 2, len(line("8", 0, "1")), "label '1'; expected '0'"),
+    (line("7", 0, "1"), 1, 1, "ends after 1 rows; expected 2"),
+]
+"""Files of y that do not belong to that of x."""
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "row", "column", "words"),
+    [*(("x", *bad) for bad in BAD), *(("y", *bad) for bad in [*BAD, *OTHERS])],
+)
 def test_malformed_files_are_located(tmp_path, name, text, row, column, words):
     with pytest.raises(ParseError) as caught:
         read_authors(folder(tmp_path, **{name: text}), labels=LABELS)
     assert (caught.value.line, caught.value.column) == (row, column)
     assert words in str(caught.value)
     assert caught.value.file.endswith(f"interpos{name}.csv")
-
-
-@pytest.mark.parametrize(
-    ("y", "row", "column", "words"),
-    [
-        (
-            f"{line('9', 0, '1')}\n{line('8', 0, '0')}",
-            1,
-            1,
-            "id '9'; expected '7' as in line 1 of interposx.csv",
-        ),
-        (f"{line('7', 0, '1')}\n{line('8', 0, '1')}", 2, len(line("8", 0, "1")), "label '1'; expected '0'"),
-        (line("7", 0, "1"), 1, 1, "ends after 1 rows; expected 2"),
-    ],
-)
-def test_files_that_do_not_belong_together(tmp_path, y, row, column, words):
-    with pytest.raises(ParseError) as caught:
-        read_authors(folder(tmp_path, y=y), labels=LABELS)
-    assert (caught.value.line, caught.value.column) == (row, column)
-    assert words in str(caught.value)
 
 
 def test_a_missing_file_is_named(tmp_path):

@@ -78,10 +78,16 @@ def test_a_file_that_changed_meanwhile_is_downloaded_again(web, tmp_path):
     assert web.asked == [("bytes=19-", '"older"')]
 
 
-def test_a_server_without_range_requests(web, tmp_path):
-    left(tmp_path, CONTENT[:1000])
-    web.ranges = False
-    assert fetch(web.url, tmp_path, sha256=DIGEST).read_bytes() == CONTENT
+@pytest.mark.parametrize(
+    ("content", "ranges", "requests"),
+    [(CONTENT[:1000], False, 1), (CONTENT, True, 1), (CONTENT + b"and more", True, 2)],
+    ids=["server-without-ranges", "already-complete", "too-long"],
+)
+def test_partial_files_that_cannot_be_continued(web, tmp_path, content, ranges, requests):
+    left(tmp_path, content)
+    web.ranges = ranges
+    assert fetch(web.url, tmp_path, sha256=DIGEST, wait=0).read_bytes() == CONTENT
+    assert len(web.asked) == requests
 
 
 def test_without_a_version_only_a_checksum_allows_to_resume(web, tmp_path):
@@ -93,17 +99,6 @@ def test_without_a_version_only_a_checksum_allows_to_resume(web, tmp_path):
     left(tmp_path, CONTENT[:1000], "")
     assert fetch(web.url, tmp_path, sha256=DIGEST).read_bytes() == CONTENT
     assert web.asked.pop() == ("bytes=1000-", None)
-
-
-def test_a_partial_file_that_is_already_complete(web, tmp_path):
-    left(tmp_path, CONTENT)
-    assert fetch(web.url, tmp_path, sha256=DIGEST).read_bytes() == CONTENT
-    assert len(web.asked) == 1
-
-
-def test_a_partial_file_longer_than_the_file_is_discarded(web, tmp_path):
-    left(tmp_path, CONTENT + b"and more")
-    assert fetch(web.url, tmp_path, sha256=DIGEST, wait=0).read_bytes() == CONTENT
 
 
 def test_a_file_with_another_checksum_is_not_kept(web, tmp_path):

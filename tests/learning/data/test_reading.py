@@ -230,8 +230,7 @@ def test_parsing_at_once_and_by_row_agree(tmp_path_factory, rows, quoted):
     name = '"a, b"' if quoted else "a"
     file.write_text("".join(f"{name},{number},{x},{y}\n" for number, (x, y) in enumerate(rows)))
     quick, careful = (
-        CsvFile(file, {"track": 0, "time": 1, "x": 2, "y": 3}, 4, ("time", "x", "y"), RepairLog())
-        for _ in "ab"
+        CsvFile(file, ("track", "time", "x", "y"), ("time", "x", "y"), (), RepairLog()) for _ in "ab"
     )
     careful._at_once = lambda lines, number: None
     (one,), (other,) = (list(reader.batches()) for reader in (quick, careful))

@@ -28,7 +28,7 @@ def test_no_threshold_is_better_on_the_data_s_own_share(goal, figure):
     assert found.out_of_fold <= found.in_sample
 
 
-def test_a_rare_class_is_called_later():
+def test_a_rare_class_has_a_higher_threshold():
     """Of calibrated scores at shares of one half the best threshold for accuracy is 1 - prevalence."""
     rng = np.random.default_rng(1)
     scores = rng.random(60_000)
@@ -41,7 +41,7 @@ def test_a_rare_class_is_called_later():
     assert youden.in_sample == pytest.approx(youden.tpr - youden.fpr)
 
 
-def test_costs_move_it():
+def test_costs_move_the_threshold():
     scores, positive, folds = cases(2000)
     dear = choose_threshold(scores, positive, folds, prevalence=0.5, goal=(10, 1))
     cheap = choose_threshold(scores, positive, folds, prevalence=0.5, goal=(1, 10))
@@ -82,7 +82,7 @@ def test_invalid_goals_and_prevalences_are_errors(change, words):
         choose_threshold(scores, np.ones(50, dtype=bool), folds, prevalence=0.5)
 
 
-def test_calls():
+def test_predictions_by_a_threshold():
     probabilities = np.array([[0.2, 0.8], [0.6, 0.4], [0.5, 0.5]])
     assert apply_threshold(("a", "b"), probabilities) == ["b", "a", "a"]
     assert apply_threshold(("a", "b"), probabilities, DecisionThreshold("b", 0.4)) == ["b", "b", "b"]

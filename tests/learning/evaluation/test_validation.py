@@ -81,18 +81,18 @@ def test_the_result_does_not_depend_on_the_processes():
     from lcorpp.learning import paper_pipeline
 
     pipeline = paper_pipeline(epochs=2, rate=4.0)
-    ignored, told = [], []
+    ignored, calls = [], []
     pipeline.set_params(lstm__progress=lambda *done: ignored.append(done))
     one = cross_validate(pipeline, walkers(), jobs=1)
-    two = cross_validate(pipeline, walkers(), jobs=2, progress=lambda *done: told.append(done))
+    two = cross_validate(pipeline, walkers(), jobs=2, progress=lambda *done: calls.append(done))
     assert np.array_equal(one.probabilities, two.probabilities)
     assert one.folds == two.folds
-    assert told == [(i, 5) for i in range(1, 6)]
+    assert calls == [(i, 5) for i in range(1, 6)]
     assert ignored == []  # the estimator's own progress is not called
     assert pipeline.get_params()["lstm__progress"] is not None  # and it was not changed
 
 
-def test_the_seed_divides():
+def test_the_seed_determines_the_folds():
     first, same, other = (cross_validate(quick_pipeline(), walkers(), seed=s).folds for s in (3, 3, 4))
     assert first == same != other
 

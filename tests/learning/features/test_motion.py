@@ -11,7 +11,7 @@ from lcorpp.errors import DataError
 from lcorpp.learning import ChannelStandardizer, Motion
 
 ALL = ("x", "y", "velocity", "heading", "facing")
-TOLD = ("x", "y", "velocity", "heading", "facing", "approach", "attention", "distance", "bearing")
+FEATURES = ("x", "y", "velocity", "heading", "facing", "approach", "attention", "distance", "bearing")
 SECOND = {"rate": 1.0, "interval": 0.5}
 """Every second sample comes out."""
 
@@ -20,7 +20,7 @@ def tracks(seed: int, cases: int = 4, channels: int = 2, points: int = 50) -> np
     return np.random.default_rng(seed).normal(size=(cases, channels, points)).cumsum(axis=2)
 
 
-def told(x, **parameters) -> dict[str, list[float]]:
+def rows_of(x, **parameters) -> dict[str, list[float]]:
     """The rows of one case by name, rounded."""
     motion = Motion(**{**SECOND, **parameters})
     rows = motion.fit_transform(np.array([x], dtype=float))[0]
@@ -28,11 +28,11 @@ def told(x, **parameters) -> dict[str, list[float]]:
 
 
 def test_every_second_point_relative_to_the_first():
-    assert told([[5.0, 6, 7, 8, 9], [1, 1, 2, 3, 5]]) == {"x": [0, 2, 4], "y": [0, 1, 4]}
+    assert rows_of([[5.0, 6, 7, 8, 9], [1, 1, 2, 3, 5]]) == {"x": [0, 2, 4], "y": [0, 1, 4]}
 
 
 def test_points_between_samples_are_interpolated():
-    assert told([[1.0, 3], [0, 4]], rate=4, interval=1)["y"] == [0, 1, 2, 3, 4]
+    assert rows_of([[1.0, 3], [0, 4]], rate=4, interval=1)["y"] == [0, 1, 2, 3, 4]
 
 
 def test_the_papers_tracks_become_thirty_points():
@@ -41,14 +41,14 @@ def test_the_papers_tracks_become_thirty_points():
 
 def test_speed_and_heading_of_a_walk_known_by_hand():
     """One metre ahead, then two to the left, then standing: a second each, the last sample not reached."""
-    found = told([[0, 0.5, 1, 1, 1, 1, 1, 9], [0, 0, 0, 1, 2, 2, 2, 9]], features=("velocity", "heading"))
+    found = rows_of([[0, 0.5, 1, 1, 1, 1, 1, 9], [0, 0, 0, 1, 2, 2, 2, 9]], features=("velocity", "heading"))
     assert found == {"velocity": [0, 1, 2, 0], "heading_cos": [0, 1, 0, 0], "heading_sin": [0, 0, 1, 0]}
 
 
 def test_measured_speed_and_heading_are_used_unchanged():
     east, west = [0.0] * 3, [np.pi] * 3
     x = [[0, 1, 2], [0, 0, 0], [7.0, 7, 8], west, east]
-    found = told(x, inputs=ALL, features=("velocity", "heading", "facing"))
+    found = rows_of(x, inputs=ALL, features=("velocity", "heading", "facing"))
     assert found["velocity"] == [7, 8]
     assert found["heading_cos"] == [-1, -1]
     assert found["facing_cos"] == [1, 1]
@@ -58,7 +58,7 @@ def test_angles_are_interpolated_the_shorter_way_round():
     """From 170 degrees to -170: half way is 180, not 0; the number of turns counted does not matter."""
     for turns in (0, 2 * np.pi, -4 * np.pi):
         x = [[0, 0], [0, 0], [np.deg2rad(170), np.deg2rad(-170) + turns]]
-        found = told(x, inputs=("x", "y", "facing"), features=("facing",), rate=2, interval=1)
+        found = rows_of(x, inputs=("x", "y", "facing"), features=("facing",), rate=2, interval=1)
         assert found["facing_cos"] == pytest.approx([np.cos(np.deg2rad(170)), -1, np.cos(np.deg2rad(170))])
         assert found["facing_sin"][1] == pytest.approx(0, abs=1e-9)
 
@@ -66,7 +66,7 @@ def test_angles_are_interpolated_the_shorter_way_round():
 def test_features_relative_to_the_robot_of_a_known_track():
     """A person three metres before a robot that looks along y comes on, looking to the robot's left."""
     x = [[1, 1, 1], [5, 4.5, 4], [np.pi] * 3]
-    found = told(x, inputs=("x", "y", "facing"), features=TOLD, robot=(1.0, 2.0, np.pi / 2))
+    found = rows_of(x, inputs=("x", "y", "facing"), features=FEATURES, robot=(1.0, 2.0, np.pi / 2))
     assert found == {
         "x": [0, -1],
         "y": [0, 0],
@@ -106,7 +106,7 @@ def test_interpolation_agrees_with_numpy(seed, rate, points):
 @given(seed=st.integers(0, 10**6), rate=st.sampled_from([2.7, 3.0, 30.0, 1 / 0.033]), end=st.integers(16, 50))
 def test_a_prefix_of_a_track_gives_a_prefix_of_its_motion(seed, rate, end):
     for inputs, x in ((ALL, measured(seed)), (("x", "y", "facing"), measured(seed)[:, [0, 1, 4]])):
-        motion = Motion(rate=rate, inputs=inputs, features=TOLD, robot=(1.0, -2.0, 0.3)).fit(x)
+        motion = Motion(rate=rate, inputs=inputs, features=FEATURES, robot=(1.0, -2.0, 0.3)).fit(x)
         part = motion.transform(x[:, :, :end])
         assert np.array_equal(part, motion.transform(x)[:, :, : part.shape[2]])
         assert part.shape[2] >= 2
@@ -131,7 +131,7 @@ def test_features_do_not_depend_on_the_frame_of_the_tracks(seed, x, y, turned):
     there[:, 0] = cosine * here[:, 0] - sine * here[:, 1] + x
     there[:, 1] = sine * here[:, 0] + cosine * here[:, 1] + y
     for inputs, rows in ((ALL, [0, 1, 2, 3, 4]), (("x", "y", "facing"), [0, 1, 4])):
-        parameters = {"inputs": inputs, "features": TOLD}
+        parameters = {"inputs": inputs, "features": FEATURES}
         seen = Motion(robot=(0, 0, 0), **parameters).fit_transform(here[:, rows])
         same = Motion(robot=(x, y, turned), **parameters).fit_transform(there[:, rows])
         np.testing.assert_allclose(seen, same, atol=1e-6)  # a short step has a direction to 1e-7

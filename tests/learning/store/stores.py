@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from lcorpp.learning.store import NewTrack, Store, TrackSchema
 from lcorpp.values import Distribution
@@ -38,3 +40,19 @@ def filled(path: Path, rows: int, schema: TrackSchema = SCHEMA, points: int = 4)
     with Store(path, schema) as store:
         store.extend([track(row, points) for row in range(rows)], durable=False)
     return path.read_bytes()
+
+
+def crash(act, files: int, monkeypatch) -> None:
+    """Interrupt `act` when it has replaced this many files and is about to replace another."""
+    written, replace = [], os.replace
+
+    def interrupt(name, target):
+        if len(written) == files:
+            raise KeyboardInterrupt
+        written.append(target)
+        replace(name, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("os.replace", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            act()

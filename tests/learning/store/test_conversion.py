@@ -1,6 +1,5 @@
 """Stores of version 1, written by lcorpp before it used SQLite, are converted once; nothing is lost."""
 
-import os
 import shutil
 from pathlib import Path
 
@@ -9,7 +8,7 @@ import pytest
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning.store import NewTrack, Store, is_store, read_store
-from tests.learning.store.stores import SCHEMA, track, walk
+from tests.learning.store.stores import SCHEMA, crash, track, walk
 
 OLD = Path(__file__).parent / "version1"
 
@@ -111,18 +110,8 @@ def test_a_header_that_was_never_finished_is_an_empty_store(path, content):
 @pytest.mark.parametrize("after", [0, 1])
 def test_a_crash_during_the_conversion_leaves_the_original(path, monkeypatch, after):
     """While the copy or the new store is written."""
-    content, written, replace = path.read_bytes(), [], os.replace
-
-    def crash(name, target):
-        if len(written) == after:
-            raise KeyboardInterrupt
-        written.append(target)
-        replace(name, target)
-
-    monkeypatch.setattr("os.replace", crash)
-    with pytest.raises(KeyboardInterrupt):
-        read_store(path)
-    monkeypatch.undo()
+    content = path.read_bytes()
+    crash(lambda: read_store(path), after, monkeypatch)
     assert path.read_bytes() == content
     check_plain(read_store(path), PLAIN)
 

@@ -18,16 +18,9 @@ ROOMS = ROOT / "tests" / "domains" / "rooms"
 
 
 def run_kills(kills: int, longest: float) -> str:
+    options = ("--kills", str(kills), "--longest", str(longest))
     ended = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "tests.learning.store.kills",
-            "--kills",
-            str(kills),
-            "--longest",
-            str(longest),
-        ],
+        [sys.executable, "-m", "tests.learning.store.kills", *options],
         cwd=ROOT,
         capture_output=True,
         text=True,

@@ -7,8 +7,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
 from lcorpp.errors import DataError
-from lcorpp.learning import ChannelStandardizer, Motion
-from lcorpp.learning.streaming import StreamingClassifier, predict_over_time, truncate
+from lcorpp.learning import ChannelStandardizer, Motion, StreamingClassifier, predict_over_time, truncate
 from lcorpp.learning.streaming.prefix_ensemble import PrefixEnsemble, with_prefix_ensemble
 from lcorpp.values import Dataset
 

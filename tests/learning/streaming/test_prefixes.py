@@ -6,8 +6,7 @@ from sklearn.metrics import roc_auc_score
 from sklearn.pipeline import make_pipeline
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Motion
-from lcorpp.learning.streaming import PredictionTimeline, cross_predict_over_time, predict_over_time, truncate
+from lcorpp.learning import Motion, PredictionTimeline, cross_predict_over_time, predict_over_time, truncate
 from lcorpp.learning.streaming.plots import draw_timeline, plot_timeline
 from lcorpp.values import Dataset
 from tests.learning.walkers import walkers

@@ -10,10 +10,15 @@ from sklearn.preprocessing import FunctionTransformer
 from sklearn.svm import LinearSVC
 
 from lcorpp.errors import DataError
-from lcorpp.learning import ChannelStandardizer, Motion, TrainedClassifier, train_and_validate
+from lcorpp.learning import (
+    ChannelStandardizer,
+    Motion,
+    StreamingClassifier,
+    TrainedClassifier,
+    train_and_validate,
+)
 from lcorpp.learning.contract import SigmoidScores, fit_clone
 from lcorpp.learning.features.resampling import resample
-from lcorpp.learning.streaming import StreamingClassifier
 from lcorpp.protocols import Classifier
 from lcorpp.values import Instance
 from tests.learning.walkers import walkers

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.learning import TrainedClassifier
-from lcorpp.learning.evaluation.calibration import fit_calibration
-from lcorpp.learning.streaming import (
+from lcorpp.learning import (
     PredictionTimeline,
     PrefixCalibration,
     StreamingClassifier,
+    TrainedClassifier,
     calibrate_prefixes,
     predict_over_time,
     truncate,
 )
+from lcorpp.learning.evaluation.calibration import fit_calibration
 from lcorpp.values import Dataset, Instance
 
 from .people import by_way, lstm, walk

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from lcorpp.planning import Pomdp, SparseTables, observation_probabilities, parse_pomdp, update
+from lcorpp.planning import Pomdp, observation_probabilities, parse_pomdp, update
 from lcorpp.planning.sarsop import numpy_kernels
 from lcorpp.planning.sarsop.kernels import build_model
-from lcorpp.planning.sarsop.numpy_kernels.model import find_row_entries
 from tests.planning.models import TIGER, pomdps
 from tests.planning.sarsop.kernels import (
     BOTH,
@@ -177,13 +176,6 @@ def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
     assert blind[0] == pytest.approx(1000, abs=1e-6)
     assert (blind.max(axis=0) <= informed.max(axis=0) + 1e-9).all()
     assert above.max() == pytest.approx(1000, abs=1e-6)
-
-
-def test_find_row_entries_gives_entries_and_their_rows():
-    rows = SparseTables.of(np.array([[[0.5, 0.5], [0, 1.0]], [[1, 0], [0.25, 0.75]]]))
-    index, owner = find_row_entries(rows, np.array([3, 1, 0]))
-    assert rows.values[index].tolist() == [0.25, 0.75, 1.0, 0.5, 0.5]
-    assert owner.tolist() == [0, 0, 1, 2, 2]
 
 
 @given(st.integers(0, 10**6))

@@ -10,7 +10,7 @@ import pytest
 
 import lcorpp.planning
 from lcorpp.planning import Pomdp, parse_pomdp, solve
-from lcorpp.planning.sarsop import kernels as module, numpy_kernels
+from lcorpp.planning.sarsop import numpy_kernels
 from lcorpp.planning.sarsop.kernels import SlowKernelsWarning, build_model, load_kernels
 from tests.planning.models import TIGER
 from tests.planning.sarsop.kernels import BOTH, NATIVE, needs_native
@@ -21,9 +21,9 @@ def no_compiler(monkeypatch):
     """Hide the compiled kernels."""
     monkeypatch.delattr(lcorpp.planning, "_native", raising=False)
     monkeypatch.setitem(sys.modules, "lcorpp.planning._native", None)
-    module._load_best.cache_clear()
+    load_kernels.cache_clear()
     yield
-    module._load_best.cache_clear()
+    load_kernels.cache_clear()
 
 
 @needs_native

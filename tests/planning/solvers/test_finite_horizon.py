@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import SparseTables, parse_pomdp, read_pomdp
-from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.exact.value_iteration import solve_exact
 from lcorpp.planning.solvers.finite_horizon import solve_finite_horizon, solve_finite_horizon_exact
 from lcorpp.planning.solvers.finite_horizon.time_expanded import time_expand
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model

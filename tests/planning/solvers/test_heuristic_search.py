@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from lcorpp.errors import ModelError, ObservationError
 from lcorpp.planning import parse_pomdp
 from lcorpp.planning.solvers import heuristic_search as online
-from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.exact.value_iteration import solve_exact
 from lcorpp.planning.solvers.heuristic_search import OnlinePlanner
 from tests.planning.models import LCORPP, TIGER, pomdps
 from tests.planning.solvers.brute_force import corners, earned

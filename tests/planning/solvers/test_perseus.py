@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from lcorpp.errors import ModelError
 from lcorpp.planning import Pomdp, Progress, Solution, parse_pomdp, read_pomdp
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
-from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.exact.value_iteration import solve_exact
 from lcorpp.planning.solvers.perseus import solve_perseus
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
 from tests.planning.sarsop.kernels import random_model
 from tests.planning.shortfall import assert_vectors_are_earned
-from tests.planning.solvers.brute_force import best, corners, tail
+from tests.planning.solvers.brute_force import corners
 
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
 
@@ -24,36 +24,11 @@ def test_perseus_reaches_the_precision_on_the_authors_model():
     assert 51.656 <= solution.upper <= 51.657 + 0.02
 
 
-@pytest.mark.parametrize(
-    ("name", "least", "most"),
-    [
-        ("tiger.95.pomdp", 19.371, 19.372),
-        ("cheese.95.pomdp", 3.4854, 3.4863),
-        ("4x3.95.pomdp", 1.8899, 1.8909),
-    ],
-)
-def test_known_values_are_bracketed(name, least, most):
-    solution = solve_perseus(read_pomdp(shared_model(name)), precision=0.05, time_limit=600)
-    assert solution.lower <= most
-    assert solution.upper >= least
-    assert solution.lower >= least - 0.05
-
-
 @pytest.mark.slow
 def test_perseus_on_tag_comes_close_to_the_published_bound():
     """APPL has a lower bound of -6.2 after a minute."""
     solution = solve_perseus(read_pomdp(shared_model("tag-avoid.pomdp")), time_limit=10)
     assert -6.6 <= solution.lower <= solution.upper <= 0.5
-
-
-@given(pomdps(discounts=(0.3, 0.5)))
-@settings(max_examples=12)
-def test_brute_force_is_between_the_bounds(pomdp):
-    solution = solve_perseus(pomdp, precision=1e-2, time_limit=0.5, beliefs=50)
-    steps = 4
-    exact, (least, most) = best(pomdp, pomdp.start, steps), tail(pomdp, steps)
-    assert solution.lower <= exact + most + 1e-9
-    assert solution.upper >= exact + least - 1e-9
 
 
 @given(pomdps())
@@ -112,38 +87,9 @@ def test_the_search_stops_when_all_beliefs_are_done():
     assert solution.beliefs == 1
 
 
-def test_several_starts_all_reach_the_precision():
-    starts = np.array([[0.5, 0.5, 0, 0, 0], [0.9, 0.1, 0, 0, 0], [0, 0, 0.2, 0.8, 0]])
-    solution = solve_perseus(lcorpp, starts, precision=0.1)
-    assert solution.reason == "precision reached"
-    assert all(solution.gap(start) <= 0.1 + 1e-9 for start in starts)
-
-
-def test_an_interrupt_returns_the_best_so_far():
-    seen = []
-
-    def stop(progress):
-        seen.append(progress)
-        if len(seen) == 3:
-            raise KeyboardInterrupt
-
-    solution = solve_perseus(lcorpp, callback=stop)
-    assert solution.reason == "interrupted"
-    assert solution.trials == seen[-1].trials
-    assert solution.lower == pytest.approx(seen[-1].lower, abs=1e-9)
-
-
-def test_a_tiny_time_limit_returns_a_result():
-    solution = solve_perseus(lcorpp, time_limit=1e-9)
-    assert solution.reason == "time limit"
-    assert solution.lower <= 51.657 <= solution.upper + 1e-9
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"precision": 0}, "must be positive"),
-        ({"time_limit": float("nan")}, "must be positive"),
         ({"beliefs": 0}, "beliefs must be an integer of at least 1, not 0"),
         ({"beliefs": 2.5}, "beliefs must be an integer of at least 1, not 2.5"),
         ({"seed": -1}, "seed must be an integer of at least 0, not -1"),

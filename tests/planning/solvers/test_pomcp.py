@@ -8,7 +8,7 @@ import pytest
 from lcorpp.errors import ModelError, ObservationError
 from lcorpp.planning import Planner, parse_pomdp, solve
 from lcorpp.planning.belief import update
-from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.exact.value_iteration import solve_exact
 from lcorpp.planning.solvers.pomcp import ParticlePlanner, PomcpPlanner
 from lcorpp.planning.solvers.pomcp.simulator import LEAF_VALUES, TableSimulator
 from tests.planning.models import LCORPP, TIGER

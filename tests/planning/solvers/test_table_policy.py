@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from lcorpp.errors import ModelError
 from lcorpp.planning import parse_pomdp, read_pomdp, solve
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
-from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.exact.value_iteration import solve_exact
 from lcorpp.planning.solvers.table_policy import policy_lower_bound, solve_fib, solve_qmdp
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
 from tests.planning.solvers.brute_force import corners
@@ -139,20 +138,3 @@ def test_several_starts_report_the_widest_gap():
     assert solution.start == pytest.approx([1, 0])
     assert solution.upper == pytest.approx(200, abs=1e-3)
     assert solution.lower == pytest.approx(10 + 0.95 * 19.3714, abs=2e-3)
-
-
-@pytest.mark.parametrize("solver", [solve_qmdp, solve_fib])
-def test_an_interrupt_returns_the_result_so_far(solver):
-    solution = solver(tiger, callback=interrupt)
-    assert solution.reason == "interrupted"
-    assert solution.policy.value(tiger.start) - 1e-9 <= solution.lower <= 19.372 <= solution.upper
-
-
-@pytest.mark.parametrize("solver", [solve_qmdp, solve_fib])
-def test_bad_arguments(solver):
-    with pytest.raises(ModelError, match="must be positive"):
-        solver(tiger, precision=-1)
-    with pytest.raises(ModelError, match="must be positive"):
-        solver(tiger, time_limit=0)
-    with pytest.raises(ModelError, match="shape"):
-        solver(tiger, [1.0])

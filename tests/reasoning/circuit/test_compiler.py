@@ -60,16 +60,16 @@ def test_wrong_compilation(inputs, query, do, words):
         REASONER.compile(inputs, query, do)
 
 
-def test_do_needs_a_random_selection():
-    program = parse_plog("p, q : boolean. random(p). q :- p.", file="a.plog")
-    with pytest.raises(ProgramError, match=r"do\(q=\.\.\.\): q has no random selection in a\.plog"):
-        Reasoner(program).compile([], "p", {"q": "true"})
-
-
-def test_programs_with_cr_rules_cannot_be_compiled():
-    program = parse_plog("p, q : boolean. [r] p +- . random(q) :- p. :- not p.")
-    with pytest.raises(ProgramError, match="a program with cr-rules cannot be compiled: an observation may"):
-        Reasoner(program).compile([], "p")
+@pytest.mark.parametrize(
+    ("text", "do", "words"),
+    [
+        ("random(p). q :- p.", {"q": "true"}, r"do\(q=\.\.\.\): q has no random selection in a\.plog"),
+        ("[r] p +- . random(q) :- p. :- not p.", {}, "a program with cr-rules cannot be compiled: an obs"),
+    ],
+)
+def test_programs_that_cannot_be_compiled(text, do, words):
+    with pytest.raises(ProgramError, match=words):
+        Reasoner(parse_plog(f"p, q : boolean. {text}", file="a.plog")).compile([], "p", do)
 
 
 def test_too_many_inputs_are_refused():

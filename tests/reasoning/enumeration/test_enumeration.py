@@ -124,13 +124,11 @@ def test_partial_attributes_are_an_error_with_the_probability() -> None:
 
 
 def test_partial_attributes_in_rules() -> None:
-    text = """p : boolean. q : boolean. random(p). random(q) :- p.
+    program = parse_plog("""p : boolean. q : boolean. random(p). random(q) :- p.
         r1 : boolean. r2 : boolean. r3 : boolean.
-        r1 :- q != true. r2 :- not q != true. r3 :- not q."""
-    program = parse_plog(text)
-    assert probability(program, "r1=true") == Fraction(1, 4)
-    assert probability(program, "r2=true") == Fraction(3, 4)
-    assert probability(program, "r3=true") == Fraction(3, 4)
+        r1 :- q != true. r2 :- not q != true. r3 :- not q.""")
+    for term, expected in {"r1": Fraction(1, 4), "r2": Fraction(3, 4), "r3": Fraction(3, 4)}.items():
+        assert probability(program, f"{term}=true") == expected
 
 
 def test_observations_and_interventions_reach_terms_with_arguments() -> None:
@@ -224,15 +222,11 @@ def test_conditions_of_the_language(text: str, words: str) -> None:
     assert words in str(caught.value)
 
 
-def test_labels_distinguish_selections() -> None:
-    text = """p : boolean. q : boolean. random(p).
-        [r1] random(q) :- p. [r2] random(q) :- -p. [r1] pr(q) = 1/4. [r2] pr(q) = 3/4."""
-    program = parse_plog(text)
+def test_labels_distinguish_selections_and_their_arguments_instances() -> None:
+    program = parse_plog("""p : boolean. q : boolean. random(p).
+        [r1] random(q) :- p. [r2] random(q) :- -p. [r1] pr(q) = 1/4. [r2] pr(q) = 3/4.""")
     assert probability(program, "q=true | obs(p)") == Fraction(1, 4)
     assert probability(program, "q=true | obs(-p)") == Fraction(3, 4)
-
-
-def test_label_arguments_distinguish_instances() -> None:
     program = parse_plog("d={x,y}. f : d -> boolean. [r(D)] random(f(D)). [r(x)] pr(f(x)) = 1/4.")
     assert probability(program, "f(x)=true") == Fraction(1, 4)
     assert probability(program, "f(y)=true") == Fraction(1, 2)

@@ -49,7 +49,11 @@ def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -
     template = table.text("states", "{" + reasoning.target + "}")
     variables, initial = _read_local_variables(table.section("local"), reasoning.target)
     _check_template(table, template, {reasoning.target, *variables})
-    terminal = _find_terminal(table, pomdp)
+    terminal = None
+    if "terminal" in table:
+        name = table.text("terminal")
+        check_declared(table.location("terminal"), name, pomdp, "states")
+        terminal = pomdp.states.index(name)
     initial_states, state_values = _match_states(
         table, template, pomdp, terminal, reasoning, variables, initial
     )
@@ -127,14 +131,6 @@ def _read_local_variables(table: TomlTable, target: str) -> tuple[dict[str, tupl
             )
         variable.reject_unknown_keys()
     return values, initial
-
-
-def _find_terminal(table: TomlTable, pomdp: Pomdp) -> int | None:
-    if "terminal" not in table:
-        return None
-    name = table.text("terminal")
-    check_declared(table.location("terminal"), name, pomdp, "states")
-    return pomdp.states.index(name)
 
 
 def _read_reports(table: TomlTable, pomdp: Pomdp, reasoning: ReasoningSection) -> dict[str, str]:

@@ -156,10 +156,7 @@ def _make_noisy_channel(
 
 
 def _read_noisy_channel(
-    table: TomlTable,
-    location: str,
-    reasoning: ReasoningSection,
-    learning: LearningSection,
+    table: TomlTable, location: str, reasoning: ReasoningSection, learning: LearningSection
 ) -> dict[str, dict[str, float]]:
     """Read the table `channel`: a row of label probabilities for each target value."""
     labels = tuple(learning.label_of.values())

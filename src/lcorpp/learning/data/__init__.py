@@ -5,7 +5,7 @@ reading         read any format, detected by content
 csv_reader      CSV text in columns, errors located         csv_formats  long CSV and ATC tracking data
 parquet, npz, authors, labels                               the other formats, and files of labels
 ingest          rows of any format -> tracks: it collects the rows of each id, cleaning splits and checks
-                them, repairs lists the faults that may be repaired, units detects millimetres
+                them and detects millimetres, repairs lists the faults that may be repaired
 windows         tracks -> a rectangular Dataset             dataset      check and split a Dataset
 writing         Recording -> CSV or Parquet                 describe     counts, durations, speeds, duplicates
 fetching        resumable downloads                         plots        figures, with matplotlib

@@ -31,9 +31,8 @@ MILLIMETRE = 1e-3
 def read_long_csv(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
     """Read a file in the long format; return its tracks, in metres, and notes about it."""
     names = read_header(path)
-    cells = {name: cell for cell, name in enumerate(names) if name in LONG_COLUMNS}
     numbers, words = find_columns(names)
-    file = CsvFile(path, cells, len(names), numbers, options.repair_log, header=1)
+    file = CsvFile(path, names, numbers, words, options.repair_log, header=1)
     empty = ParseError(str(path), 2, 1, f"no rows after the heading; expected {', '.join(names)}")
     tracks = assemble_tracks(file, file.batches(options.progress), options, empty, numbers[1:], words)
     return tracks, (*note_unused_columns(names), *file.notes())
@@ -45,8 +44,7 @@ def read_atc(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, 
     Only the requested rows and one batch of text are in memory.
     """
     numbers = tuple(name for name in ATC_COLUMNS if name != "track")
-    cells = {name: cell for cell, name in enumerate(ATC_COLUMNS)}
-    file = CsvFile(path, cells, len(cells), numbers, options.repair_log)
+    file = CsvFile(path, ATC_COLUMNS, numbers, (), options.repair_log)
     scale = dict.fromkeys(("x", "y", "z", "velocity"), MILLIMETRE)
     empty = ParseError(str(path), 1, 1, f"the file is empty; expected rows of {', '.join(ATC_COLUMNS)}")
     tracks = assemble_tracks(file, file.batches(options.progress), options, empty, numbers[1:], scale=scale)

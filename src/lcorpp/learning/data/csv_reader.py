@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -50,27 +50,27 @@ class CsvFile(RowSource):
 
     Args:
         path: the file, UTF-8.
-        cells: name -> index of its cell in a row, from 0. width: number of cells in a row.
-        numbers: the names of the numeric columns; the others are words.
+        names: all columns. numbers, words: those that are read, besides "track".
         repair_log: the requested repairs. header: number of lines before the first row.
     """
 
     def __init__(
         self,
         path: Path,
-        cells: Mapping[str, int],
-        width: int,
+        names: Sequence[str],
         numbers: tuple[str, ...],
+        words: tuple[str, ...],
         repair_log: RepairLog,
         *,
         header: int = 0,
     ) -> None:
         super().__init__(path, repair_log)
-        self._cells, self._width, self._numbers, self._header = dict(cells), width, numbers, header
-        self._texts = tuple(name for name in cells if name not in numbers)
-        name_of = {cell: name for name, cell in cells.items()}
-        names = [name_of.get(cell, f"unused {cell}") for cell in range(width)]
-        self._kinds = np.dtype([(name, "f8" if name in numbers else f"U{MAX_WORD}") for name in names])
+        self._numbers, self._texts, self._header = numbers, ("track", *words), header
+        self._width = len(names)
+        self._cells = {name: cell for cell, name in enumerate(names) if name in (*numbers, *self._texts)}
+        kinds = ("f8" if name in numbers else f"U{MAX_WORD}" for name in names)
+        fields = (name if name in self._cells else f"unused {cell}" for cell, name in enumerate(names))
+        self._kinds = np.dtype(list(zip(fields, kinds, strict=True)))
 
     def notes(self) -> tuple[str, ...]:
         """Return warnings about a file that was read."""
@@ -149,8 +149,7 @@ class CsvFile(RowSource):
             self.repair_or_raise(reason, line, f"not a row of CSV ({error}){aside}")
             return None
         if len(row) != self._width:
-            names = ", ".join(sorted(self._cells, key=self._cells.__getitem__))
-            message = f"{len(row)} columns; expected {self._width}, with {names}{aside}"
+            message = f"{len(row)} columns; expected {self._width}, with {', '.join(self._cells)}{aside}"
             self.repair_or_raise(reason, line, message)
             return None
         for name in self._numbers:

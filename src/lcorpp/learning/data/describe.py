@@ -67,8 +67,8 @@ class Description:
     interval: seconds between samples, over all samples. jitter: standard deviation of a track's intervals
         divided by their mean, averaged over the tracks.
     fastest: the highest speed between two samples, m/s, and the id of its track.
-    identical, near: pairs of ids of identical tracks, and of tracks within `NEAR_DISTANCE` of each other when
-        both begin at time 0.
+    identical, near: pairs of ids of tracks with the same positions, and of tracks that are within
+        `NEAR_DISTANCE` of each other at equal shares of their durations.
     reused: group -> number of its tracks, for groups with several.
     """
 

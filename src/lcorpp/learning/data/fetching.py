@@ -97,12 +97,11 @@ def fetch(
     known = None if sha256 is None else f"sha256:{sha256.lower()}"
     try:
         pooch.retrieve(url, known, fname=name, path=target.parent, downloader=download)
-    except requests.RequestException as error:
-        raise FileError(f"{url}: {_describe_error(error)}{download.describe_partial_file()}") from None
-    except OSError as error:
-        raise FileError(
-            f"{target}: cannot be written: {error.strerror or error}{download.describe_partial_file()}"
-        ) from None
+    except OSError as error:  # those of requests are such, too
+        reason = f"{target}: cannot be written: {error.strerror or error}"
+        if isinstance(error, requests.RequestException):
+            reason = f"{url}: {_describe_error(error)}"
+        raise FileError(f"{reason}{download.describe_partial_file()}") from None
     except ValueError as error:  # pooch compared the checksums
         raise DataError(f"{url}: not the file expected: {error}") from None
     return target

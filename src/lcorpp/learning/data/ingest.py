@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcorpp.errors import LcorppError
-from lcorpp.learning.data.cleaning import RawTrack, split_tracks
+from lcorpp.learning.data.cleaning import RawTrack, convert_to_metres, split_tracks
 from lcorpp.learning.data.csv_reader import Lines, Progress, RowBatch
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
-from lcorpp.learning.data.units import convert_to_metres
 from lcorpp.values import Array
 
 

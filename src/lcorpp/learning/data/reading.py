@@ -12,7 +12,7 @@ import numpy as np
 from lcorpp.errors import DataError, FileError, ParseError
 from lcorpp.files import open_text
 from lcorpp.learning.data.authors import read_authors
-from lcorpp.learning.data.cleaning import MAX_GAP
+from lcorpp.learning.data.cleaning import MAX_GAP, convert_to_metres
 from lcorpp.learning.data.csv_formats import ATC_COLUMNS, REQUIRED, read_atc, read_long_csv
 from lcorpp.learning.data.csv_reader import Progress, is_number, parse_line
 from lcorpp.learning.data.ingest import ReadOptions
@@ -21,7 +21,6 @@ from lcorpp.learning.data.npz import SUFFIX, load_dataset, to_recording
 from lcorpp.learning.data.parquet import SUFFIXES, read_parquet
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Recording, Track
-from lcorpp.learning.data.units import convert_to_metres
 from lcorpp.learning.data.windows import INTERVAL, POINTS, to_dataset
 from lcorpp.learning.store import Snapshot, is_store, read_store
 from lcorpp.values import Dataset

@@ -86,9 +86,8 @@ class Track:
 
     def __repr__(self) -> str:
         columns = ", ".join(self.columns)
-        return (
-            f"Track({self.id!r}, {self.label!r}: {len(self)} samples of {columns} in {self.duration:.1f} s)"
-        )
+        counts = f"{len(self)} samples of {columns} in {self.duration:.1f} s"
+        return f"Track({self.id!r}, {self.label!r}: {counts})"
 
     @property
     def duration(self) -> float:

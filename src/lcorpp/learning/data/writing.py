@@ -63,15 +63,15 @@ def select_columns(recording: Recording) -> tuple[str, ...]:
 def _write_csv(recording: Recording, path: str | Path) -> None:
     names = select_columns(recording)
     with open_atomically(path) as file:
-        file.write(_format_line(names))
+        file.write(_format_line(names).encode())
         for track in recording.tracks:
             file.write(_format_rows(track, names, path))
 
 
-def _format_line(words: Iterable[str]) -> bytes:
+def _format_line(cells: Iterable[object]) -> str:
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(words)
-    return text.getvalue().encode()
+    csv.writer(text, lineterminator="\n").writerow(cells)
+    return text.getvalue()
 
 
 def _format_rows(track: Track, names: tuple[str, ...], path: str | Path) -> bytes:
@@ -84,7 +84,7 @@ def _format_rows(track: Track, names: tuple[str, ...], path: str | Path) -> byte
     form, numbers = [], []
     for name in names:
         if name in WORDS:  # a word with a comma is quoted, and a per cent sign is a plain one
-            form.append(_format_line([WORDS[name](track)]).decode().rstrip("\n").replace("%", "%%"))
+            form.append(_format_line([WORDS[name](track)]).rstrip("\n").replace("%", "%%"))
         else:
             form.append(f"%.{DECIMALS}f")
             numbers.append(_get_numbers(track, name))
@@ -113,8 +113,4 @@ def _write_parquet(recording: Recording, path: str | Path) -> None:
 
 def repairs_to_csv(repairs: Iterable[Repair]) -> str:
     """Return CSV text with a heading and a line per repair."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(Repair._fields)
-    table.writerows(repairs)
-    return text.getvalue()
+    return "".join(map(_format_line, (Repair._fields, *repairs)))

@@ -32,11 +32,8 @@ _LENGTHS = struct.Struct("<III")
 def convert(path: Path) -> None:
     """Convert a store of version 1 to SQLite and log a warning; the original stays as `PATH.old`.
 
-    Of a damaged file all intact frames are converted. The caller has the writer's lock.
-
-    Raises:
-        FileError: the file cannot be read, another process writes to it, or the folder is not writable.
-        DataError: both copies of its header are damaged.
+    Of a damaged file all intact frames are converted; a DataError means that both copies of its header are
+    damaged. The caller has the writer's lock.
     """
     content = _read_unlocked(path)
     names = _parse_header(content, path)
@@ -59,15 +56,9 @@ def convert(path: Path) -> None:
 
 
 def rebuild(path: Path) -> str:
-    """Write the intact records of a damaged file to a new one; the original stays as `PATH.damaged`.
+    """Write the intact records of a damaged file to a new one; return what was done, as a sentence.
 
-    The caller has the writer's lock.
-
-    Returns:
-        What was done, as a sentence.
-
-    Raises:
-        FileError: another process reads the file, or the folder is not writable.
+    The original stays as `PATH.damaged`. The caller has the writer's lock; no other process reads the file.
     """
     try:  # move everything from the log to the main file; this fails if a reader is active
         with closing(

@@ -69,10 +69,6 @@ def detect_version(path: Path) -> int | None:
 
     The system drops all locks of this process on a file when it closes any descriptor of it; SQLite prevents
     this for its own. Only a file that SQLite does not recognise as a store is therefore opened directly.
-
-    Raises:
-        FileError: the file cannot be read, `path` is a folder or device, or its folder is missing.
-        DataError: the file is not a store, is damaged at its beginning, or has a newer version.
     """
     try:
         if not path.exists():
@@ -167,9 +163,6 @@ def acquire_lock(path: Path) -> sqlite3.Connection:
 
     The lock is a transaction on the empty file `PATH-lock`, so that it works on every system and is never
     inherited by a child process. The file remains: to delete it while others open it is not safe.
-
-    Raises:
-        FileError: another process, or this one, has the lock; or the folder is not writable.
     """
     lock = sqlite3.connect(sibling(path, "-lock"), timeout=0, isolation_level=None, check_same_thread=False)
     try:

@@ -253,11 +253,7 @@ def read_store(path: str | Path) -> Snapshot:
 
 
 def load_snapshot(path: Path) -> Snapshot:
-    """Read and check all records of the SQLite file at `path`.
-
-    Raises:
-        DataError: its header is damaged. FileError: SQLite cannot open the file.
-    """
+    """Read and check all records of the SQLite file at `path`; errors: as `read_store`."""
     tracks, intact, damage = dict[int, StoredTrack](), set[int](), dict[int, Damage]()
     try:
         with closing(database.connect_reader(path)) as connection:
@@ -272,22 +268,19 @@ def load_snapshot(path: Path) -> Snapshot:
                     else:
                         tracks[track.record] = track
                         intact.add(row[0])
+            if structure and not intact:
+                raise DataError(f"no record is readable: {structure[0]}")
             last = max(database.read_last_record(connection), *intact, 0)
     except sqlite3.OperationalError as error:
         raise FileError(f"{path}: cannot be read: {error}") from None
     except (sqlite3.Error, DataError, ValueError) as error:
         raise DataError(f"{path}: a store whose header is damaged: {error}") from None
-    if structure and not intact:
-        raise DataError(f"{path}: a store whose header is damaged: no record is readable: {structure[0]}")
     known = sorted({0, last + 1, *(record for record in intact | damage.keys() if record <= last)})
     for before, after in pairwise(known):
-        if after > before + 1:
-            which = (
-                f"record {after - 1} is"
-                if after == before + 2
-                else f"records {before + 1} to {after - 1} are"
-            )
-            damage[before + 1] = Damage(f"{which} missing", after - before - 1)
+        first, final = before + 1, after - 1
+        if first <= final:
+            which = f"record {first} is" if first == final else f"records {first} to {final} are"
+            damage[first] = Damage(f"{which} missing", final - first + 1)
     ordered = tuple(tracks[record] for record in sorted(tracks))
     places = *structure, *(damage[record] for record in sorted(damage))
     return Snapshot(path, schema, ordered, len(intact), places, identity)

@@ -27,7 +27,6 @@ from lcorpp.values import Distribution
 
 STATEMENTS = (
     "PRAGMA journal_mode = WAL",
-    "PRAGMA synchronous = FULL",
     "PRAGMA foreign_keys = ON",
     "PRAGMA fullfsync = ON",  # macOS; without effect elsewhere
     "PRAGMA checkpoint_fullfsync = ON",
@@ -200,7 +199,7 @@ class Store:
     def _transaction(self, durable: bool = True) -> Iterator[sqlite3.Connection]:
         """Begin a transaction, which is committed at the end or, on an error, undone."""
         connection = self._connect()
-        if not self.path.exists() or not os.path.samestat(self.path.stat(), self._file):
+        if not os.path.exists(self.path) or not os.path.samestat(self.path.stat(), self._file):
             raise FileError(f"{self.path}: was deleted or replaced by another program; open it again")
         try:
             connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")

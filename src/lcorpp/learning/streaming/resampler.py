@@ -129,7 +129,7 @@ class TrackResampler:
 
     def __init__(self, rules: StreamRules, inputs: tuple[str, ...], angles: tuple[int, ...]) -> None:
         self._rules, self._inputs, self._angles = rules, inputs, frozenset(angles)
-        self._xy = (inputs.index("x"), inputs.index("y")) if {"x", "y"} <= set(inputs) else ()
+        self._xy = (inputs.index("x"), inputs.index("y")) if {"x", "y"} <= set(inputs) else None
         self._waiting: list[tuple[float, Sample]] = []  # samples within `allowed_lateness`, by time
         self._latest = 0.0  # the latest stamp that arrived
         self._begin = 0.0  # stamp of the first sample of the track
@@ -227,9 +227,11 @@ class TrackResampler:
     def _is_broken(self, last: Sample, sample: Sample, elapsed: float) -> bool:
         """Return whether the track ends before a sample `elapsed` seconds after its start, and count why."""
         rules, repairs, gap = self._rules, self.repairs, elapsed - self._elapsed
+        x, y = self._xy or (0, 0)
+        distance = hypot(sample[x] - last[x], sample[y] - last[y]) if self._xy else 0.0
         if gap > rules.max_gap:
             repairs.long_gaps += 1
-        elif hypot(*(sample[i] - last[i] for i in self._xy)) > rules.max_speed * (gap + JUMP_TOLERANCE):
+        elif distance > rules.max_speed * (gap + JUMP_TOLERANCE):
             repairs.jumps += 1
         elif elapsed > rules.max_duration:
             repairs.overlong_tracks += 1

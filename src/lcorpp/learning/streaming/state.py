@@ -65,10 +65,12 @@ class RecurrentState:
         """As `StreamState.advance`."""
         known = self._known[slots]
         new = np.isnan(known[:, 0, 0])
-        known[new] = points[new, None]
+        if new.any():
+            known[new] = points[new, None]
         first, previous = known[:, 0, :, None], known[:, 1, :, None]
         features = self._motion.compute_features(points[..., None], previous, first)
-        self._known[slots] = np.stack([known[:, 0], points], axis=1)
+        known[:, 1] = points
+        self._known[slots] = known
         for standardizer in self._standardizers:
             features = standardizer.standardize(features)
         state = self._state.take(slots)

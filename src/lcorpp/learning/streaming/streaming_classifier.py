@@ -78,6 +78,7 @@ class StreamingClassifier:
 
     Attributes:
         inputs: the names of the values of a sample, in order. classes: (K,) the class names.
+        constant_cost: whether the cost of a sample does not depend on the length of the track.
 
     Raises:
         DataError: the pipeline does not begin with `Motion`, or an option is out of range.
@@ -112,7 +113,7 @@ class StreamingClassifier:
         self._removed, self._removals = RepairCounts(), 0
         self._trained = TrainedClassifier(pipeline)
         self._prefix_calibration: PrefixCalibration | None = None
-        self.classes = self._trained.classes
+        self.classes, self.constant_cost = self._trained.classes, self._state.constant_cost
 
     def __repr__(self) -> str:
         name = name_of(self._trained.estimator)
@@ -157,11 +158,6 @@ class StreamingClassifier:
         return replace(self._trained, estimator=constant, calibration=calibration)
 
     @property
-    def constant_cost(self) -> bool:
-        """Whether the cost of a sample does not depend on the length of the track."""
-        return self._state.constant_cost
-
-    @property
     def predictions(self) -> Mapping[Hashable, Prediction]:
         """The current predictions for all tracked people."""
         return MappingProxyType({name: person.prediction for name, person in self._people.items()})
@@ -191,7 +187,11 @@ class StreamingClassifier:
         checked = [self._check(sample) for sample in samples]
         updated = {name: self._add(time, name, sample) for time, name, sample in checked}
         self._update(updated)
-        self._remove_silent()
+        while self._people:  # the longest silent come first
+            name, person = next(iter(self._people.items()))
+            if self._clock.elapsed - person.last_seen <= self._rules.max_silence:
+                break
+            self._drop(name)
         return {name: person.prediction for name, person in updated.items()}
 
     def remove(self, person: Hashable) -> Prediction:
@@ -271,14 +271,6 @@ class StreamingClassifier:
             probabilities = self._state.advance(np.array(slots), np.array(points))
             for (person, _), row in zip(batch, probabilities, strict=True):
                 person.probabilities = row
-
-    def _remove_silent(self) -> None:
-        """Remove people without a sample for `max_silence` seconds; the longest silent come first."""
-        while self._people:
-            name, person = next(iter(self._people.items()))
-            if self._clock.elapsed - person.last_seen <= self._rules.max_silence:
-                return
-            self._drop(name)
 
     def _drop(self, name: Hashable) -> None:
         person = self._people.pop(name)

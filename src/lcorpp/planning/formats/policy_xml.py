@@ -22,8 +22,9 @@ from lcorpp.files import read_bytes, write_atomically
 from lcorpp.planning.formats.alpha_file import MAX_BYTES, estimate_bytes, format_vectors
 from lcorpp.planning.formats.numbers import find_invalid_number, is_count, parse_numbers
 from lcorpp.planning.formats.xml import XmlReader
-from lcorpp.planning.policy import AlphaVectors, Indices, Policy
+from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array
 
 MAX_DEPTH = 9

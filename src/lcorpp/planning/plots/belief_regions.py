@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.belief import check_belief
-from lcorpp.planning.policy import AlphaVectors, Indices, Policy
+from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array, Belief
 
 GRID = 120

@@ -1,9 +1,8 @@
 """SARSOP, with the structure of its paper (Kurniawati, Hsu and Lee, RSS 2008).
 
 solver            Algorithm 1: sample, back up and prune until the bounds meet
-sampling          Algorithm 2: sample one path; users can replace it
+path_sampling     Algorithm 2: sample one path; users can replace it
 bounded_search    loop, limits and result, shared with Perseus and the online planner
-upper_bound       the upper bound of a policy after the search
 kernel_protocols  the contract of the kernels
 kernels           selection of the kernels: C++ (native/sarsop) or numpy (numpy_kernels)
 """

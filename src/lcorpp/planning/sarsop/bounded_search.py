@@ -28,15 +28,20 @@ CROSSING_TOLERANCE = 1e-9
 """Largest difference by which rounding may make the bounds cross, relative to the largest value."""
 
 SampleFunction = Callable[..., int]
-"""Samples one path and backs up its nodes, as `lcorpp.planning.sarsop.path_sampling.sample`."""
+"""Has the parameters and the result of `lcorpp.planning.sarsop.path_sampling.sample`."""
 
 
 class BoundedTree:
     """A belief tree of a problem with a lower and an upper bound, for one or more searches.
 
-    tree: the nodes and bounds. predictor: of the values of nodes.
-    informed: (A, S) the fast informed bound. max_abs_value: the largest
-        absolute initial bound, at least 1: the unit of rounding errors.
+    Args:
+        precision: of the searches, in reward units.
+        seconds: wall-clock time limit of each of the three initial bounds.
+        kernels: the best installed ones when None.
+        previous: a policy for the same model whose vectors and points are imported.
+
+    tree: the nodes and bounds. predictor: of the values of nodes. informed: (A, S) the fast informed bound.
+    max_abs_value: the largest absolute initial bound, at least 1: the unit of rounding errors.
     """
 
     def __init__(
@@ -48,13 +53,6 @@ class BoundedTree:
         kernels: Kernels | None = None,
         previous: Policy | None = None,
     ) -> None:
-        """
-        Args:
-            precision: of the searches, in reward units.
-            seconds: wall-clock time limit of each of the three initial bounds.
-            kernels: the best installed ones when None.
-            previous: a policy for the same model whose vectors and points are imported.
-        """
         self.pomdp = pomdp
         self._kernels = kernels or load_kernels()
         self._model = build_model(self._kernels, pomdp)
@@ -118,7 +116,12 @@ class BoundedTree:
 class BoundedSearch:
     """One search from some start beliefs: limits, loop and result.
 
-    bounds: the tree, which the search improves. roots: the nodes of the start beliefs.
+    Args:
+        bounds: the tree, which the search improves.
+        precision: stop when upper - lower is at most this at every root, in reward units.
+        began: start time on the monotonic clock. time_limit: wall-clock seconds from `began`.
+
+    roots: the nodes of the start beliefs.
     record: of the bounds at the roots. trials: steps so far, in the unit of the solver.
     """
 
@@ -131,12 +134,6 @@ class BoundedSearch:
         began: float,
         time_limit: float,
     ) -> None:
-        """
-        Args:
-            precision: stop when upper - lower is at most this at every root, in reward units.
-            began: start time on the monotonic clock.
-            time_limit: wall-clock seconds from `began`.
-        """
         self.bounds, self.precision = bounds, precision
         self._deadline = began + time_limit
         self.roots = [bounds.tree.find_or_add_node(belief) for belief in starts]
@@ -201,7 +198,7 @@ class BoundedSearch:
             function: samples the path instead of `Tree.sample`.
         """
         tree = self.bounds.tree
-        target = max(share * self.gap, 0.5 * self.precision)
+        target = max(share * self.gap, 0.5 * self.precision)  # a smaller gap is never needed
         use_lower_bound = self.trials % 2 == 1
         arguments = self.bounds.predictor, self.widest, target, max_depth, self.seconds_left, use_lower_bound
         if function is None:
@@ -224,11 +221,7 @@ class BoundedSearch:
         )
 
     def _update_record(self) -> None:
-        """Record the bounds at the roots.
-
-        Raises:
-            RuntimeError: they cross by more than rounding.
-        """
+        """Record the bounds at the roots."""
         tree = self.bounds.tree
         lower = np.array([tree.lower_bound(root) for root in self.roots])
         upper = np.array([tree.upper_bound(root) for root in self.roots])

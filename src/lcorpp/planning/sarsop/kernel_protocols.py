@@ -93,7 +93,7 @@ class Tree(Protocol):
         seconds: float,
         use_lower_bound: bool,
     ) -> int:
-        """Sample a path and back up its nodes; return their number. See sampling.py."""
+        """Sample a path and back up its nodes; return their number. See path_sampling.py."""
 
     def prune(self, roots: Sequence[int], radius: float, max_ratio: float, growth: float) -> None:
         """Keep the vectors that are best, or nearly best, at a belief that the roots may reach."""
@@ -148,7 +148,11 @@ class Tree(Protocol):
 
 
 class Kernels(Protocol):
-    """The classes and functions of an implementation."""
+    """The classes and functions of an implementation.
+
+    The functions iterate until the result is within a tolerance, in reward units, or until wall-clock seconds
+    are over. They raise a ValueError if one of these is NaN, or the tolerance negative.
+    """
 
     @property
     def Model(self) -> Callable[..., Model]:

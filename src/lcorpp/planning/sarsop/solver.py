@@ -12,7 +12,7 @@ from time import monotonic
 import numpy.typing as npt
 
 from lcorpp.errors import PolicyError
-from lcorpp.planning.arguments import check_solver_arguments, check_starts, check_type
+from lcorpp.planning.arguments import check_solver_arguments, check_type
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree, SampleFunction
 from lcorpp.planning.sarsop.kernel_protocols import Kernels
@@ -65,12 +65,12 @@ def solve(
 
     Source: Kurniawati, Hsu and Lee, RSS 2008, Algorithm 1.
     """
-    check_solver_arguments(pomdp, precision, time_limit, callback)
+    starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
     if previous is not None:
         check_type("previous", previous, Solution)
         if previous.policy.fingerprint != pomdp.fingerprint:
             raise PolicyError("the previous solution is for another model")
-    starts, began = check_starts(pomdp, start), monotonic()
+    began = monotonic()
     bounds = BoundedTree(
         pomdp,
         precision=precision,

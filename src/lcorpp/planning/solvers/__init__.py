@@ -3,7 +3,7 @@
 Infinite horizon, one signature, by name in `load_solver`:
 perseus       randomised point-based backups
 table_policy  QMDP and the fast informed bound as policies
-exact         incremental pruning: the value at every belief, for small problems
+exact         value iteration with incremental pruning: the value at every belief, for small problems
 
 finite_horizon    one policy per number of remaining steps
 heuristic_search  online planning with bounds
@@ -20,7 +20,7 @@ from lcorpp.planning.solution import Solution
 
 _FUNCTIONS = {
     "sarsop": ("lcorpp.planning.sarsop", "solve"),
-    "exact": ("lcorpp.planning.solvers.exact.incremental_pruning", "solve_exact"),
+    "exact": ("lcorpp.planning.solvers.exact.value_iteration", "solve_exact"),
     "perseus": ("lcorpp.planning.solvers.perseus", "solve_perseus"),
     "qmdp": ("lcorpp.planning.solvers.table_policy", "solve_qmdp"),
     "fib": ("lcorpp.planning.solvers.table_policy", "solve_fib"),

@@ -71,8 +71,8 @@ class OnlinePlanner(ModelPlanner):
         trials: int | None = None,
         preparation: float = 60.0,
     ) -> None:
-        check_solver_arguments(pomdp, precision, seconds)
-        check_solver_arguments(pomdp, precision, preparation)
+        check_solver_arguments(pomdp, None, precision, seconds)
+        check_solver_arguments(pomdp, None, precision, preparation)
         self.pomdp, self.seconds, self.precision = pomdp, seconds, precision
         self.trials = None if trials is None else check_count("trials", trials, 1)
         self._bounds = BoundedTree(pomdp, precision=precision, seconds=preparation / 3)

@@ -11,7 +11,7 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.arguments import check_count, check_solver_arguments, check_starts
+from lcorpp.planning.arguments import check_count, check_solver_arguments
 from lcorpp.planning.belief import observation_probabilities, update
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree
@@ -69,10 +69,10 @@ def solve_perseus(
 
     Source: Spaan and Vlassis, JAIR 2005, Table 1.
     """
-    check_solver_arguments(pomdp, precision, time_limit, callback)
+    starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
     check_count("beliefs", beliefs, 1)
     check_count("seed", seed, 0)
-    starts, began = check_starts(pomdp, start), monotonic()
+    began = monotonic()
     bounds = BoundedTree(pomdp, precision=precision, seconds=INITIAL_SHARE * time_limit)
     search = BoundedSearch(bounds, starts, precision=precision, began=began, time_limit=time_limit)
     backups = _PointBasedBackups(search, beliefs, np.random.default_rng(seed))

@@ -18,20 +18,20 @@ with the smallest maximal regret over the states: it keeps this excess, and henc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from time import monotonic
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.arguments import check_solver_arguments, check_starts
+from lcorpp.planning.arguments import check_solver_arguments
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import build_model, load_kernels
 from lcorpp.planning.solution import BoundsRecord, Progress, Solution
-from lcorpp.planning.sparse import ragged_indices
+from lcorpp.planning.sparse import joint_matrix
 from lcorpp.planning.upper_bounds import PiecewiseLinearBound
 from lcorpp.values import Array
 
@@ -75,8 +75,8 @@ def solve_qmdp(
 
     Source: Littman, Cassandra and Kaelbling, ICML 1995; the module docstring for the lower bound.
     """
-    check_solver_arguments(pomdp, precision, time_limit, callback)
-    began, starts = monotonic(), check_starts(pomdp, start)
+    starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
+    began = monotonic()
     kernels = load_kernels()
     table = kernels.mdp_bound(build_model(kernels, pomdp), 1e-3 * precision, time_limit)
     return _solve_table(pomdp, table, starts, precision, began, began + time_limit, callback)
@@ -98,8 +98,8 @@ def solve_fib(
 
     Source: Hauskrecht, JAIR 2000, section 4.4; the module docstring for the lower bound.
     """
-    check_solver_arguments(pomdp, precision, time_limit, callback)
-    began, starts = monotonic(), check_starts(pomdp, start)
+    starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
+    began = monotonic()
     kernels = load_kernels()
     model = build_model(kernels, pomdp)
     mdp = kernels.mdp_bound(model, 1e-3 * precision, time_limit / 4)
@@ -116,66 +116,47 @@ def _solve_table(
     deadline: float,
     callback: Callable[[Progress], None] | None,
 ) -> Solution:
-    """Solve with the policy of a table (A, S) of upper bounds."""
-    evaluation = _TablePolicyEvaluation(pomdp, table, BoundsRecord(pomdp, starts, began), precision)
+    """Evaluate the policy of a table (A, S) of upper bounds at more and more beliefs."""
+
+    def make_policy(vectors: Array) -> Policy:
+        alphas = AlphaVectors(np.arange(len(pomdp.states)), vectors, np.arange(len(vectors)))
+        return Policy.of_sets(pomdp, [alphas], PiecewiseLinearBound(table))
+
+    # no policy earns less than the smallest reward in every step: no vector may exceed it
+    floor = float(pomdp.reward.min()) / (1 - pomdp.discount)
+    policy = make_policy(table - table.max(axis=0) + floor)
+    lower, upper = np.full(len(starts), floor), (starts @ table.T).max(axis=1)
+    record, beliefs, rounds = BoundsRecord(pomdp, starts, began), 0, 0
+    record.update(lower, upper, len(policy))
     try:
-        reason = evaluation.run(deadline, callback)
-    except KeyboardInterrupt:
-        reason = "interrupted"
-    return evaluation.record.make_solution(evaluation.policy, reason, beliefs=evaluation.beliefs, trials=0)
-
-
-class _TablePolicyEvaluation:
-    """The policy of a table and bounds so far: `record` at the starts, `policy` at every belief."""
-
-    def __init__(self, pomdp: Pomdp, table: Array, record: BoundsRecord, precision: float) -> None:
-        self.pomdp, self.table, self.record, self.precision = pomdp, table, record, precision
-        # no policy earns less than the smallest reward in every step: no vector may exceed it
-        floor = float(pomdp.reward.min()) / (1 - pomdp.discount)
-        self.policy = self._make_policy(table - table.max(axis=0) + floor)
-        self.lower = np.full(len(record.starts), floor)
-        self.upper = (record.starts @ table.T).max(axis=1)
-        self.beliefs = 0
-        self._raise_lower(self.lower)
-
-    def run(self, deadline: float, callback: Callable[[Progress], None] | None) -> str:
-        """Evaluate the policy at more and more beliefs; return the reason to stop."""
         seconds = max(0.0, deadline - monotonic())
-        vectors = policy_lower_bound(self.pomdp, self.table, 1e-3 * self.precision, seconds)
-        self.policy = self._make_policy(vectors)
-        self._raise_lower([self.policy.value(start) for start in self.record.starts])
-        max_nodes, rounds = INITIAL_NODES, 0
+        policy = make_policy(policy_lower_bound(pomdp, table, 1e-3 * precision, seconds))
+        lower = np.maximum(lower, [policy.value(start) for start in starts])
+        record.update(lower, upper, len(policy))
         while True:
             if callback is not None:
-                count = len(self.policy)
-                callback(self.record.make_progress(vectors=count, beliefs=self.beliefs, trials=rounds))
-            began = monotonic()
+                callback(record.make_progress(vectors=len(policy), beliefs=beliefs, trials=rounds))
+            round_began, max_nodes = monotonic(), INITIAL_NODES * NODE_GROWTH**rounds
             evaluations = [
-                evaluate(
-                    self.pomdp, self.policy, start, precision=self.precision, max_nodes=max_nodes, trials=0
-                )
-                for start in self.record.starts
+                evaluate(pomdp, policy, start, precision=precision, max_nodes=max_nodes, trials=0)
+                for start in starts
             ]
-            self.beliefs = sum(each.beliefs for each in evaluations)
-            self._raise_lower([each.lower for each in evaluations])
-            rounds, max_nodes = rounds + 1, NODE_GROWTH * max_nodes
-            if self.record.upper - self.record.lower <= self.precision:
-                return "precision reached"
+            lower = np.maximum(lower, [each.lower for each in evaluations])
+            beliefs, rounds = sum(each.beliefs for each in evaluations), rounds + 1
+            record.update(lower, upper, len(policy))
+            if record.upper - record.lower <= precision:
+                reason = "precision reached"
+                break
             if all(each.exact or each.complete for each in evaluations):
-                return "policy evaluated"
+                reason = "policy evaluated"
+                break
             # the next evaluation takes about NODE_GROWTH times as long
-            if monotonic() + NODE_GROWTH * (monotonic() - began) > deadline:
-                return "time limit"
-
-    def _raise_lower(self, bounds: Sequence[float] | Array) -> None:
-        """Raise the lower bounds at the starts to `bounds` (N,) if these are larger."""
-        self.lower = np.maximum(self.lower, bounds)
-        self.record.update(self.lower, self.upper, len(self.policy))
-
-    def _make_policy(self, vectors: Array) -> Policy:
-        actions, states = vectors.shape
-        alphas = AlphaVectors(np.arange(states), vectors, np.arange(actions))
-        return Policy.of_sets(self.pomdp, [alphas], PiecewiseLinearBound(self.table))
+            if monotonic() + NODE_GROWTH * (monotonic() - round_began) > deadline:
+                reason = "time limit"
+                break
+    except KeyboardInterrupt:
+        reason = "interrupted"
+    return record.make_solution(policy, reason, beliefs=beliefs, trials=0)
 
 
 def policy_lower_bound(pomdp: Pomdp, table: Array, tolerance: float, seconds: float) -> Array:
@@ -197,24 +178,10 @@ def _look_ahead(pomdp: Pomdp, table: Array, action: int) -> Array:
 
     A next action may depend on the observation, but not on the state.
     """
-    from scipy.sparse import csr_array
-
-    T, Z = pomdp.transition, pomdp.observation
-    S = T.shape[1]
-    part = T.action_slice(action)
-    row = action * S + T.columns[part].astype(np.int64)
-    sizes = Z.begins[row + 1] - Z.begins[row]
-    # one entry for each triple (s, s', o): its entries in the tables of transitions and observations
-    t_entry = np.repeat(np.arange(part.start, part.stop), sizes)
-    z_entry = ragged_indices(Z.begins[row], sizes)
-    # one row for each possible pair (o, s), by observation
-    keys = Z.columns[z_entry] * np.int64(S) + T.rows[t_entry] - action * S
-    pairs, pair = np.unique(keys, return_inverse=True)
-    joint = csr_array((T.values[t_entry] * Z.values[z_entry], (pair, T.columns[t_entry])), (len(pairs), S))
+    joint, observation, state = joint_matrix(pomdp.transition, pomdp.observation, action)
     values = np.asarray(joint @ table.T)  # (pairs, A): of the table after o from s, by the next action
-    observation, state = np.divmod(pairs, S)
     begins = np.unique(observation, return_index=True)[1]
     regret = np.maximum.reduceat(values.max(axis=1, keepdims=True) - values, begins, axis=0)
-    next_action = np.repeat(regret.argmin(axis=1), np.diff(begins, append=len(pairs)))
-    expected = np.bincount(state, values[np.arange(len(pairs)), next_action], minlength=S)
+    next_action = np.repeat(regret.argmin(axis=1), np.diff(begins, append=len(values)))
+    expected = np.bincount(state, values[np.arange(len(values)), next_action], minlength=len(table[0]))
     return np.asarray(pomdp.reward[action] + pomdp.discount * expected)

@@ -10,11 +10,13 @@ from operator import itemgetter
 import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.notebook import join_some
 from lcorpp.reasoning.answers import (
     PossibleWorld,
     format_conditions,
     make_no_value_error,
     make_no_world_error,
+    normalise_marginal,
 )
 from lcorpp.reasoning.circuit.answer_table import AnswerTable, Codes, normalize_rows
 from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
@@ -78,9 +80,8 @@ class Circuit:
         self.values = {name: program.attributes[name.partition("(")[0]].values for name in names}
         self.layers, self.ending = tuple(layers), ending
         self._variables = {name: i for i, name in enumerate(names)}
-        self._max_cached = min(
-            CACHE_SIZE, 100 * CACHE_SIZE // (len(self.inputs) + 1)
-        )  # a key contains all inputs
+        # a key contains all inputs
+        self._max_cached = min(CACHE_SIZE, 100 * CACHE_SIZE // (len(self.inputs) + 1))
         # two caches: by the values of all inputs if all are observed; by (input or None, ...) otherwise
         self._full_answers: dict[object, Answer] = {}
         self._partial_answers: dict[tuple[str | None, ...], tuple[int, Answer]] = {}
@@ -91,7 +92,7 @@ class Circuit:
         self._built_table: AnswerTable | None = None
 
     def __repr__(self) -> str:
-        given, queries = _shorten(self.inputs), _shorten(self.queries)
+        given, queries = join_some(self.inputs) or "nothing", join_some(self.queries) or "nothing"
         return f"Circuit({self.program.file}: {queries} given {given}; {len(self.layers)} layers)"
 
     def prepare(self) -> None:
@@ -148,7 +149,7 @@ class Circuit:
         return answer
 
     @property
-    def _table(self) -> AnswerTable:
+    def _table(self) -> AnswerTable:  # a cached_property would slow down all attributes, as it needs __dict__
         if self._built_table is None:
             self._built_table = AnswerTable(self._encoder.sizes, self._compute_weights)
         return self._built_table
@@ -162,8 +163,7 @@ class Circuit:
 
     def _run_pass(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
         row = np.full((1, len(self.inputs)), -1, dtype=np.intp)
-        for column, code in codes.items():
-            row[0, column] = code
+        row[0, list(codes)] = list(codes.values())
         return {
             query: self._read_row(query, normalize_rows(weights)[0], evidence)
             for query, weights in self._compute_weights(row).items()
@@ -196,7 +196,7 @@ class Circuit:
         if not self._has_table or any(not isinstance(c, list) or len(c) != len(columns[0]) for c in columns):
             return self._answer_batch(self.encode(evidence), undefined)
         inputs = tuple([self._encoder.columns[name] for name in evidence])
-        codes = [self._encoder.get_codes(name) for name in evidence]
+        codes = [self._encoder.codes[name] for name in evidence]
         try:
             rows = self._table.find_rows_of_values(inputs, columns, codes)
         except (KeyError, TypeError):
@@ -205,21 +205,21 @@ class Circuit:
 
     def _answer_batch(self, codes: Codes, undefined: str) -> Answers:
         codes = self._encoder.check_codes(codes)
-        _check_undefined(undefined)
         if self._has_table:
             return self._take_rows(self._table.find_rows(codes), undefined)
-        answers = {
-            query: self._check_rows(query, normalize_rows(weights), undefined)
-            for query, weights in self._compute_weights(codes).items()
-        }
-        return answers[self.queries[0]] if self.single else answers
+        weights = self._compute_weights(codes)
+        return self._finish({query: normalize_rows(rows) for query, rows in weights.items()}, undefined)
 
     def _take_rows(self, rows: Codes, undefined: str) -> Answers:
-        """Return rows of the table."""
-        _check_undefined(undefined)
         answers = {query: table.take(rows, axis=0) for query, table in self._table.answers.items()}
-        if not self._table.is_complete:
-            answers = {query: self._check_rows(query, own, undefined) for query, own in answers.items()}
+        return self._finish(answers, undefined, is_complete=self._table.is_complete)
+
+    def _finish(self, answers: dict[str, Array], undefined: str, *, is_complete: bool = False) -> Answers:
+        """Check the rows of each query unless they are those of a complete table."""
+        if undefined not in ("raise", "nan"):
+            raise ProgramError(f"undefined={undefined!r}; expected 'raise' or 'nan'")
+        if not is_complete:
+            answers = {query: self._check_rows(query, rows, undefined) for query, rows in answers.items()}
         return answers[self.queries[0]] if self.single else answers
 
     def _compute_weights(self, codes: Codes) -> dict[str, Array]:
@@ -264,13 +264,7 @@ class Circuit:
 
     def _compute_fractions(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
         weights = self.world_queries.compute_exact_weights(query, evidence)
-        total = sum(weights.values(), Fraction(0))
-        if total == 0:
-            raise make_no_world_error(self.program, format_conditions(evidence, self.do))
-        no_value = weights.get("", Fraction(0))
-        if no_value:
-            raise make_no_value_error(self.program, query, no_value / total)
-        return {v: weights.get(v, Fraction(0)) / total for v in self.values[query]}
+        return normalise_marginal(self.program, query, weights, format_conditions(evidence, self.do))
 
     def most_probable(self, evidence: Mapping[str, str], count: int = 1) -> tuple[PossibleWorld, ...]:
         """Find the most probable worlds given evidence, with their probabilities given it, best first.
@@ -297,13 +291,3 @@ class Circuit:
         if world is None:
             raise make_no_world_error(self.program, format_conditions(given, self.do))
         return world
-
-
-def _check_undefined(undefined: str) -> None:
-    if undefined not in ("raise", "nan"):
-        raise ProgramError(f"undefined={undefined!r}; expected 'raise' or 'nan'")
-
-
-def _shorten(names: Sequence[str]) -> str:
-    shown = ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:5])}, ... {len(names) - 5} more"
-    return shown or "nothing"

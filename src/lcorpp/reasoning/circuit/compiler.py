@@ -10,7 +10,7 @@ from lcorpp.errors import ProgramError
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.matrices import Layer, Matrix
 from lcorpp.reasoning.circuit.trellis import Trellis, build_trellis
-from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.circuit.world_queries import WorldQueries, rescale
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
@@ -20,7 +20,7 @@ from lcorpp.reasoning.transitions.transition_system import build_transition_syst
 from lcorpp.values import Array
 
 MIN_WEIGHT = 1e-60
-"""Weights are scaled up if all of them are below this: only ratios matter, and long products underflow."""
+"""The products of matrices are scaled up if all weights are below this."""
 
 _Entries = Mapping[tuple[int, tuple[int, tuple[int, ...]], int], float]
 """(outcome of the next observed term, (target state, outcomes of the others), input) -> weight"""
@@ -60,38 +60,31 @@ def compile_program(
 
 
 def build_layers(trellis: Trellis, names: Sequence[str]) -> tuple[list[Layer], Array]:
-    """Build the layers for the observed terms; a term that no rule names has no value in any world."""
-    numbers = trellis.system.term_numbers
-    variables = {numbers[name]: i for i, name in enumerate(names) if name in numbers}
-    layers, ending = multiply_out(trellis, variables)
-    attributes = trellis.system.program.source.attributes
-    undefined = [
-        Layer.constant(i, len(attributes[name.partition("(")[0]].values))
-        for i, name in enumerate(names)
-        if name not in numbers
-    ]
-    return [*undefined, *layers], ending
-
-
-def multiply_out(trellis: Trellis, variables: Mapping[int, int]) -> tuple[list[Layer], Array]:
     """Sum out all terms but the observed ones.
 
     Args:
-        variables: observed term -> its index among the observed terms.
+        names: the observed terms; one that no rule names has no value in any world.
 
     Returns:
         (layers, ending): the layers in order, applied to the column [1], and the row that ends the product.
     """
-    weights, observed = trellis.compute_weights(), set(variables)
-    layers: list[Layer] = []
+    system, layers = trellis.system, []
+    variables: dict[int, int] = {}  # observed term -> its index among them
+    for i, name in enumerate(names):
+        if name in system.term_numbers:
+            variables[system.term_numbers[name]] = i
+        else:
+            no_value = len(system.program.source.attributes[name.partition("(")[0]].values)
+            layers.append(Layer.from_entries(i, (1, 1), {no_value: {(0, 0): 1.0}}))
+    weights = trellis.compute_weights()
     width = 1  # inputs of the next layer
     # state -> input -> weight: the product since the last layer, row by row
     product: list[dict[int, float]] = [{0: 1.0}] if trellis.level_sizes[0] else []
     n_multiplied = 0  # arcs in the product
     for step, (sources, targets, outcomes) in enumerate(trellis.arcs):
-        terms = trellis.system.order[step]
+        terms = system.order[step]
         n_targets = trellis.level_sizes[step + 1]
-        own = [] if observed.isdisjoint(terms) else [i for i, term in enumerate(terms) if term in observed]
+        own = [i for i, term in enumerate(terms) if term in variables]
         n_multiplied += len(sources)
         if own:
             # the outcomes of the observed terms after the first, which later layers distinguish
@@ -108,9 +101,10 @@ def multiply_out(trellis: Trellis, variables: Mapping[int, int]) -> tuple[list[L
         arcs = zip(sources, targets, outcomes, strict=True)
         product = _multiply_step(product, width, n_targets, arcs, weights)
         if not step % 16:
-            _rescale(product)
+            rescale(product, MIN_WEIGHT)
         if width > 1 and sum(map(len, product)) > 4 * n_multiplied + 64:  # the product becomes dense
-            layers.append(_build_product(product, width))
+            matrix = {(target, start): w for target, row in enumerate(product) for start, w in row.items()}
+            layers.append(Layer(-1, {}, Matrix.from_entries((n_targets, width), matrix)))
             width = n_targets
             product, n_multiplied = [{i: 1.0} for i in range(n_targets)], 0
     ending = np.zeros(width)
@@ -161,31 +155,7 @@ def _append_observed(
             own = by_outcome.setdefault(value, {})
             own[target, start] = own.get((target, start), 0.0) + weight
         height = n_targets if is_last else max(len(nodes), 1)
-        layers.append(_build_observed(variable, by_outcome, (height, width)))
+        layers.append(Layer.from_entries(variable, (height, width), by_outcome))
         width = height
         entries = {(rest[0], (target, rest[1:]), i): 1.0 for (target, rest), i in nodes.items()}
     return width
-
-
-def _build_observed(
-    variable: int, by_outcome: Mapping[int, Mapping[tuple[int, int], float]], shape: tuple[int, int]
-) -> Layer:
-    total: dict[tuple[int, int], float] = {}
-    for entries in by_outcome.values():
-        for key, weight in entries.items():
-            total[key] = total.get(key, 0.0) + weight
-    matrices = {value: Matrix.from_entries(shape, by_outcome[value]) for value in sorted(by_outcome)}
-    return Layer(variable, matrices, Matrix.from_entries(shape, total))
-
-
-def _build_product(product: Sequence[Mapping[int, float]], width: int) -> Layer:
-    entries = {(target, start): w for target, row in enumerate(product) for start, w in row.items()}
-    return Layer(-1, {}, Matrix.from_entries((len(product), width), entries))
-
-
-def _rescale(product: list[dict[int, float]]) -> None:
-    largest = max((weight for row in product for weight in row.values()), default=0.0)
-    if 0 < largest < MIN_WEIGHT:
-        for row in product:
-            for start in row:
-                row[start] /= largest

@@ -17,10 +17,11 @@ _Column = TypeVar("_Column")
 
 
 class EvidenceEncoder:
-    """The inputs of a circuit: the terms that evidence may name.
+    """The inputs of a circuit: the terms that evidence may name. Wrong evidence raises `ProgramError`.
 
     names: the terms, in the order of the columns of encoded evidence.
     values: term -> range.
+    codes: term -> value -> code.
     sizes: the number of codes of each input; the first code, -1, is for not observed.
     columns: term -> column.
     """
@@ -28,20 +29,12 @@ class EvidenceEncoder:
     def __init__(self, program: Program, names: Sequence[str]) -> None:
         self._program, self.names = program, tuple(names)
         self.values = {name: program.attributes[name.partition("(")[0]].values for name in self.names}
-        self._codes = {n: {v: i for i, v in enumerate(self.values[n])} for n in self.names}
+        self.codes = {n: {v: i for i, v in enumerate(self.values[n])} for n in self.names}
         self.sizes = [len(self.values[name]) + 1 for name in self.names]
         self.columns = {name: i for i, name in enumerate(self.names)}
 
-    def get_codes(self, name: str) -> Mapping[str, int]:
-        """Return the code of each value of an input."""
-        return self._codes[name]
-
     def canonicalize(self, evidence: Mapping[str, _Column]) -> dict[str, _Column]:
-        """Replace the names by those of the inputs: ``f( 1, 2 )`` by ``f(1,2)``.
-
-        Raises:
-            ProgramError: a name is not an input, or occurs twice.
-        """
+        """Replace the names by those of the inputs: ``f( 1, 2 )`` by ``f(1,2)``; no name may occur twice."""
         canonical: dict[str, _Column] = {}
         for name, value in evidence.items():
             try:
@@ -55,32 +48,20 @@ class EvidenceEncoder:
         return canonical
 
     def check_names(self, evidence: Iterable[object]) -> None:
-        """Check that all names are inputs.
-
-        Raises:
-            ProgramError: a name is not an input.
-        """
+        """Check that all names are inputs."""
         for name in evidence:
-            if name not in self._codes:
+            if name not in self.codes:
                 raise ProgramError(f"{name!r} is not an input of the circuit; {expected_one_of(self.names)}")
 
     def check(self, evidence: Mapping[str, object]) -> None:
-        """Check the names and the values of evidence.
-
-        Raises:
-            ProgramError: a name is not an input, or a value is not in its range.
-        """
+        """Check that all names are inputs, and each value is in the range of its input."""
         self.check_names(evidence)
         for name, value in evidence.items():
             self.encode_value(name, value)
 
     def encode_value(self, name: str, value: object, where: str = "") -> int:
-        """Return the code of a value of an input.
-
-        Raises:
-            ProgramError: the value is not in the range; the message begins with `where`.
-        """
-        code = self._codes[name].get(value) if isinstance(value, str) else None
+        """Return the code of a value of an input; `where` is the beginning of the message of an error."""
+        code = self.codes[name].get(value) if isinstance(value, str) else None
         if code is None:
             raise ProgramError(
                 f"{where}{value!r} is not a value of {name}; {expected_one_of(self.values[name])}"
@@ -88,14 +69,7 @@ class EvidenceEncoder:
         return code
 
     def encode(self, evidence: Mapping[str, str | Sequence[str]]) -> Codes:
-        """(B, inputs) Encode a batch of evidence.
-
-        Args:
-            evidence: input -> B values, None for not observed; or one value for all rows.
-
-        Raises:
-            ProgramError: an input or value is unknown, or the columns have different lengths.
-        """
+        """(B, inputs) Encode a batch of evidence, see `Circuit.encode`."""
         self.check_names(evidence)
         for name, column in evidence.items():
             if not hasattr(column, "__len__"):
@@ -107,8 +81,7 @@ class EvidenceEncoder:
         codes = np.full((size, len(self.names)), -1, dtype=np.intp)
         for name, column in evidence.items():
             values: list[str | None] = [column] * size if isinstance(column, str) else list(column)
-            code_of: dict[str | None, int] = {None: -1}
-            code_of.update(self._codes[name])
+            code_of: dict[str | None, int] = {None: -1} | self.codes[name]
             try:
                 encoded = np.fromiter(map(code_of.__getitem__, values), np.intp, size)
             except (KeyError, TypeError):
@@ -120,11 +93,7 @@ class EvidenceEncoder:
         return codes
 
     def check_codes(self, codes: Codes) -> Codes:
-        """Check an array of codes (B, inputs) and return it with the index type.
-
-        Raises:
-            ProgramError: the array has another shape or type, or a code is out of range.
-        """
+        """Check the shape, type and range of codes (B, inputs); return them with the index type."""
         if codes.ndim != 2 or codes.shape[1] != len(self.names) or codes.dtype.kind not in "iu":
             raise ProgramError(
                 f"expected integer codes of shape (B, {len(self.names)}), not {codes.dtype} {codes.shape}"

@@ -75,8 +75,7 @@ class Matrix:
             outputs, inputs = np.nonzero(self.dense)
             weights = self.dense[outputs, inputs]
         else:
-            counts = np.diff(np.append(self.start, len(self.source)))
-            outputs, inputs, weights = np.repeat(self.target, counts), self.source, self.weight
+            outputs, inputs, weights = self._repeat_targets(), self.source, self.weight
         pairs = zip(outputs.tolist(), inputs.tolist(), strict=True)
         return dict(zip(pairs, weights.tolist(), strict=True))
 
@@ -94,9 +93,12 @@ class Matrix:
         if self.dense is not None:
             return self.dense.T @ columns
         result = np.zeros((self.shape[1], columns.shape[1]))
-        counts = np.diff(np.append(self.start, len(self.source)))
-        np.add.at(result, self.source, columns[np.repeat(self.target, counts)] * self.weight[:, None])
+        np.add.at(result, self.source, columns[self._repeat_targets()] * self.weight[:, None])
         return result
+
+    def _repeat_targets(self) -> Index:
+        """(entries,) The output of each entry of a sparse matrix."""
+        return np.repeat(self.target, np.diff(np.append(self.start, len(self.source))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +115,16 @@ class Layer:
     total: Matrix
 
     @classmethod
-    def constant(cls, variable: int, outcome: int) -> Layer:
-        """Create the layer of a term that has the same outcome in all worlds."""
-        one = Matrix.from_entries((1, 1), {(0, 0): 1.0})
-        return cls(variable, {outcome: one}, one)
+    def from_entries(
+        cls, variable: int, shape: tuple[int, int], by_outcome: Mapping[int, Mapping[tuple[int, int], float]]
+    ) -> Layer:
+        """Build the layer of an observed term from outcome -> (output, input) -> weight."""
+        total: dict[tuple[int, int], float] = {}
+        for entries in by_outcome.values():
+            for key, weight in entries.items():
+                total[key] = total.get(key, 0.0) + weight
+        matrices = {o: Matrix.from_entries(shape, entries) for o, entries in sorted(by_outcome.items())}
+        return cls(variable, matrices, Matrix.from_entries(shape, total))
 
 
 def forward_backward(
@@ -168,18 +176,13 @@ def _apply(layer: Layer, codes: Codes, columns: Array, multiply: Callable[[Matri
         return multiply(layer.total, columns)
     own = codes[:, layer.variable]
     values = np.unique(own) if len(own) > 1 else own
-    parts: list[tuple[int, Array | None]] = []
+    result = np.zeros((layer.total.shape[0 if multiply is Matrix.forward else 1], len(codes)))
     for value in values.tolist():
         matrix = layer.total if value < 0 else layer.matrices.get(value)
-        selected = columns if len(values) == 1 else columns[:, own == value]
-        parts.append((value, multiply(matrix, selected) if matrix else None))
-    height = layer.total.shape[0 if multiply is Matrix.forward else 1]
-    if len(parts) == 1 and parts[0][1] is not None:
-        return parts[0][1]
-    result = np.zeros((height, len(codes)))
-    for value, part in parts:
-        if part is not None:
-            result[:, own == value] = part
+        if matrix and len(values) == 1:
+            return multiply(matrix, columns)
+        if matrix:
+            result[:, own == value] = multiply(matrix, columns[:, own == value])
     return result
 
 

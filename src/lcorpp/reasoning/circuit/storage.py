@@ -143,22 +143,19 @@ def _make_table(matrix: Matrix) -> npt.NDArray[np.float64]:
     return np.array([(*key, weight) for key, weight in matrix.list_entries().items()]).reshape(-1, 3)
 
 
-def _read_table(table: npt.NDArray[np.float64], shape: tuple[int, int]) -> Matrix:
+def _read_table(table: npt.NDArray[np.float64], shape: tuple[int, int]) -> dict[tuple[int, int], float]:
     entries = {(int(t), int(s)): float(w) for t, s, w in table}
     if not all(0 <= t < shape[0] and 0 <= s < shape[1] and 0 <= w < inf for (t, s), w in entries.items()):
         raise DataError(f"a matrix has entries outside of {shape}, or negative ones")
-    return Matrix.from_entries(shape, entries)
+    return entries
 
 
 def _read_layer(head: dict[str, Any], number: int, arrays: dict[str, Any]) -> Layer:
     shape = int(head["shape"][0]), int(head["shape"][1])
     if not all(0 <= size <= MAX_ARCS for size in shape):
         raise DataError(f"layer {number} has the shape {shape}")
-    matrices = {int(o): _read_table(arrays[f"{number}/{o}"], shape) for o in head["outcomes"]}
-    if not matrices:
-        return Layer(int(head["label"]), {}, _read_table(arrays[f"{number}/every"], shape))
-    total: dict[tuple[int, int], float] = {}
-    for matrix in matrices.values():
-        for key, weight in matrix.list_entries().items():
-            total[key] = total.get(key, 0.0) + weight
-    return Layer(int(head["label"]), matrices, Matrix.from_entries(shape, total))
+    by_outcome = {int(o): _read_table(arrays[f"{number}/{o}"], shape) for o in head["outcomes"]}
+    if by_outcome:
+        return Layer.from_entries(int(head["label"]), shape, by_outcome)
+    product = Matrix.from_entries(shape, _read_table(arrays[f"{number}/every"], shape))
+    return Layer(int(head["label"]), {}, product)

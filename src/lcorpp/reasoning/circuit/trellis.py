@@ -59,14 +59,9 @@ class Trellis:
 
     def compute_weights(self) -> list[float]:
         """Convert the probabilities of the outcomes to floating point."""
-        known: dict[int, float] = {}  # by id, as outcomes share their fractions
-        weights = []
-        for _, probability in self.outcomes:
-            weight = known.get(id(probability))
-            if weight is None:
-                weight = known[id(probability)] = float(probability)
-            weights.append(weight)
-        return weights
+        # outcomes share their fractions
+        weights = {id(p): float(p) for p in {id(p): p for _, p in self.outcomes}.values()}
+        return [weights[id(p)] for _, p in self.outcomes]
 
 
 def build_trellis(system: TransitionSystem, limit: int = MAX_ARCS) -> Trellis:

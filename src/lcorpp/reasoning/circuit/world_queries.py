@@ -6,12 +6,14 @@ Each path through the trellis is one world, and each world is one path.
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import Counter, defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from heapq import nlargest
 from itertools import accumulate
-from math import log
+from math import log, prod
+from operator import itemgetter
 from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.reasoning.answers import PossibleWorld
@@ -26,9 +28,9 @@ SAMPLER_CACHE_SIZE = 100
 """The tables to sample from are cached for at most this many sets of evidence."""
 
 MIN_WEIGHT = 1e-100
-"""Weights are scaled up if all of them are below this: only ratios matter, and long products underflow."""
+"""Floating-point sums are scaled up if all of them are below this."""
 
-_Allowed = Mapping[int, list[tuple[int, int]]]
+_Observed = Mapping[int, list[tuple[int, int]]]
 """step -> (index of the term in the step, outcome) for each observed term that the step decides"""
 
 _Sampler = list[dict[int, tuple[list[float], list[tuple[int, int]]]]]
@@ -57,32 +59,29 @@ class WorldQueries:
             for i, term in enumerate(terms)
         }
 
-    def _encode(self, evidence: Mapping[str, str]) -> _Allowed | None:
+    def _encode(self, evidence: Mapping[str, str]) -> _Observed | None:
         """Encode evidence by steps; None if a term has no value in any world."""
         system = self.trellis.system
-        allowed: dict[int, list[tuple[int, int]]] = {}
+        observed: dict[int, list[tuple[int, int]]] = {}
         for name, value in evidence.items():
             term = system.term_numbers.get(name)
             if term is None:
                 return None
             step, i = self._position_of[term]
-            allowed.setdefault(step, []).append((i, system.program.values[term].index(value)))
-        return allowed
+            observed.setdefault(step, []).append((i, system.program.values[term].index(value)))
+        return observed
 
-    def _list_arcs(self, step: int, allowed: _Allowed) -> list[tuple[int, int, int]]:
+    def _list_arcs(self, step: int, observed: _Observed) -> list[tuple[int, int, int]]:
         """List the arcs (source, target, outcome) of a step that agree with the evidence."""
         arcs = zip(*self.trellis.arcs[step], strict=True)
-        observed = allowed.get(step)
-        if not observed:
+        outcomes, own = self.trellis.outcomes, observed.get(step)
+        if not own:
             return list(arcs)
-        outcomes = self.trellis.outcomes
-        return [arc for arc in arcs if all(outcomes[arc[2]][0][i] == value for i, value in observed)]
+        return [arc for arc in arcs if all(outcomes[arc[2]][0][i] == value for i, value in own)]
 
     def compute_exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
         """Sum the measures of the worlds with the evidence, by the value of a term; "" is for no value."""
-        return self._sum_measures(
-            query, evidence, [number for _, number in self.trellis.outcomes], Fraction(1)
-        )
+        return self._sum_measures(query, evidence, [p for _, p in self.trellis.outcomes], Fraction(1))
 
     def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, float]:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""
@@ -97,15 +96,15 @@ class WorldQueries:
             numbers: the weight of each outcome, in the type of the sums.
             one: 1 in that type.
         """
-        allowed = self._encode(evidence)
-        if allowed is None or not self.trellis.level_sizes[0]:
+        observed = self._encode(evidence)
+        if observed is None or not self.trellis.level_sizes[0]:
             return {}
         queried = self.trellis.system.term_numbers.get(query)
         query_step, index = self._position_of[queried] if queried is not None else (-1, 0)
         outcomes = self.trellis.outcomes
         by_value: dict[int, dict[int, _Number]] = {-1: {0: one}}  # outcome of the query -> state -> weight
         for step in range(len(self.trellis.arcs)):
-            arcs = self._list_arcs(step, allowed)
+            arcs = self._list_arcs(step, observed)
             following: dict[int, dict[int, _Number]] = {}
             for value, current in by_value.items():
                 for source, target, outcome in arcs:
@@ -116,7 +115,7 @@ class WorldQueries:
                         product = weight * numbers[outcome]
                         sums[target] = sums[target] + product if target in sums else product
             if isinstance(one, float):
-                _rescale(following.values())
+                rescale(following.values(), MIN_WEIGHT)
             by_value = following
         names = self.trellis.system.program.values[queried] if queried is not None else ()
         weights: dict[str, _Number] = {}
@@ -128,13 +127,13 @@ class WorldQueries:
 
     def count(self) -> int:
         """Count the possible worlds."""
-        current = {0: 1} if self.trellis.level_sizes[0] else {}
+        current = Counter([0] if self.trellis.level_sizes[0] else [])
         for sources, targets, _ in self.trellis.arcs:
-            following: dict[int, int] = {}
+            following: Counter[int] = Counter()
             for source, target in zip(sources, targets, strict=True):
-                following[target] = following.get(target, 0) + current[source]
+                following[target] += current[source]
             current = following
-        return sum(current.values())
+        return current.total()
 
     def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[PossibleWorld, ...]:
         """Find the most probable worlds with the evidence, best first; none if the evidence is impossible.
@@ -142,50 +141,34 @@ class WorldQueries:
         Source: the k-best form of Viterbi's algorithm, on logarithms, as long products underflow.
         """
         trellis = self.trellis
-        allowed = self._encode(evidence)
-        if allowed is None or not trellis.level_sizes[0]:
+        observed = self._encode(evidence)
+        if observed is None or not trellis.level_sizes[0]:
             return ()
-        weights = [log(n.numerator) - log(n.denominator) if n else None for _, n in trellis.outcomes]
-        # state -> best partial paths: (log weight, source, rank of the path at the source, outcome)
-        best: list[list[tuple[float, int, int, int]]] = [[(0.0, -1, -1, -1)]]
-        history = []
-        total = {0: Fraction(1)}
-        for step in range(len(trellis.arcs)):
-            arriving: dict[int, list[tuple[float, int, int, int]]] = {}
-            sums: dict[int, Fraction] = {}
-            for source, target, outcome in self._list_arcs(step, allowed):
-                weight = weights[outcome]
-                if weight is None or not best[source]:
-                    continue
-                arriving.setdefault(target, []).extend(
-                    (path[0] + weight, source, rank, outcome) for rank, path in enumerate(best[source])
-                )
-                if source in total:
-                    number = trellis.outcomes[outcome][1]
-                    sums[target] = sums.get(target, Fraction(0)) + total[source] * number
-            history.append(best)
-            total = sums
-            best = [
-                nlargest(count, arriving.get(i, ()), key=lambda path: path[0])
-                for i in range(trellis.level_sizes[step + 1])
-            ]
-        history.append(best)
-        mass = total.get(0, Fraction(0))
+        mass = sum(self.compute_exact_weights("", evidence).values())
         if not mass:
             return ()
+        weights = [log(n.numerator) - log(n.denominator) if n else None for _, n in trellis.outcomes]
+        # level -> state -> best partial paths: (log weight, source, rank of the path at the source, outcome)
+        best: list[list[list[tuple[float, int, int, int]]]] = [[[(0.0, -1, -1, -1)]]]
+        for step in range(len(trellis.arcs)):
+            arriving: defaultdict[int, list[tuple[float, int, int, int]]] = defaultdict(list)
+            for source, target, outcome in self._list_arcs(step, observed):
+                weight = weights[outcome]
+                if weight is not None:
+                    paths = enumerate(best[-1][source])
+                    arriving[target].extend((p[0] + weight, source, rank, outcome) for rank, p in paths)
+            level = range(trellis.level_sizes[step + 1])
+            best.append([nlargest(count, arriving[state], key=itemgetter(0)) for state in level])
         worlds = []
-        for final_rank in range(len(best[0])):
-            path: list[int] = []
-            state, rank = 0, final_rank
-            for level in range(len(history) - 1, 0, -1):
-                _, source, source_rank, outcome = history[level][state][rank]
-                path.append(outcome)
-                state, rank = source, source_rank
+        for final_rank in range(len(best[-1][0])):
+            state, rank = 0, final_rank  # the last level has one state
+            path = []
+            for level_paths in reversed(best[1:]):
+                _, state, rank, outcome = level_paths[state][rank]
+                path.append(trellis.outcomes[outcome])
             path.reverse()
-            measure = Fraction(1)
-            for outcome in path:
-                measure *= trellis.outcomes[outcome][1]
-            values = decode_world(trellis.system, [trellis.outcomes[outcome][0] for outcome in path])
+            measure = prod([number for _, number in path], start=Fraction(1))
+            values = decode_world(trellis.system, [values for values, _ in path])
             worlds.append(PossibleWorld(values, measure / mass))
         return tuple(worlds)
 
@@ -208,51 +191,47 @@ class WorldQueries:
         return decode_world(self.trellis.system, outcomes)
 
     def _build_sampler(self, given: Mapping[str, str]) -> _Sampler | None:
-        allowed = self._encode(given)
-        if allowed is None or not self.trellis.level_sizes[0]:
+        observed = self._encode(given)
+        if observed is None or not self.trellis.level_sizes[0]:
             return None
-        reachable = self._find_reachable(allowed)  # weights of unreachable states would distort the scaling
+        reachable = self._find_reachable(observed)  # weights of unreachable states would distort the scaling
         below = {0: 1.0}  # state -> weight of the paths from it to the end
         sampler: _Sampler = []
         for step in range(len(self.trellis.arcs) - 1, -1, -1):
             choices: dict[int, list[tuple[float, int, int]]] = {}
-            for source, target, outcome in self._list_arcs(step, allowed):
+            for source, target, outcome in self._list_arcs(step, observed):
                 if source not in reachable[step]:
                     continue
                 weight = float(self.trellis.outcomes[outcome][1]) * below.get(target, 0.0)
                 if weight > 0:
                     choices.setdefault(source, []).append((weight, target, outcome))
-            sums = {source: sum(choice[0] for choice in own) for source, own in choices.items()}
-            sampler.append(
-                {
-                    source: (
-                        list(accumulate(choice[0] / sums[source] for choice in own)),
-                        [choice[1:] for choice in own],
-                    )
-                    for source, own in choices.items()
-                }
-            )
+            sums: dict[int, float] = {}
+            sampler.append({})
+            for source, own in choices.items():
+                total = sums[source] = sum(weight for weight, _, _ in own)
+                cumulative = list(accumulate(weight / total for weight, _, _ in own))
+                sampler[-1][source] = cumulative, [choice[1:] for choice in own]
             largest = max(sums.values(), default=1.0)
             below = {source: total / largest for source, total in sums.items()}
         sampler.reverse()
         return sampler if 0 in below else None
 
-    def _find_reachable(self, allowed: _Allowed) -> list[set[int]]:
+    def _find_reachable(self, observed: _Observed) -> list[set[int]]:
         """Find the states before each step that a path of positive weight reaches."""
         reachable = [{0}]
         for step in range(len(self.trellis.arcs) - 1):
             before = reachable[-1]
-            arcs = self._list_arcs(step, allowed)
+            arcs = self._list_arcs(step, observed)
             reachable.append(
                 {target for source, target, o in arcs if source in before and self.trellis.outcomes[o][1]}
             )
         return reachable
 
 
-def _rescale(parts: Collection[dict[int, float]]) -> None:
-    """Scale tiny weights up together: only their ratios matter."""
-    largest = max((weight for part in parts for weight in part.values()), default=1.0)
-    if 0 < largest < MIN_WEIGHT:
+def rescale(parts: Collection[dict[int, float]], minimum: float) -> None:
+    """Scale weights up if all are below `minimum`: only ratios matter, and long products underflow."""
+    largest = max((weight for part in parts for weight in part.values()), default=0.0)
+    if 0 < largest < minimum:
         for part in parts:
             for state in part:
                 part[state] /= largest

@@ -24,12 +24,12 @@ from typing import Any
 import clingo
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.enumeration.answer_set import AnswerSet
+from lcorpp.reasoning.enumeration.measures import AnswerSet, AssignmentAtom, SelectionAtom
 from lcorpp.reasoning.language.arithmetic import canonical_text, find_variables, iter_variables
 from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.safety import find_variable_sorts
-from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
+from lcorpp.reasoning.language.signature import ArgumentSlot
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     BodyLiteral,
@@ -43,6 +43,7 @@ from lcorpp.reasoning.language.syntax import (
     Probability,
     Rule,
     Selection,
+    Statement,
     Term,
     Variable,
 )
@@ -67,7 +68,7 @@ def enumerate_answer_sets(
 
     Source: supports, Balai, Gelfond and Zhang, 2019, definitions 10 and 11 (by cardinality, as in plog 2.0).
     """
-    lines, places = translate_program(program, do, observed)
+    lines, places = _Translator(program).translate(do, observed)
     messages: list[str] = []
     options = ["--models=0", *(["--opt-mode=optN"] if program.has_cr_rules else [])]
     control: Any = clingo.Control(options, logger=lambda _, message: messages.append(message))
@@ -119,10 +120,13 @@ def _read_answer_set(symbols: Iterable[Any], decoded: dict[Any, tuple[str, Any]]
 def _decode_atom(name: str, arguments: list[Any]) -> tuple[Any, ...]:
     if name == "h":
         return str(arguments[0]), str(arguments[1])
-    rest = [str(argument) for argument in arguments[1:]]
+    statement, rest = arguments[0].number, [str(argument) for argument in arguments[1:]]
+    if name == "sel":
+        return SelectionAtom(statement, *rest)
     if name == "pr":
-        return arguments[0].number, rest[0], tuple(map(str, arguments[2].arguments)), rest[2], rest[3]
-    return (arguments[0].number, *rest)
+        label, _, term, value = rest
+        return AssignmentAtom(statement, label, tuple(map(str, arguments[2].arguments)), term, value)
+    return (statement, *rest)
 
 
 def _locate_message(messages: list[str], places: Mapping[int, Place], program: Program) -> str:
@@ -136,166 +140,159 @@ def _locate_message(messages: list[str], places: Mapping[int, Place], program: P
     )
 
 
-def translate_program(
-    program: Program, do: Mapping[str, str], observed: Sequence[Literal] = ()
-) -> tuple[list[str], dict[int, Place]]:
-    """Translate a program: (lines of ASP text, line number -> place of the statement)."""
-    signature, is_2018 = program.signature, program.semantics == "2018"
-    lines = [
-        "#defined h/2. #defined rnd/4. #defined sel/4. #defined pos/4. #defined pr/5. #defined do/1."
-        " #defined selected/1. #defined drv/2.",
-        "#show h/2. #show sel/4. #show pos/4. #show pr/5. #show drv/2.",
-        "valued(T) :- h(T,_).  :- valued(T), #count { V : h(T,V) } > 1.",
-        "sel(K,L,I,T) :- rnd(K,L,I,T), not do(T).  selected(T) :- sel(_,_,_,T).",
-    ]
-    for sort in signature.sorts:
-        lines.append(" ".join(f"s({sort},{member})." for member in signature.sorts[sort]))
-    places: dict[int, Place] = {}
-    for index, statement in enumerate(program.statements):
-        if isinstance(statement, Rule):
-            added = _translate_rule(index, statement, signature, is_2018)
-        elif isinstance(statement, Selection):
-            added = _translate_selection(index, statement, signature, is_2018)
-        elif isinstance(statement, CrRule):
-            added = _translate_cr_rule(index, statement, signature, is_2018)
-        elif isinstance(statement, Probability):
-            added = _translate_probability(index, statement, signature)
-        elif isinstance(statement, Observation):
-            added = _translate_observation(f"r{index}", statement.literal, signature)
-        elif isinstance(statement, Intervention):
-            added = _translate_intervention(
-                canonical_text(statement.term), canonical_text(statement.value), is_2018
-            )
-        else:
-            continue
-        lines.append(added)
-        places[len(lines)] = statement.at
-    lines.extend(_translate_intervention(term, value, is_2018) for term, value in do.items())
-    lines.extend(
-        _translate_observation(f"q{index}", literal, signature) for index, literal in enumerate(observed)
-    )
-    return lines, places
+class _Translator:
+    """Translates the statements of a program."""
 
+    def __init__(self, program: Program) -> None:
+        self._program, self._signature = program, program.signature
+        self._is_2018 = program.semantics == "2018"
 
-def _translate_observation(name: str, literal: Literal, signature: Signature) -> str:
-    conditions = "; ".join(_translate_literal(literal, 0, signature))
-    return f"observed({name}) :- {conditions}. :- not observed({name})."
+    def translate(
+        self, do: Mapping[str, str], observed: Sequence[Literal]
+    ) -> tuple[list[str], dict[int, Place]]:
+        """Translate the program: (lines of ASP text, line number -> place of the statement)."""
+        lines = [
+            "#defined h/2. #defined rnd/4. #defined sel/4. #defined pos/4. #defined pr/5. #defined do/1."
+            " #defined selected/1. #defined drv/2.",
+            "#show h/2. #show sel/4. #show pos/4. #show pr/5. #show drv/2.",
+            "valued(T) :- h(T,_).  :- valued(T), #count { V : h(T,V) } > 1.",
+            "sel(K,L,I,T) :- rnd(K,L,I,T), not do(T).  selected(T) :- sel(_,_,_,T).",
+        ]
+        for sort, members in self._signature.sorts.items():
+            lines.append(" ".join(f"s({sort},{member})." for member in members))
+        places: dict[int, Place] = {}
+        for index, statement in enumerate(self._program.statements):
+            text = self._translate_statement(index, statement)
+            if text:
+                lines.append(text)
+                places[len(lines)] = statement.at
+        lines.extend(self._translate_intervention(term, value) for term, value in do.items())
+        lines.extend(self._translate_observation(f"q{i}", literal) for i, literal in enumerate(observed))
+        return lines, places
 
+    def _translate_statement(self, index: int, statement: Statement, abducible: str = "") -> str:
+        """Translate a statement; "" if it is a declaration or a query.
 
-def _translate_intervention(term: str, value: str, is_2018: bool) -> str:
-    """Translate an intervention. 2009: the value is a fact. 2018: a selection of the term must select it."""
-    if is_2018:
-        return f"do({term}). :- rnd(_,_,_,{term}), not h({term},{value})."
-    return f"do({term}). h({term},{value})."
+        Args:
+            abducible: for the rule of a cr-rule, a literal at the beginning of the body.
+        """
+        match statement:
+            case Rule():
+                return self._translate_rule(index, statement, abducible)
+            case Selection():
+                return self._translate_selection(index, statement, abducible)
+            case CrRule():
+                return self._translate_cr_rule(index, statement)
+            case Probability():
+                return self._translate_probability(index, statement)
+            case Observation():
+                return self._translate_observation(f"r{index}", statement.literal)
+            case Intervention():
+                term, value = canonical_text(statement.term), canonical_text(statement.value)
+                return self._translate_intervention(term, value)
+        return ""
 
+    def _translate_observation(self, name: str, literal: Literal) -> str:
+        conditions = "; ".join(self._translate_literal(literal, 0))
+        return f"observed({name}) :- {conditions}. :- not observed({name})."
 
-def _translate_rule(index: int, rule: Rule, signature: Signature, is_2018: bool, used: str = "") -> str:
-    head = f"h({_write_expression(rule.head.term)},{_write_expression(rule.head.value)})" if rule.head else ""
-    conditions = used + _translate_body(
-        rule.body, list(signature.iter_slots(rule)), list_expressions(rule), signature
-    )
-    text = f"{head} :- {conditions}."
-    if is_2018 and rule.head and rule.head.term.name in signature.selections:
+    def _translate_intervention(self, term: str, value: str) -> str:
+        """2009: the value is a fact. 2018: a selection of the term must select the value."""
+        if self._is_2018:
+            return f"do({term}). :- rnd(_,_,_,{term}), not h({term},{value})."
+        return f"do({term}). h({term},{value})."
+
+    def _translate_rule(self, index: int, rule: Rule, abducible: str) -> str:
+        conditions = abducible + self._translate_body(rule, rule.body)
+        if rule.head is None:
+            return f" :- {conditions}."
         term = _write_expression(rule.head.term)
-        text += f" drv({index},{term}) :- {conditions}; selected({term})."
-    return text
+        text = f"h({term},{_write_expression(rule.head.value)}) :- {conditions}."
+        if self._is_2018 and rule.head.term.name in self._signature.selections:
+            text += f" drv({index},{term}) :- {conditions}; selected({term})."
+        return text
 
+    def _translate_cr_rule(self, index: int, rule: CrRule) -> str:
+        """Translate to the rule under one abducible per instance, and minimise the number of abducibles."""
+        inner = rule.statement
+        abducible = f"cr({index},{_write_variables(list_variables(inner))})"
+        text = f"{{ {abducible} }} :- {self._translate_body(inner, ())}. "
+        text += f"#minimize {{ 1,{index},I : cr({index},I) }}. "
+        return text + self._translate_statement(index, inner, f"{abducible}; ")
 
-def _translate_cr_rule(index: int, rule: CrRule, signature: Signature, is_2018: bool) -> str:
-    """Translate to the rule under one abducible per instance, and minimise the number of abducibles."""
-    inner = rule.statement
-    used = f"cr({index},{_write_tuple([Variable(name) for name in list_variables(inner)])})"
-    guards = _translate_body((), list(signature.iter_slots(inner)), list_expressions(inner), signature)
-    text = f"{{ {used} }} :- {guards}. #minimize {{ 1,{index},I : cr({index},I) }}. "
-    if isinstance(inner, Rule):
-        return text + _translate_rule(index, inner, signature, is_2018, f"{used}; ")
-    return text + _translate_selection(index, inner, signature, is_2018, f"{used}; ")
+    def _translate_selection(self, index: int, selection: Selection, abducible: str) -> str:
+        term = _write_expression(selection.term)
+        label = _write_tuple(selection.label.arguments if selection.label else ())
+        dynamic = selection.range
+        conditions = list(iter_expressions(dynamic.condition)) if dynamic else []
+        shared = find_variables(*list_expressions(selection)) & find_variables(*conditions)
+        instance = _write_variables(sorted(shared))
+        applies = f"rnd({index},{label},{instance},{term})"
+        body = abducible + self._translate_body(selection, selection.body)
+        range_sort = self._signature.attributes[selection.term.name].range
+        # 2009: an intervention removes selection and range; 2018: it only removes the probability
+        text = f"{applies} :- {body}{'' if self._is_2018 else f'; not do({term})'}."
+        text += f" {{ h(T,V) : s({range_sort},V) }} = 1 :- rnd({index},_,_,T)."
+        if dynamic:
+            slots = self._signature.iter_range_slots(selection)
+            inside = self._guard_body(dynamic.condition, list(slots), [dynamic.variable, *conditions])
+            text += f" pos({index},{instance},{term},{dynamic.variable.name}) :- {applies}; {inside}."
+            text += f" :- rnd({index},_,I,T); h(T,V); not pos({index},I,T,V)."
+        return text
 
+    def _translate_probability(self, index: int, atom: Probability) -> str:
+        term, label = _write_expression(atom.term), _write_tuple(atom.label.arguments if atom.label else ())
+        instance = _write_variables(list_variables(atom))
+        conditions, value = self._translate_body(atom, atom.condition), _write_expression(atom.value)
+        return f"pr({index},{label},{instance},{term},{value}) :- {conditions}; selected({term})."
 
-def _translate_selection(
-    index: int, selection: Selection, signature: Signature, is_2018: bool, used: str = ""
-) -> str:
-    term, label = (
-        _write_expression(selection.term),
-        _write_tuple(selection.label.arguments if selection.label else ()),
-    )
-    outer = list_expressions(selection)
-    slots = list(signature.iter_slots(selection))
-    chosen = selection.range
-    inner = list(iter_expressions(chosen.condition)) if chosen else []
-    shared = find_variables(*outer) & find_variables(*inner)
-    instance = _write_tuple([Variable(name) for name in sorted(shared)])
-    applies = f"rnd({index},{label},{instance},{term})"
-    conditions = used + _translate_body(selection.body, slots, outer, signature)
-    range_sort = signature.attributes[selection.term.name].range
-    # 2009: an intervention removes selection and range; 2018: it only removes the probability
-    text = f"{applies} :- {conditions}{'' if is_2018 else f'; not do({term})'}."
-    text += f" {{ h(T,V) : s({range_sort},V) }} = 1 :- rnd({index},_,_,T)."
-    if chosen:
-        value = chosen.variable.name
-        inside = _translate_body(
-            chosen.condition,
-            list(signature.iter_range_slots(selection)),
-            [chosen.variable, *inner],
-            signature,
+    def _translate_body(self, statement: Rule | Selection | Probability, body: Iterable[BodyLiteral]) -> str:
+        """Translate a body, with sort conditions for the variables and arguments of the whole statement."""
+        return self._guard_body(
+            body, list(self._signature.iter_slots(statement)), list_expressions(statement)
         )
-        text += f" pos({index},{instance},{term},{value}) :- {applies}; {inside}."
-        text += f" :- rnd({index},_,I,T); h(T,V); not pos({index},I,T,V)."
-    return text
+
+    def _guard_body(
+        self, body: Iterable[BodyLiteral], slots: list[ArgumentSlot], scope: list[Expression]
+    ) -> str:
+        """Translate a body, with sort conditions for each variable and each computed argument or value."""
+        used = [variable for expression in scope for variable in iter_variables(expression)]
+        guards = [
+            f"s({sort},{name})"
+            for name, sorts in find_variable_sorts(slots, used, self._signature).items()
+            for sort in sorts
+        ]
+        guards.extend(
+            f"s({sort},{_write_expression(expression)})"
+            for expression, sort in slots
+            if not isinstance(expression, Variable) and any(iter_variables(expression))
+        )
+        parts = list(dict.fromkeys(guards))
+        for number, literal in enumerate(body):
+            if isinstance(literal, ComparisonLiteral):
+                left, right = _write_expression(literal.left), _write_expression(literal.right)
+                parts.append(f"{left} {literal.relation} {right}")
+            else:
+                parts.extend(self._translate_literal(literal, number))
+        return "; ".join(parts) or "#true"
+
+    def _translate_literal(self, literal: Literal, number: int) -> list[str]:
+        """`a != v` needs a value of a; `not a != v` is true if a has none other than v."""
+        negation = "not " if literal.negated else ""
+        if self._signature.is_sort(literal):
+            return [f"{negation}s({literal.term.name},{_write_expression(literal.term.arguments[0])})"]
+        term, value = _write_expression(literal.term), _write_expression(literal.value)
+        if literal.relation == "=":
+            return [f"{negation}h({term},{value})"]
+        fresh = f"_V{number}"
+        if literal.negated:
+            sort = self._signature.attributes[literal.term.name].range
+            return [f"not h({term},{fresh}) : s({sort},{fresh}), {fresh} {literal.relation} {value}"]
+        return [f"h({term},{fresh})", f"{fresh} {literal.relation} {value}"]
 
 
-def _translate_probability(index: int, atom: Probability, signature: Signature) -> str:
-    term, label = _write_expression(atom.term), _write_tuple(atom.label.arguments if atom.label else ())
-    instance = _write_tuple([Variable(name) for name in list_variables(atom)])
-    conditions = _translate_body(
-        atom.condition, list(signature.iter_slots(atom)), list_expressions(atom), signature
-    )
-    value = _write_expression(atom.value)
-    return f"pr({index},{label},{instance},{term},{value}) :- {conditions}; selected({term})."
-
-
-def _translate_body(
-    body: Iterable[BodyLiteral],
-    slots: list[ArgumentSlot],
-    scope: list[Expression],
-    signature: Signature,
-) -> str:
-    """Translate a body, with sort conditions for each variable and each computed argument or value."""
-    used = [variable for expression in scope for variable in iter_variables(expression)]
-    guards = [
-        f"s({sort},{name})"
-        for name, sorts in find_variable_sorts(slots, used, signature).items()
-        for sort in sorts
-    ]
-    guards.extend(
-        f"s({sort},{_write_expression(expression)})"
-        for expression, sort in slots
-        if not isinstance(expression, Variable) and any(iter_variables(expression))
-    )
-    parts = list(dict.fromkeys(guards))
-    for number, literal in enumerate(body):
-        if isinstance(literal, ComparisonLiteral):
-            parts.append(
-                f"{_write_expression(literal.left)} {literal.relation} {_write_expression(literal.right)}"
-            )
-        else:
-            parts.extend(_translate_literal(literal, number, signature))
-    return "; ".join(parts) or "#true"
-
-
-def _translate_literal(literal: Literal, number: int, signature: Signature) -> list[str]:
-    """Translate a literal. `a != v` needs a value of a: `not a != v` is true if a has none other than v."""
-    negation = "not " if literal.negated else ""
-    if signature.is_sort(literal):
-        return [f"{negation}s({literal.term.name},{_write_expression(literal.term.arguments[0])})"]
-    term, value = _write_expression(literal.term), _write_expression(literal.value)
-    if literal.relation == "=":
-        return [f"{negation}h({term},{value})"]
-    fresh = f"_V{number}"
-    if literal.negated:
-        sort = signature.attributes[literal.term.name].range
-        return [f"not h({term},{fresh}) : s({sort},{fresh}), {fresh} {literal.relation} {value}"]
-    return [f"h({term},{fresh})", f"{fresh} {literal.relation} {value}"]
+def _write_variables(names: Iterable[str]) -> str:
+    return _write_tuple([Variable(name) for name in names])
 
 
 def _write_tuple(expressions: Iterable[Expression]) -> str:

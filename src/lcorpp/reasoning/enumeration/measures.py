@@ -8,17 +8,62 @@ Condition 1 of 2018: Balai, Gelfond and Zhang, 2019, section 3.2.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from types import MappingProxyType
+from typing import NamedTuple
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.answers import format_world
-from lcorpp.reasoning.enumeration.answer_set import AnswerSet, AssignmentAtom, SelectionAtom
 from lcorpp.reasoning.language.arithmetic import as_value, canonical_text, compare_values, evaluate_number
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Probability, Selection
 from lcorpp.reasoning.language.traversal import as_selection, list_variables
+
+
+class SelectionAtom(NamedTuple):
+    """A random selection that applies."""
+
+    statement: int
+    label: str
+    instance: str
+    term: str
+
+
+class AssignmentAtom(NamedTuple):
+    """A pr-atom that applies; `instance` are the values of its variables."""
+
+    statement: int
+    label: str
+    instance: tuple[str, ...]
+    term: str
+    value: str
+
+
+RangeAtom = tuple[int, str, str, str]
+"""A member of a dynamic range: (statement of the selection, instance, term, value)."""
+
+DerivationAtom = tuple[int, str]
+"""A rule with a true body: (statement, term in the head)."""
+
+
+@dataclass(frozen=True)
+class AnswerSet:
+    """An answer set of the logical part of a program; statements are indexes, labels their arguments.
+
+    values: term -> value, sorted by term.
+    selections: the selections that apply to terms without intervention.
+    possible: the members of dynamic ranges.
+    assigned: the pr-atoms about selected terms.
+    derived: the rules that derive a value of a selected term; semantics of 2018 only.
+    """
+
+    values: Mapping[str, str]
+    selections: tuple[SelectionAtom, ...]
+    possible: frozenset[RangeAtom]
+    assigned: tuple[AssignmentAtom, ...]
+    derived: tuple[DerivationAtom, ...] = ()
 
 
 def measure_worlds(
@@ -37,21 +82,20 @@ def measure_worlds(
         measure = Fraction(1)
         assigned: dict[str, list[AssignmentAtom]] = {}
         for atom in answer_set.assigned:
-            assigned.setdefault(atom[3], []).append(atom)
+            assigned.setdefault(atom.term, []).append(atom)
         applied: dict[str, SelectionAtom] = {}
         _check_derived(program, answer_set)
         for selected in answer_set.selections:
             if not _is_first_selection(program, applied, selected, answer_set.values):
                 continue
-            term = selected[3]
             possible = _list_dynamic_range(program, selected, answer_set)
-            atoms = tuple(assigned.get(term, ()))
+            atoms = tuple(assigned.get(selected.term, ()))
             key = (selected, possible, atoms)
             if key not in distributions:  # most worlds share the selections of others
                 distributions[key] = _compute_distribution(
                     program, selected, possible, atoms, answer_set.values
                 )
-            measure *= distributions[key][answer_set.values[term]]
+            measure *= distributions[key][answer_set.values[selected.term]]
         yield MappingProxyType(dict(answer_set.values)), measure
 
 
@@ -66,24 +110,22 @@ def satisfies(literal: Literal, values: Mapping[str, str]) -> bool:
 
 def _list_dynamic_range(program: Program, selected: SelectionAtom, answer_set: AnswerSet) -> tuple[str, ...]:
     """List the dynamic range of a selection in a world, in the order of the declaration."""
-    index, _, instance, term = selected
     selection = _get_selection(program, selected)
     values = program.attributes[selection.term.name].values
     if selection.range is None:
         return values
-    return tuple(value for value in values if (index, instance, term, value) in answer_set.possible)
+    place = selected.statement, selected.instance, selected.term
+    return tuple(value for value in values if (*place, value) in answer_set.possible)
 
 
 def _is_first_selection(
     program: Program, applied: dict[str, SelectionAtom], selected: SelectionAtom, values: Mapping[str, str]
 ) -> bool:
-    """Whether this is the first selection of its term in the world.
-
-    A second, different selection breaks Condition 1.
+    """Whether this is the first selection of its term in the world; a different second one is an error.
 
     2018: random(label, term, range) is an atom, so rules with the same atom are one selection.
     """
-    other = applied.setdefault(selected[3], selected)
+    other = applied.setdefault(selected.term, selected)
     if other is selected:
         return True
     first, second = _get_selection(program, other), _get_selection(program, selected)
@@ -93,7 +135,7 @@ def _is_first_selection(
             return False
     after = " with other values of its variables" if first.at == second.at else ""
     raise ProgramError(
-        f"{second.at}: Condition 1: {selected[3]} is also selected at random by the rule at {first.at}"
+        f"{second.at}: Condition 1: {selected.term} is also selected at random by the rule at {first.at}"
         f"{after}, in the world {format_world(values)}"
     )
 
@@ -102,7 +144,7 @@ def _check_derived(program: Program, answer_set: AnswerSet) -> None:
     """Check that no rule derives a value of a term that is selected at random (2018)."""
     for index, term in answer_set.derived:
         at = program.statements[index].at
-        selection = next(selected for selected in answer_set.selections if selected[3] == term)
+        selection = next(selected for selected in answer_set.selections if selected.term == term)
         raise ProgramError(
             f"{at}: Condition 1: {term} has a value by this rule and is selected at random by the rule at"
             f" {_get_selection(program, selection).at}, in the world {format_world(answer_set.values)}"
@@ -110,7 +152,7 @@ def _check_derived(program: Program, answer_set: AnswerSet) -> None:
 
 
 def _get_selection(program: Program, selected: SelectionAtom) -> Selection:
-    selection = as_selection(program.statements[selected[0]])
+    selection = as_selection(program.statements[selected.statement])
     assert selection is not None
     return selection
 
@@ -147,7 +189,7 @@ def _compute_distribution(
     if total > 1 or (total != 1 and not rest):
         first = min((atom.at for atom in atom_of.values()), key=lambda at: (at.line, at.column))
         raise ProgramError(
-            f"{first}: not unitary: the probabilities of {selected[3]} sum to {total}, not"
+            f"{first}: not unitary: the probabilities of {selected.term} sum to {total}, not"
             f" {'at most ' if rest else ''}1, in the world {format_world(values)}"
         )
     share = (1 - total) / len(rest) if rest else Fraction(0)
@@ -161,7 +203,7 @@ def _applies_to(program: Program, atom: Probability, label: str, selected: Selec
     selection = _get_selection(program, selected)
     if selection.label is None or selection.label.name != atom.label.name:
         return False
-    return not atom.label.arguments or label == selected[1]
+    return not atom.label.arguments or label == selected.label
 
 
 def _evaluate_number(atom: Probability, instance: tuple[str, ...], values: Mapping[str, str]) -> Fraction:

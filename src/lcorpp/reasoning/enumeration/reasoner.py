@@ -6,6 +6,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from itertools import accumulate
 from math import lcm
 from types import MappingProxyType
@@ -79,8 +80,8 @@ class Enumeration:
         self._answers: dict[object, Distribution] = {}
         self._samplers: dict[object, tuple[list[float], tuple[Mapping[str, str], ...]]] = {}
 
-    def __reduce__(self) -> tuple[Callable[[Program, int], Enumeration], tuple[Program, int]]:
-        return _rebuild, (self.program, self.limit)  # without the caches
+    def __reduce__(self) -> tuple[Callable[[Program], Enumeration], tuple[Program]]:
+        return partial(Enumeration, limit=self.limit), (self.program,)  # without the caches
 
     def __repr__(self) -> str:
         return f"Enumeration({self.program.file}, limit={self.limit})"
@@ -179,17 +180,13 @@ class Enumeration:
 
     def _compute_marginal(self, subject: Term, table: _WorldTable) -> dict[str, Fraction]:
         name = canonical_text(subject)
-        sums = dict.fromkeys(self.program.attributes[subject.name].values, 0)
-        no_value = 0
+        declared = self.program.attributes[subject.name].values
+        sums: dict[str | None, int] = dict.fromkeys((*declared, None), 0)  # None: no value
         for values, weight in zip(table.values, table.weights, strict=True):
-            value = values.get(name)
-            if value is None:
-                no_value += weight
-            else:
-                sums[value] += weight
-        if no_value:
-            raise make_no_value_error(self.program, name, Fraction(no_value, table.total))
-        return {value: Fraction(weight, table.total) for value, weight in sums.items()}
+            sums[values.get(name)] += weight
+        if sums[None]:
+            raise make_no_value_error(self.program, name, Fraction(sums[None], table.total))
+        return {value: Fraction(sums[value], table.total) for value in declared}
 
     # tables of worlds
 
@@ -250,10 +247,6 @@ def _make_literal(term: str, value: str) -> Literal:
     parsed = parse_term(term, "<term>")
     assert isinstance(parsed, Term)
     return Literal(parsed, "=", parse_term(value, "<value>"))
-
-
-def _rebuild(program: Program, limit: int) -> Enumeration:
-    return Enumeration(program, limit=limit)
 
 
 def _store(cache: dict[_Key, _Value], key: _Key, value: _Value, size: int) -> None:

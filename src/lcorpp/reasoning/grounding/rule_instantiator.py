@@ -6,19 +6,19 @@ as soon as its variables are bound; `grounder` adds the lines that emit a clause
 begins:
 
     def run():
-     for v_X, v_Y,  in k2.get(('true', ), ()):
-      if not ((h := k3.get((v_X, v_Y, ))) is not None and compare_values(h, '=', 'true')): continue
+     for v_X, v_Y,  in k1.get(('true', ), ()):
+      if not ((h := k2.get((v_X, v_Y, ))) is not None and compare_values(h, '=', 'true')): continue
       if not (v_X != 3): continue
-      if not (v_X in k4): continue
-      if not (v_Y in k5): continue
+      if not (v_X in k3): continue
+      if not (v_Y in k4): continue
 
-k2 is an index over the facts, k3 the table of the facts, k4 and k5 contain the members of `node`. Generated
+k1 is an index over the facts, k2 the table of the facts, k3 and k4 contain the members of `node`. Generated
 source runs faster than closures.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 from lcorpp.reasoning.grounding.generated_function import GeneratedFunction
 from lcorpp.reasoning.grounding.patterns import (
@@ -38,6 +38,8 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     Variable,
 )
+
+_Index = dict[tuple[Value, ...], list[tuple[Value, ...]]]
 
 Facts = Mapping[str, Mapping[tuple[Value, ...], Value]]
 """attribute -> arguments -> value, for the attributes that only facts define."""
@@ -71,7 +73,7 @@ class RuleInstantiator(GeneratedFunction):
         self._facts = facts
         used = [variable for expression in scope for variable in iter_variables(expression)]
         self._sorts = find_variable_sorts(slots, used, signature)
-        self._bound = set(bound)
+        self._bound: set[str] = set()
         # (variables, function that writes the source of the test once they are bound)
         self._tests: list[tuple[set[str], Callable[[], str]]] = []
         # (variable, expression that it equals, test of the equation)
@@ -79,13 +81,7 @@ class RuleInstantiator(GeneratedFunction):
         self._records: list[tuple[Term, str]] = []  # (record with variables, its sort)
         self._fact_literals: list[Literal] = []
         self._collect_conditions(slots, body)
-        if not used:
-            self._add_ready_tests()
-            return
-        for name in bound:
-            if name in self._sorts:
-                self._tests.append(({name}, self._make_sort_test(name)))
-        self._add_ready_tests()
+        self._mark_bound(bound)
         while not all(variable.name in self._bound for variable in used):
             self._bind_next_variable()
 
@@ -192,7 +188,8 @@ class RuleInstantiator(GeneratedFunction):
                 return
         free = [name for name in self._sorts if name not in self._bound]
         if free:
-            name = min(free, key=lambda name: (self._has_equation(name), len(self._list_domain(name))))
+            computable = {target for target, other, _ in self._equations if find_variables(other) - {target}}
+            name = min(free, key=lambda name: (name in computable, len(self._list_domain(name))))
             domain = self._list_domain(name)
             if len(domain) == 1:  # Python allows at most twenty nested loops
                 self.add_line(f"v_{name} = {domain[0]!r}")
@@ -206,12 +203,6 @@ class RuleInstantiator(GeneratedFunction):
                 return
         raise AssertionError("the checker rejects statements with unsafe variables")
 
-    def _has_equation(self, name: str) -> bool:
-        """Whether an equation binds this variable once other variables are bound."""
-        return any(
-            target == name and not find_variables(other) <= {name} for target, other, _ in self._equations
-        )
-
     def _list_domain(self, name: str) -> list[Value]:
         """List the common members of a variable's sorts."""
         first, *others = (self._members(sort) for sort in self._sorts[name])
@@ -223,37 +214,33 @@ class RuleInstantiator(GeneratedFunction):
         """Loop over the facts that agree with the bound positions, found by an index over these positions."""
         parts = (*literal.term.arguments, literal.value)
         bound = [i for i, part in enumerate(parts) if find_variables(part) <= self._bound]
+        unbound = [(i, x.name) for i, x in enumerate(parts) if i not in bound and isinstance(x, Variable)]
         free: dict[str, int] = {}
-        repeated: list[tuple[int, str]] = []
-        for i, part in enumerate(parts):
-            if i not in bound and isinstance(part, Variable):
-                if part.name in free:
-                    repeated.append((i, part.name))
-                else:
-                    free[part.name] = i
-        index: dict[tuple[Value, ...], list[tuple[Value, ...]]] = {}
+        for i, name in unbound:
+            free.setdefault(name, i)
+        index: _Index = {}
         for arguments, value in self._facts[literal.term.name].items():
             row = (*arguments, value)
-            if all(row[i] == row[free[name]] for i, name in repeated):
+            if all(row[i] == row[free[name]] for i, name in unbound):
                 key = tuple([row[i] for i in bound])
                 index.setdefault(key, []).append(tuple([row[i] for i in free.values()]))
-        key_source = "".join(f"{self.write_source(parts[i])}, " for i in bound)
-        targets = "".join(f"v_{name}, " for name in free)
-        self.open_loop(targets, f"{self.name_constant(index)}.get(({key_source}), ())")
-        self._mark_bound(free)
+        self._loop_over_index(index, [self.write_source(parts[i]) for i in bound], free)
 
     def _loop_over_records(self, term: Term, sort: str) -> None:
         """Loop over the members of a sort that match a record, found by an index over its bound variables."""
         names = sorted(find_variables(term))
         free = [name for name in names if name not in self._bound]
         bound = [name for name in names if name in self._bound and name in find_record_variables(term, False)]
-        index: dict[tuple[Value, ...], list[tuple[Value, ...]]] = {}
+        index: _Index = {}
         for member in self._members(sort):
             bindings: dict[str, Value] = {}
             if match(term, member, bindings):
                 key = tuple([bindings[name] for name in bound])
                 index.setdefault(key, []).append(tuple([bindings[name] for name in free]))
-        key_source = "".join(f"v_{name}, " for name in bound)
+        self._loop_over_index(index, [f"v_{name}" for name in bound], free)
+
+    def _loop_over_index(self, index: _Index, key: Iterable[str], free: Collection[str]) -> None:
         targets = "".join(f"v_{name}, " for name in free)
+        key_source = "".join(f"{part}, " for part in key)
         self.open_loop(targets, f"{self.name_constant(index)}.get(({key_source}), ())")
         self._mark_bound(free)

@@ -38,11 +38,7 @@ from lcorpp.reasoning.language.traversal import as_selection, get_body, list_exp
 
 
 def check_statements(statements: Sequence[Statement]) -> Signature:
-    """Check a program and return its signature.
-
-    Raises:
-        SourceIssue: the first error.
-    """
+    """Check a program and return its signature; raise SourceIssue for the first error."""
     signature = build_signature(statements)
     labels: dict[str, Selection] = {}
     for statement in statements:

@@ -1,4 +1,7 @@
-"""Conformance: check ground terms, literals and queries against the signature of a program."""
+"""Conformance: check ground terms, literals and queries against the signature of a program.
+
+Every check raises SourceIssue for the first error.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +24,7 @@ from lcorpp.reasoning.language.syntax import (
 
 
 def check_query(query: Query, signature: Signature) -> None:
-    """Check a query against the declarations of a program.
-
-    Raises:
-        SourceIssue: the first error.
-    """
+    """Check a query against the declarations of a program."""
     if query.subject:
         _check_ground_term(query.subject, signature)
     for literal in (*query.literals, *(observation.literal for observation in query.observations)):
@@ -35,21 +34,13 @@ def check_query(query: Query, signature: Signature) -> None:
 
 
 def check_intervention(intervention: Intervention, signature: Signature) -> None:
-    """Check the intervention, whose term needs a random selection.
-
-    Raises:
-        SourceIssue: the first error.
-    """
+    """Check the intervention, whose term needs a random selection."""
     check_ground_literal(Literal(intervention.term, "=", intervention.value, at=intervention.at), signature)
     require_selections(intervention.term, intervention.at, signature)
 
 
 def require_selections(term: Term, at: Place, signature: Signature) -> Sequence[Selection]:
-    """Return the random selections of an attribute.
-
-    Raises:
-        SourceIssue: the attribute has no random selection.
-    """
+    """Return the random selections of an attribute, which needs at least one."""
     selections = signature.selections.get(term.name, ())
     if not selections:
         raise SourceIssue(
@@ -59,11 +50,7 @@ def require_selections(term: Term, at: Place, signature: Signature) -> Sequence[
 
 
 def check_ground_literal(literal: Literal, signature: Signature) -> None:
-    """Check a literal without variables.
-
-    Raises:
-        SourceIssue: the first error.
-    """
+    """Check a literal without variables."""
     _check_ground_term(literal.term, signature)
     canonical_text(literal.value)  # raises for a variable
     check_slots(signature.iter_literal_slots(literal), signature)
@@ -78,12 +65,7 @@ def _check_ground_term(term: Term, signature: Signature) -> None:
 
 
 def check_attribute(term: Term, signature: Signature) -> None:
-    """Check the name and the number of arguments of an attribute term.
-
-    Raises:
-        SortMismatch: the number is wrong.
-        SourceIssue: the attribute is not declared.
-    """
+    """Check the name of an attribute and its number of arguments; raise SortMismatch for a wrong number."""
     attribute = signature.attributes.get(term.name)
     if attribute is None:
         what = "is a sort, not an attribute" if term.name in signature.sorts else "is not declared"
@@ -98,11 +80,7 @@ def check_attribute(term: Term, signature: Signature) -> None:
 
 
 def check_slots(slots: Iterable[ArgumentSlot], signature: Signature) -> None:
-    """Check that constants in argument slots are members of their sorts.
-
-    Raises:
-        SortMismatch: a constant is not.
-    """
+    """Check that constants in argument slots are members of their sorts; raise SortMismatch if not."""
     for expression, sort in slots:
         if not any(iter_variables(expression)):
             value = canonical_text(expression)
@@ -112,22 +90,18 @@ def check_slots(slots: Iterable[ArgumentSlot], signature: Signature) -> None:
 
 
 def check_order(body: Iterable[BodyLiteral], sorts: dict[str, list[str]], signature: Signature) -> None:
-    """Check that only integers are compared by order.
-
-    Raises:
-        SourceIssue: an operand is not an integer.
-    """
+    """Check that only integers are compared by order."""
     for literal in body:
         if literal.relation in ("=", "!="):
             continue
-        if isinstance(literal, Literal):
-            if signature.attributes[literal.term.name].range not in signature.integer_sorts:
-                raise SourceIssue(
-                    literal.at, f"{literal} orders values of {literal.term.name}, which are not integers"
-                )
-            sides: tuple[Expression, ...] = (literal.value,)
-        else:
-            sides = (literal.left, literal.right)
+        sides = [literal.value] if isinstance(literal, Literal) else [literal.left, literal.right]
+        if (
+            isinstance(literal, Literal)
+            and signature.attributes[literal.term.name].range not in signature.integer_sorts
+        ):
+            raise SourceIssue(
+                literal.at, f"{literal} orders values of {literal.term.name}, which are not integers"
+            )
         for side in sides:
             check_integer(side, f"the order in {literal}", sorts, signature)
 

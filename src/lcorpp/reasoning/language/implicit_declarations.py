@@ -39,11 +39,7 @@ class _Slot:
     constants: dict[str, Expression] = field(default_factory=dict)
 
     def add(self, expression: Expression, known: dict[str, str], sorts: SortTable) -> None:
-        """Add a use.
-
-        Args:
-            known: variable -> its sort.
-        """
+        """Add a use; `known` maps variables to their sorts."""
         if isinstance(expression, Variable):
             if known.get(expression.name) in sorts.known:
                 self.sorts[known[expression.name]] = None
@@ -92,15 +88,13 @@ def infer_declarations(statements: Sequence[Statement]) -> Sequence[Statement]:
             whole.extend(replacements.pop(statement.name))
         else:
             whole.append(statement)
-    if any(name != plain for (plain, _), name in names.items()):
-        whole = [map_literals(statement, lambda literal: _rename(literal, names)) for statement in whole]
-    return [*whole, *added]
 
+    def rename(literal: Literal) -> Literal:
+        term = literal.term
+        name = names.get((term.name, len(term.arguments)), term.name)
+        return literal if name == term.name else replace(literal, term=replace(term, name=name))
 
-def _rename(literal: Literal, names: dict[tuple[str, int], str]) -> Literal:
-    term = literal.term
-    name = names.get((term.name, len(term.arguments)), term.name)
-    return literal if name == term.name else replace(literal, term=replace(term, name=name))
+    return [*(map_literals(statement, rename) for statement in whole), *added]
 
 
 def _analyse(statements: Sequence[Statement]) -> _Analysis:
@@ -124,15 +118,16 @@ def _find_variable_sorts(statement: Statement, analysis: _Analysis) -> dict[str,
     """Map the variables of a statement to sorts: those of `#domain` and of complete declarations."""
     known = dict(analysis.domains)
     for literal, _ in iter_literals(statement):
-        attribute = analysis.declared.get(literal.term.name)
-        if literal.term.name in analysis.sorts.known and len(literal.term.arguments) == 1:
-            pairs: list[tuple[Expression, str]] = [(literal.term.arguments[0], literal.term.name)]
-        elif attribute is None:
-            continue
-        else:
-            pairs = [(literal.value, attribute.range)] if literal.relation == "=" else []
-            if len(attribute.arguments) == len(literal.term.arguments):
-                pairs.extend(zip(literal.term.arguments, attribute.arguments, strict=True))
+        name, arguments = literal.term.name, literal.term.arguments
+        attribute = analysis.declared.get(name)
+        pairs: list[tuple[Expression, str]] = []
+        if name in analysis.sorts.known and len(arguments) == 1:
+            pairs.append((arguments[0], name))
+        elif attribute:
+            if literal.relation == "=":
+                pairs.append((literal.value, attribute.range))
+            if len(attribute.arguments) == len(arguments):
+                pairs.extend(zip(arguments, attribute.arguments, strict=True))
         for expression, sort in pairs:
             if isinstance(expression, Variable):
                 known.setdefault(expression.name, sort)

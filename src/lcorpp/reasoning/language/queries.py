@@ -50,19 +50,12 @@ def parse_observation(cursor: Cursor) -> Observation:
         if is_bare_term(literal):
             literal = replace(literal, value=parse_value(cursor))
             has_polarity = cursor.accept(",")
-        if has_polarity:
-            literal = _apply_polarity(cursor, literal)
+        if has_polarity and not cursor.accept_word("true"):
+            if not cursor.accept_word("false"):
+                raise cursor.make_unexpected_error()
+            literal = replace(literal, relation=NEGATED_RELATIONS[literal.relation])
     cursor.expect(")")
     return Observation(literal, at=at)
-
-
-def _apply_polarity(cursor: Cursor, literal: Literal) -> Literal:
-    """Parse `true` or `false`; return the literal or its opposite."""
-    if cursor.accept_word("true"):
-        return literal
-    if not cursor.accept_word("false"):
-        raise cursor.make_unexpected_error()
-    return replace(literal, relation=NEGATED_RELATIONS[literal.relation])
 
 
 def parse_intervention(cursor: Cursor) -> Intervention:

@@ -154,11 +154,13 @@ def build_signature(statements: Sequence[Statement]) -> Signature:
     sorts.known[BOOLEAN] = BOOLEANS
     places: dict[str, Place] = {}
     for sort in (s for s in statements if isinstance(s, SortDefinition)):
-        if sort.name == BOOLEAN:
-            _check_boolean(sort)
-            continue
-        _check_new(sort.name, sort.at, places)
-        sorts.define(sort)
+        if sort.name != BOOLEAN:
+            _check_new(sort.name, sort.at, places)
+            sorts.define(sort)
+        elif sort.has_sort_expression or {str(element) for element in sort.elements} != {"true", "false"}:
+            raise SourceIssue(  # plog 2.0 requires `boolean = {true, false}`
+                sort.at, "the sort boolean is built in as {true, false} and cannot be declared otherwise"
+            )
     domains: dict[str, str] = {}
     attributes = _collect_attributes(statements, sorts)
     for domain in (s for s in statements if isinstance(s, DomainDirective)):
@@ -193,14 +195,6 @@ def _collect_attributes(statements: Sequence[Statement], sorts: SortTable) -> di
             declared.name, declared.arguments, declared.range, values[declared.range], declared.at.line
         )
     return attributes
-
-
-def _check_boolean(sort: SortDefinition) -> None:
-    """Accept `boolean = {true, false}`, which plog 2.0 requires."""
-    if sort.has_sort_expression or {str(element) for element in sort.elements} != {"true", "false"}:
-        raise SourceIssue(
-            sort.at, "the sort boolean is built in as {true, false} and cannot be declared otherwise"
-        )
 
 
 def _check_new(name: str, at: Place, places: dict[str, Place]) -> None:

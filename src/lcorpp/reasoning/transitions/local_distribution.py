@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.language.syntax import Probability, Selection, Statement
@@ -25,17 +25,13 @@ ProbabilityCache = dict[object, list[Fraction]]
 """The probabilities computed so far, by dynamic range and pr-atoms; shared by all terms of a program."""
 
 
-class GuardedClause(NamedTuple):
-    """A clause of a component.
+GuardedClause = tuple[int, Clause, Sequence[GroundLiteral]]
+"""A clause of a component: (bit, clause, body).
 
-    bit: the state bit that is set if the literals about other components are satisfied; 0 if they always are.
-    clause: the clause, for its head.
-    body: the literals about the component itself.
-    """
-
-    bit: int
-    clause: Clause
-    body: Sequence[GroundLiteral]
+bit: the state bit that is set if the literals about other components are satisfied; 0 if they always are.
+clause: the clause, for its head.
+body: the literals about the component itself.
+"""
 
 
 class ConditionViolation(Exception):

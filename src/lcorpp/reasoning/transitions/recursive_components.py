@@ -52,7 +52,8 @@ def build_component(
         clauses: the clauses about them.
         queried: the terms whose outcomes are computed at once, those of other terms on demand.
     """
-    if program.do.keys().isdisjoint(terms) and all(guarded.clause.kind is not SELECT for guarded in clauses):
+    is_random = any(clause.kind is SELECT for _, clause, _ in clauses)
+    if not is_random and program.do.keys().isdisjoint(terms):
         stratified = Stratified.from_clauses(program, terms, clauses, queried)
         if stratified:
             return stratified
@@ -78,7 +79,7 @@ class RecursiveComponent:
         return {state: self._compute_outcomes(state) for state in states}
 
     def _compute_outcomes(self, state: int) -> list[Outcome]:
-        clauses = [guarded for guarded in self.clauses if not guarded.bit or state & guarded.bit]
+        clauses = [guarded for guarded in self.clauses if not guarded[0] or state & guarded[0]]
         models = (
             self._enumerate_single_term_models(clauses)
             if len(self.terms) == 1
@@ -96,7 +97,7 @@ class RecursiveComponent:
         do_value = self.program.do.get(term)  # None without an intervention
         for guess in range(no_value + 1):
             # the clauses whose negated literals the guess satisfies
-            reduct = [c for c in clauses if all(not n or mask >> guess & 1 for _, mask, n in c.body)]
+            reduct = [c for c in clauses if all(not n or mask >> guess & 1 for _, mask, n in c[2])]
             values = {do_value} if do_value is not None and self.program.do_is_fact else set()
             grown = True
             while grown and len(values) < 2:

@@ -3,7 +3,7 @@
 Relational programs have equal rules for most terms: ``x(T+1)`` depends on ``x(T)`` for each T. A
 `RuleTemplate` therefore refers to a term in its bodies only by the rank of the step that decides it (rank 0
 for the earliest of these steps), and to a bit of the state only by a slot, so that all later work on a
-template is done once. `transition_builder` has an example.
+template is done once. `transition_system` has an example.
 
 The masks of literals about other components contain their negation; the flag for `not` matters only inside of
 a cycle, for the reduct.

@@ -78,7 +78,7 @@ class Stratified:
         queried: Iterable[int],
     ) -> Stratified | None:
         """Stratify the clauses of a component; None if an atom depends on its own negation."""
-        derivations = [guarded for guarded in clauses if guarded.clause.kind is DERIVE]
+        derivations = [guarded for guarded in clauses if guarded[1].kind is DERIVE]
         number_of: dict[Atom, int] = {}
         for _, clause, _ in derivations:
             number_of.setdefault((clause.term, clause.value), len(number_of))
@@ -153,8 +153,10 @@ class Stratified:
                             value &= either
                     for atom in rule.negative:
                         value &= ~truth[atom]
-                    if value & ~truth[rule.head]:
-                        truth[rule.head] |= value
+                    before = truth[rule.head]
+                    after = before | value
+                    if after != before:
+                        truth[rule.head] = after
                         grown = True
         by_atom = dict(zip(self.atoms, truth, strict=True))
         has_value: defaultdict[int, int] = defaultdict(int)

@@ -1,20 +1,47 @@
-"""Compilation, step 2: a program as a transition system whose steps decide one component each.
+"""Compilation, step 2: a program as a transition system over bits, whose steps decide one component each.
 
-ground program -> simplification -> variable order -> transitions
+Later steps need to know of earlier ones only which bodies of their rules are satisfied, so the state has bits
+for bodies, not for terms. Example, decided in the order a, b, c, x:
+
+    x :- a, b=false.      x :- c.
+
+The component x is a *child* of the steps a, b and c, its *parents* (as in a Bayesian network; their *ranks*
+are 0, 1 and 2). Its *rule template* needs two bits, each in a *slot*: slot 0 for "a body of x=true is
+satisfied" and slot 1 for "the first body is falsified". The second body needs no bit, as one step decides it.
+The builder gives each slot a bit of the state for as long as it is needed, as in register allocation:
+
+    step  effect of the outcome on the state                   bits in use afterwards
+    a     a=false sets bit 1                                   1 (slot 1)
+    b     b=false sets bit 2, unless bit 1 is set              2 (slot 0)
+    c     c=true sets bit 2                                    2 (slot 0)
+    x     x=true if bit 2 is set, otherwise x has no value     none
+
+So a level of the decision diagram has two states (nodes), although there are eight outcomes of a, b and c.
+Components whose rules are equal up to the names of terms share a template; steps with the same template,
+bits and children share a `Transition`. A constraint is a child without a step of its own: if its body is
+satisfied, the world is impossible.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from heapq import heappop, heappush
 from itertools import chain, groupby
 
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
-from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent
+from lcorpp.reasoning.transitions.local_distribution import (
+    AcyclicTermDistribution,
+    LocalDistribution,
+    Outcome,
+    ProbabilityCache,
+)
+from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent, build_component
+from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
 from lcorpp.reasoning.transitions.transition import Transition
-from lcorpp.reasoning.transitions.transition_builder import TransitionBuilder
 from lcorpp.reasoning.transitions.variable_order import order_components
 
 
@@ -56,12 +83,12 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
         term_numbers = {name: term for term, name in enumerate(program.names)}
         consistent = not any(c.term < 0 and not c.body for c in clauses)
         needed = {term_numbers[name] for name in queried if name in term_numbers}
-        transitions = TransitionBuilder(program, clauses, outcomes, order, needed).build()
+        transitions = _TransitionBuilder(program, clauses, outcomes, order, needed).build()
         if len(order) < len(components) and any(
             isinstance(transition.distribution, RecursiveComponent) for transition in transitions
         ):
             order = components  # a merged component is not stratified
-            transitions = TransitionBuilder(program, clauses, outcomes, order, needed).build()
+            transitions = _TransitionBuilder(program, clauses, outcomes, order, needed).build()
         return TransitionSystem(program, order, transitions, consistent, term_numbers)
 
 
@@ -83,3 +110,181 @@ def _merge_deterministic_neighbours(
             run = [tuple(chain.from_iterable(run))]
         merged.extend(run)
     return merged
+
+
+class _TransitionBuilder:
+    """Builds the transitions of all steps.
+
+    Args:
+        clauses: the simplified clauses.
+        outcomes: the mask of the possible outcomes of each term.
+        order: step -> the terms that it decides.
+        queried: the terms whose outcomes queries read.
+    """
+
+    def __init__(
+        self,
+        program: GroundProgram,
+        clauses: Sequence[Clause],
+        outcomes: Sequence[int],
+        order: Sequence[tuple[int, ...]],
+        queried: set[int],
+    ) -> None:
+        self._program, self._outcomes, self._order, self._queried = program, outcomes, order, queried
+        self._step_of = [0] * len(outcomes)  # term -> the step that decides it
+        for step, terms in enumerate(order):
+            for term in terms:
+                self._step_of[term] = step
+        # term -> its index in a component of several terms
+        self._index_of = {term: i for terms in order if len(terms) > 1 for i, term in enumerate(terms)}
+        self._template_of: dict[object, RuleTemplate] = {}  # description of the structure -> template
+        self._children: list[list[Child]] = [[] for _ in order]  # of each step
+        self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
+        self._probabilities: ProbabilityCache = {}
+        own_clauses: list[list[Clause]] = [[] for _ in order]
+        constraints: dict[
+            tuple[int, ...], list[Clause]
+        ] = {}  # the terms of the body, in its order -> clauses
+        for clause in clauses:
+            if clause.term < 0:  # a constraint has no head
+                constraints.setdefault(tuple([literal[0] for literal in clause.body]), []).append(clause)
+            else:
+                own_clauses[self._step_of[clause.term]].append(clause)
+        count_by_size = Counter(map(len, own_clauses))
+        self._components = [  # step -> (template, bits)
+            self._add_child(terms, own, count_by_size[len(own)] > 1)
+            for terms, own in zip(order, own_clauses, strict=True)
+        ]
+        count_by_size = Counter(map(len, constraints.values()))
+        for own in constraints.values():
+            self._add_child((), own, count_by_size[len(own)] > 1)
+
+    def _add_child(
+        self, terms: tuple[int, ...], clauses: Sequence[Clause], has_equal_sized: bool
+    ) -> tuple[RuleTemplate, list[int]]:
+        """Find or create the template of a component, and add the component to the children of its parents.
+
+        Args:
+            terms: the terms of the component; none for constraints.
+            clauses: the clauses of the component, or constraints over the same terms.
+            has_equal_sized: whether another component has the same number of clauses; only then can the
+                template be shared.
+
+        Returns:
+            The template, and the bits of its slots, see `Child`.
+        """
+        structure: list[object] | None = None
+        needed: Collection[int]  # the terms of the bodies that earlier steps decide, by first occurrence
+        term = terms[0] if terms else -1
+        if has_equal_sized and len(terms) < 2 and term not in self._program.do:
+            structure, needed = describe_structure(self._program, term, clauses, self._outcomes)
+        else:
+            inner = set(terms)
+            needed = dict.fromkeys([x[0] for clause in clauses for x in clause.body if x[0] not in inner])
+        step_of_needed = [self._step_of[term] for term in needed]
+        if len(needed) > 1:
+            steps = sorted(set(step_of_needed))  # rank -> step
+            rank_of = {step: rank for rank, step in enumerate(steps)}
+            ranks = tuple([rank_of[step] for step in step_of_needed])
+        else:  # usual in chains, and faster
+            steps, ranks = step_of_needed, (0,) * len(needed)
+        key = None
+        # the structure does not contain the indexes of terms in components of several terms
+        if structure is not None and not (self._index_of and any(term in self._index_of for term in needed)):
+            structure.append(ranks)
+            key = tuple(structure)
+        template = self._template_of.get(key)
+        if template is None:
+            places = {
+                term: (rank, self._index_of.get(term, 0)) for term, rank in zip(needed, ranks, strict=True)
+            }
+            if terms:
+                template = RuleTemplate.from_clauses(terms, clauses, places, self._outcomes)
+            else:
+                template = RuleTemplate.from_constraints(clauses, places, self._outcomes)
+            if key is not None:
+                self._template_of[key] = template
+        else:
+            template.is_shared = True
+        bits = [0] * (template.n_slots + 1)  # the last is bits[NO_SLOT]
+        for parent in template.parents:
+            self._children[steps[parent.rank]].append((template, parent, bits))
+        return template, bits
+
+    def build(self) -> list[Transition]:
+        """Allocate the bits step by step and build the transitions."""
+        allocator = _BitAllocator()
+        transition_of: dict[object, Transition] = {}
+        transitions: list[Transition] = []
+        steps = zip(self._components, self._children, self._order, strict=True)
+        for (template, own_bits), children, terms in steps:
+            is_shareable = template.is_shared
+            for other, parent, bits in children:
+                is_shareable &= other.is_shared
+                for slot in parent.allocates:
+                    bits[slot] = allocator.allocate()
+            # all bodies of the component are decided, so only bits for "satisfied" are left
+            input_mask = sum(own_bits)
+            allocator.release(own_bits)
+            for _, parent, bits in children:
+                if parent.releases:
+                    allocator.release([bits[slot] for slot in parent.releases])
+            key = None
+            if is_shareable:
+                parts: list[object] = [template, allocator.live_mask, *own_bits]
+                for _, parent, bits in children:
+                    parts.append(parent)
+                    parts += [bits[slot] for slot in parent.slots]
+                key = tuple(parts)
+            transition = transition_of.get(key)
+            if transition is None:
+                distribution = self._build_distribution(template, own_bits, children, terms)
+                transition = Transition(len(terms), distribution, input_mask, children, allocator.live_mask)
+                if key is not None:
+                    transition_of[key] = transition
+            else:
+                transition.is_shared = True
+            transitions.append(transition)
+            for _, parent, bits in children:  # only now: the transition reads these bits for the last time
+                for slot in parent.releases:
+                    bits[slot] = 0
+        return transitions
+
+    def _build_distribution(
+        self, template: RuleTemplate, bits: list[int], children: Sequence[Child], terms: tuple[int, ...]
+    ) -> LocalDistribution:
+        if not template.recursive:
+            cache = self._outcomes_of.setdefault(template, {})
+            return AcyclicTermDistribution(self._program, template, bits, cache, self._probabilities)
+        # the terms whose outcomes queries or children read; a single term always counts, as others share it
+        read_terms = self._queried.intersection(terms) if len(terms) > 1 else set(template.terms)
+        for _, parent, _ in children:
+            read_terms.update([template.terms[i] for update in parent.updates for i, _ in update.conditions])
+        clauses = [
+            (bits[group.satisfied_slot], group.clause, group.own_literals) for group in template.clause_groups
+        ]
+        return build_component(self._program, template.terms, clauses, self._probabilities, read_terms)
+
+
+class _BitAllocator:
+    """Allocates the lowest free bits of the state, so that equal components get equal bits.
+
+    A bit is a mask with one set bit; live_mask has all bits in use.
+    """
+
+    def __init__(self) -> None:
+        self.live_mask = 0
+        self._free: list[int] = []  # below the highest bit in use
+
+    def allocate(self) -> int:
+        """Return a bit that is not in use."""
+        bit = heappop(self._free) if self._free else self.live_mask + 1
+        self.live_mask |= bit
+        return bit
+
+    def release(self, bits: Iterable[int]) -> None:
+        """Free bits; 0 is not a bit and is ignored."""
+        for bit in bits:
+            if bit:
+                self.live_mask ^= bit
+                heappush(self._free, bit)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array
 
 

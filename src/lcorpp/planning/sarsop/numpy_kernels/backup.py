@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, find_row_entries
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch
 from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode, predict
 from lcorpp.planning.sarsop.numpy_kernels.refresh import (
     forget_lower,
@@ -16,6 +16,7 @@ from lcorpp.planning.sarsop.numpy_kernels.refresh import (
     update_upper_bound,
 )
 from lcorpp.planning.sarsop.numpy_kernels.search_state import MIN_GAIN, SearchState
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array
 
 
@@ -68,7 +69,7 @@ def _make_vector(state: SearchState, node: BeliefNode, action: int) -> tuple[Arr
         state.sets[g].find(stamp) for g, stamp in zip(branch.group, branch.best_vectors, strict=True)
     ]
     states = model.group_states(node.belief.group)
-    index, owner = find_row_entries(model.transition, action * model.states + states)
+    index, owner = model.transition.row_entries(action * model.states + states)
     reached, which = np.unique(model.transition.columns[index].astype(np.intp), return_inverse=True)
     next_values, default_stamps = _compute_next_values(state, node, action, chosen, reached)
     sums = np.bincount(owner, model.transition.values[index] * next_values[which], minlength=len(states))
@@ -81,17 +82,12 @@ def _compute_next_values(
 ) -> tuple[Array, list[int]]:
     """Return (n,) expected values after an action that ends in the states `reached` (n,).
 
-    For an observation that is impossible at the node any vector is valid; the default vector is used, because
-    it serves the neighbouring beliefs.
-
-    Args:
-        chosen: (O,) by observation the vector of its block, -1 for an impossible observation.
-
-    Returns:
-        The values, and the stamps of the default vectors that were used.
+    `chosen` (O,) is the vector after each observation, -1 after one that is impossible at the node. There any
+    vector is valid; the default vector serves the neighbouring beliefs. The second result lists the stamps of
+    the default vectors that were used.
     """
     model = state.model
-    index, owner = find_row_entries(model.observation, action * model.states + reached)
+    index, owner = model.observation.row_entries(action * model.states + reached)
     observation, next_state = model.observation.columns[index], reached[owner]
     block, values, default_stamps = model.block[next_state], np.empty(len(index)), []
     for b in np.unique(block):

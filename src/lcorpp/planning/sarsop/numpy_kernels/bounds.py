@@ -3,7 +3,8 @@
 Let F be a monotone operator that shifts by gamma c if its argument shifts by c (all three operators below).
 Its fixed point lies between F(v) + gamma / (1 - gamma) times the minimum and the maximum of F(v) - v. Every
 sweep therefore ends with a shift: if all values change by similar amounts, as under slow discounts, few
-sweeps suffice. Every sweep yields a valid bound, so the iteration may stop at any time.
+sweeps suffice. Every sweep yields a valid bound, so the iteration may stop at any time: the result is
+within `tolerance`, in reward units, or `seconds` of wall-clock time are over.
 
 Sources: Hauskrecht, Value-function approximations for POMDPs, JAIR 2000 (blind policies, MDP, fast informed
 bound); MacQueen, A modified dynamic programming method for Markovian decision problems, 1966 (the shift).
@@ -18,21 +19,13 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from lcorpp.planning.sarsop.numpy_kernels.model import Indices, Model, find_row_entries
-from lcorpp.planning.sparse import SparseTables
+from lcorpp.planning.sarsop.numpy_kernels.model import Model
+from lcorpp.planning.sparse import SparseTables, joint_matrix
 from lcorpp.values import Array
 
 
 def blind_policies(model: Model, tolerance: float, seconds: float) -> Array:
-    """Return (A, S) lower bounds on the value of repeating one action forever.
-
-    Args:
-        tolerance: largest error of the result, in reward units, if time suffices.
-        seconds: of wall-clock time.
-
-    Raises:
-        ValueError: tolerance or seconds are NaN, or the tolerance is negative.
-    """
+    """Return (A, S) lower bounds on the value of repeating one action forever."""
     _check_limits(tolerance, seconds)
     deadline = monotonic() + seconds
     gamma = model.discount
@@ -52,8 +45,7 @@ def blind_policies(model: Model, tolerance: float, seconds: float) -> Array:
 
 
 def mdp_bound(model: Model, tolerance: float, seconds: float) -> Array:
-    """Return (A, S) upper bounds on the Q values of the fully observable problem; arguments as in
-    `blind_policies`."""
+    """Return (A, S) upper bounds on the Q values of the fully observable problem."""
     _check_limits(tolerance, seconds)
     deadline = monotonic() + seconds
     gamma, matrices = model.discount, _make_matrices(model.transition)
@@ -73,16 +65,15 @@ def fast_informed_bound(model: Model, Q: Array, tolerance: float, seconds: float
     """Return (A, S) the fast informed bound, iterated downwards from Q values (A, S) that are upper bounds.
 
     Q(a, s) <- R(a, s) + gamma sum over o of max over a' of sum over s' of P(s', o | s, a) Q(a', s').
-    Arguments as in `blind_policies`.
     """
     _check_limits(tolerance, seconds)
     deadline = monotonic() + seconds
     gamma = model.discount
     Q = copy_table(model, Q)
-    joint = [_make_joint_matrix(model, a) for a in range(model.actions)]
+    joint = [joint_matrix(model.transition, model.observation, a) for a in range(model.actions)]
     while monotonic() < deadline:
         lowered = np.empty_like(Q)
-        for a, (matrix, state) in enumerate(joint):
+        for a, (matrix, _, state) in enumerate(joint):
             best = (matrix @ np.ascontiguousarray(Q.T)).max(axis=1)
             lowered[a] = model.reward[a] + gamma * np.bincount(state, best, minlength=model.states)
         change = Q - lowered
@@ -94,11 +85,7 @@ def fast_informed_bound(model: Model, Q: Array, tolerance: float, seconds: float
 
 
 def copy_table(model: Model, table: Array) -> Array:
-    """Return a copy of a table (A, S).
-
-    Raises:
-        ValueError: the shape is different, or a number is not finite.
-    """
+    """Return a copy of a table (A, S) of finite numbers; raise a ValueError for another."""
     copy = np.array(table, dtype=np.float64)
     if copy.shape != (model.actions, model.states) or not np.isfinite(copy).all():
         raise ValueError("expected a table of finite numbers of actions by states")
@@ -119,19 +106,3 @@ def _make_matrices(table: SparseTables) -> list[Any]:
         begins = table.begins[a * table.shape[1] : (a + 1) * table.shape[1] + 1] - part.start
         matrices.append(csr_array((table.values[part], table.columns[part], begins), shape=table.shape[1:]))
     return matrices
-
-
-def _make_joint_matrix(model: Model, action: int) -> tuple[Any, Indices]:
-    """Return P(s', o | s, a) of one action, and the state s of each row.
-
-    The matrix (k, S) has a row for each of the k possible pairs (s, o) and a column for each s'.
-    """
-    T, Z = model.transition, model.observation
-    part = T.action_slice(action)
-    reached = T.columns[part].astype(np.intp)
-    index, owner = find_row_entries(Z, action * model.states + reached)
-    state = T.rows[part][owner] - action * model.states
-    weight = T.values[part][owner] * Z.values[index]
-    pair, row = np.unique(state * model.observations + Z.columns[index], return_inverse=True)
-    shape = (len(pair), model.states)
-    return csr_array((weight, (row, reached[owner])), shape=shape), pair // model.observations

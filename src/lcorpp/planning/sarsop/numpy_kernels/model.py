@@ -10,10 +10,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.sparse import SparseTables
+from lcorpp.planning.sparse import Indices, SparseTables
 from lcorpp.values import Array, Belief
-
-Indices = npt.NDArray[np.intp]
 
 ROW_TOLERANCE = 1e-6
 """Largest deviation of the sum of a row from 1: detects wrong tables, ignores rounding."""
@@ -120,11 +118,7 @@ class Model:
         return BeliefBatch(group, states, self.find_positions(group, states), weights)
 
     def make_belief(self, belief: Belief) -> BeliefBatch:
-        """Return a batch of one belief (S,).
-
-        Raises:
-            ValueError: it is not a distribution over the states.
-        """
+        """Return a batch of one belief (S,); raise a ValueError if it is no distribution over the states."""
         dense = np.asarray(belief, dtype=np.float64)
         if dense.shape != (self.states,):
             raise ValueError("a belief needs one number per state")
@@ -134,11 +128,7 @@ class Model:
         return self.make_sparse_belief(states, dense[states])
 
     def make_sparse_belief(self, states: npt.NDArray[np.integer], weights: Array) -> BeliefBatch:
-        """Return a batch of one belief: states (n,), strictly increasing, with weights (n,).
-
-        Raises:
-            ValueError: it is not a distribution over the states.
-        """
+        """Return a batch of one belief: states (n,), strictly increasing, with weights (n,)."""
         if states.shape != weights.shape or not (weights > 0).all() or abs(weights.sum() - 1) > ROW_TOLERANCE:
             raise ValueError("a belief needs positive weights that sum to 1")
         if (np.diff(states) <= 0).any() or states[0] < 0 or states[-1] >= self.states:
@@ -163,19 +153,6 @@ class Model:
         # number the blocks by their first state
         first, inverse = np.unique(label, return_index=True, return_inverse=True)[1:]
         return np.argsort(np.argsort(first))[inverse]
-
-
-def find_row_entries(table: SparseTables, rows: Indices) -> tuple[Indices, Indices]:
-    """Return the indices (k,) of the entries of rows (n,) of a table, concatenated, and the position (k,) of
-    each entry's row in `rows`."""
-    return concatenate_ranges(table.begins[rows], table.begins[rows + 1])
-
-
-def concatenate_ranges(begins: Indices, ends: Indices) -> tuple[Indices, Indices]:
-    """Return the half-open ranges begins[i], ..., ends[i] - 1, concatenated, and the i of each number."""
-    counts = ends - begins
-    owner = np.repeat(np.arange(len(counts)), counts)
-    return np.arange(len(owner)) + np.repeat(begins - (np.cumsum(counts) - counts), counts), owner
 
 
 def _check_distributions(

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.planning.belief import MIN_PROBABILITY
-from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, Model, find_row_entries
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Model
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array
 
 PREDICTOR_BINS = 32
@@ -121,7 +122,7 @@ class BeliefNode:
 def predict(model: Model, belief: BeliefBatch, action: int) -> tuple[Indices, Array]:
     """Return the states (n,) that an action reaches from one belief, and their probabilities (n,), before any
     observation."""
-    index, owner = find_row_entries(model.transition, action * model.states + belief.states)
+    index, owner = model.transition.row_entries(action * model.states + belief.states)
     shares = belief.weights[0, owner] * model.transition.values[index]
     mass = np.bincount(model.transition.columns[index], shares, minlength=model.states)
     states = np.flatnonzero(mass)
@@ -131,7 +132,7 @@ def predict(model: Model, belief: BeliefBatch, action: int) -> tuple[Indices, Ar
 def compute_outcomes(model: Model, belief: BeliefBatch, action: int) -> Outcomes:
     """Return the children of one belief under an action."""
     reached, mass = predict(model, belief, action)
-    index, owner = find_row_entries(model.observation, action * model.states + reached)
+    index, owner = model.observation.row_entries(action * model.states + reached)
     seen = model.observation.columns[index]
     order = np.argsort(seen, kind="stable")
     observation, child = np.unique(seen[order], return_inverse=True)

@@ -25,7 +25,6 @@ def prune(state: SearchState, roots: Sequence[int], radius: float, max_ratio: fl
     """Keep the vectors that are best, or nearly best, at a belief that an optimal policy may reach.
 
     Args:
-        roots: nodes from which the others are reached.
         radius: in the space of beliefs, see `_prune_set`.
         max_ratio: at most this many times the vectors that are best at a belief are kept.
         growth: a set is pruned if it has this many times the vectors of its last pruning, plus MIN_GROWTH.

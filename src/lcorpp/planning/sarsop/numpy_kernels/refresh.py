@@ -43,13 +43,7 @@ def select_action(state: SearchState, node: BeliefNode, use_lower_bound: bool) -
 
 
 def refresh_best_upper(state: SearchState, node: BeliefNode) -> tuple[int, set[int]]:
-    """Update upper bounds until the best action by the upper bound is up to date.
-
-    The older bounds of the other actions stay valid.
-
-    Returns:
-        The best action, and all actions that were updated.
-    """
+    """Update upper bounds until that of the best action is up to date; return it and the updated actions."""
     updated: set[int] = set()
     while (action := int(node.q_upper.argmax())) not in updated:
         refresh_upper(state, node, action)

@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from lcorpp.planning.belief import MIN_PROBABILITY
 from lcorpp.planning.sarsop.kernel_protocols import PointArrays
-from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Indices, Model, concatenate_ranges
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Model
+from lcorpp.planning.sparse import Indices, ragged_indices
 from lcorpp.values import Array
 
 CHUNK_SIZE = 1 << 21
@@ -64,12 +65,7 @@ class Points:
         return int(self.stamps[k]), self.positions[part], self.weights[part], float(self.values[k])
 
     def append(self, positions: Indices, weights: Array, value: float, corners: Array, stamp: int) -> Points:
-        """Return the points and one more, with weights (n,) at positions (n,).
-
-        Args:
-            corners: (size,) the bound at the corners of the group.
-            stamp: larger than all others.
-        """
+        """Return the points and one more, for the bound at the corners (size,) of the group."""
         counts = self.counts.copy()
         counts[positions] += 1
         return Points(
@@ -114,23 +110,25 @@ class Points:
         # split the points into parts of about CHUNK_SIZE ratios
         work = np.cumsum(self.begins[relevant + 1] - self.begins[relevant]) * len(beliefs)
         for part in np.split(relevant, np.flatnonzero(np.diff(work // CHUNK_SIZE)) + 1):
-            index, owner = concatenate_ranges(self.begins[part], self.begins[part + 1])
+            sizes = self.begins[part + 1] - self.begins[part]
+            index = ragged_indices(self.begins[part], sizes)
             # a weight that is raised makes phi smaller, so the bound stays valid
             ratios = beliefs[:, self.positions[index]] / np.maximum(self.weights[index], MIN_PROBABILITY)
-            phi = np.minimum.reduceat(ratios, np.searchsorted(owner, np.arange(len(part))), axis=1)
+            phi = np.minimum.reduceat(ratios, np.cumsum(sizes) - sizes, axis=1)
             np.minimum(lowest, (phi * self.excess[part]).min(axis=1), out=lowest)
         return lowest
 
     def compact(self) -> Points:
         """Return the points without the removed ones."""
         alive = self.alive
-        index, owner = concatenate_ranges(self.begins[alive], self.begins[alive + 1])
+        sizes = np.diff(self.begins)[alive]
+        index = ragged_indices(self.begins[alive], sizes)
         positions = self.positions[index]
         return Points(
             stamps=self.stamps[alive],
             values=self.values[alive],
             excess=self.excess[alive],
-            begins=np.searchsorted(owner, np.arange(len(alive) + 1)),
+            begins=np.concatenate([[0], np.cumsum(sizes)]),
             positions=positions,
             weights=self.weights[index],
             rarest=self.rarest[alive],

@@ -18,8 +18,8 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array
 
 MAX_PROGRAMS = 192
@@ -33,8 +33,6 @@ MIN_DIVISOR = 1e-300
 
 LP_TOLERANCE = 1e-10
 """Tolerance passed to the library, the smallest that it accepts."""
-
-Indices = npt.NDArray[np.intp]
 
 
 class DeadlineExceeded(Exception):

@@ -1,4 +1,4 @@
-"""Dynamic programming on a dense model: exact and point-based backups, values of controllers.
+"""Dynamic programming on a dense model: best plans at beliefs, values of plans and controllers.
 
 Sources: Smallwood and Sondik, Operations Research 1973 (alpha vectors); Hansen, Solving POMDPs by searching
 in policy space, UAI 1998 (the value of a controller).
@@ -11,13 +11,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import ModelError
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.solvers.exact.pruning import prune
-from lcorpp.planning.sparse import MAX_BYTES
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array
-
-Indices = npt.NDArray[np.intp]
 
 
 class Controller(NamedTuple):
@@ -28,19 +24,6 @@ class Controller(NamedTuple):
 
     actions: Indices
     links: Indices
-
-
-class Backup(NamedTuple):
-    """The value function one step earlier.
-
-    vectors: (K, S). actions: (K,). witnesses: (K, S) where each was best when it was chosen.
-    loss: largest difference to the exact value of this step at any belief.
-    """
-
-    vectors: Array
-    actions: Indices
-    witnesses: Array
-    loss: float
 
 
 class DenseModel:
@@ -68,69 +51,6 @@ class DenseModel:
         self.possible = [
             np.flatnonzero((self.observation[a] * reached[a]).any(axis=1)) for a in range(self.actions)
         ]
-
-    @property
-    def max_prunings(self) -> int:
-        """Largest number of prunings whose losses add up in an exact backup."""
-        return 2 * max(len(possible) for possible in self.possible)
-
-    def backup(self, vectors: Array, beliefs: Array, *, tolerance: float, deadline: float = np.inf) -> Backup:
-        """Compute the value function one step earlier by incremental pruning.
-
-        The vectors are projected back for each action and observation; those of the observations are added
-        one observation after the other, and the sums are pruned each time.
-
-        Args:
-            vectors: (K, S) the value function of the next step.
-            beliefs: (n, S) where some may be best.
-            tolerance: largest loss of each single pruning.
-            deadline: on the monotonic clock.
-
-        Raises:
-            DeadlineExceeded: the deadline passed.
-            ModelError: the sums of two sets are too large for memory.
-
-        Source: Cassandra, Littman and Zhang, Incremental pruning, UAI 1997, Figure 2.
-        """
-        parts, loss = [], 0.0
-        for a in range(self.actions):
-            part = self._backup_action(a, vectors, beliefs, tolerance, deadline)
-            parts.append(part)
-            loss = max(loss, part.loss)
-            beliefs = np.concatenate([beliefs, part.witnesses])
-        candidates = np.concatenate([part.vectors for part in parts])
-        actions = np.concatenate([part.actions for part in parts])
-        pruned = prune(candidates, beliefs, tolerance=tolerance, deadline=deadline)
-        rows = pruned.rows
-        return Backup(candidates[rows], actions[rows], pruned.witnesses, loss + pruned.loss)
-
-    def _backup_action(
-        self, action: int, vectors: Array, beliefs: Array, tolerance: float, deadline: float
-    ) -> Backup:
-        loss, parts = 0.0, []
-        for o in self.possible[action]:
-            projected = (self.transition[action] @ (self.observation[action, o] * vectors).T).T
-            projected *= self.discount
-            pruned = prune(projected, beliefs, tolerance=tolerance, deadline=deadline)
-            parts.append((projected[pruned.rows], pruned.witnesses))
-            loss += pruned.loss
-        parts.sort(key=lambda part: len(part[0]))
-        sums, witnesses = parts[0]
-        for added, others in parts[1:]:
-            self._check_size(len(sums) * len(added))
-            candidates = (sums[:, None, :] + added).reshape(-1, self.states)
-            near = np.concatenate([witnesses, others, beliefs])
-            pruned = prune(candidates, near, tolerance=tolerance, deadline=deadline)
-            sums, witnesses = candidates[pruned.rows], pruned.witnesses
-            loss += pruned.loss
-        return Backup(self.reward[action] + sums, np.full(len(sums), action), witnesses, loss)
-
-    def _check_size(self, count: int) -> None:
-        if 8 * count * self.states > MAX_BYTES:
-            raise ModelError(
-                f"the exact value function needs sums of {count} vectors over {self.states} states, too many"
-                " for memory; use the solver sarsop or perseus"
-            )
 
     def look_ahead(self, vectors: Array, beliefs: Array) -> Controller:
         """Compute the best plan at each of some beliefs.

@@ -10,15 +10,13 @@ from time import monotonic
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lcorpp.planning.solvers.exact.dynamic_programming import Controller, DenseModel
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array
 
 MAX_UNKNOWNS = 4000
 """Largest linear system of a controller; a larger controller is improved step by step only."""
-
-Indices = npt.NDArray[np.intp]
 
 
 class Plans(NamedTuple):

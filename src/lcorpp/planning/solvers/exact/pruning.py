@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lcorpp.planning.solvers.exact.dominance_lp import Margins, check_deadline, dominance_margins
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array, Belief
 
 BATCH_SIZE = 384
@@ -28,8 +28,6 @@ TIE_TOLERANCE = 1e-12
 
 GOLDEN_RATIO = 0.6180339887498949
 """Its multiples, modulo 1, are evenly spread and distinct."""
-
-Indices = npt.NDArray[np.intp]
 
 
 class Pruned(NamedTuple):

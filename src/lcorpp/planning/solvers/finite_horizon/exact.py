@@ -11,12 +11,13 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.arguments import check_count, check_discount, check_solver_arguments, check_starts
+from lcorpp.planning.arguments import check_count, check_discount, check_solver_arguments
 from lcorpp.planning.policy import AlphaVectors
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Progress
 from lcorpp.planning.solvers.exact.dominance_lp import DeadlineExceeded
-from lcorpp.planning.solvers.exact.dynamic_programming import Backup, DenseModel
+from lcorpp.planning.solvers.exact.dynamic_programming import DenseModel
+from lcorpp.planning.solvers.exact.incremental_pruning import Backup, back_up, max_prunings
 from lcorpp.planning.solvers.finite_horizon.solution import FiniteHorizonSolution, make_finite_policy
 from lcorpp.planning.upper_bounds import PiecewiseLinearBound
 from lcorpp.values import Array
@@ -58,11 +59,11 @@ def solve_finite_horizon_exact(
 
     Source: Cassandra, Littman and Zhang, UAI 1997.
     """
-    check_solver_arguments(pomdp, precision, time_limit, callback)
+    starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
     horizon = check_count("horizon", horizon, 1)
     factor = check_discount(pomdp, discount)
     began = monotonic()
-    search = _FiniteValueIteration(pomdp, check_starts(pomdp, start), factor, began)
+    search = _FiniteValueIteration(pomdp, starts, factor, began)
     try:
         reason = search.run(horizon, precision, began + time_limit, callback)
     except KeyboardInterrupt:
@@ -91,11 +92,11 @@ class _FiniteValueIteration:
         """Compute one value function after the other up to the horizon; return the reason to stop."""
         model = self.model
         weight = float((model.discount ** np.arange(horizon)).sum())
-        tolerance = precision / (weight * (model.max_prunings + 1))
+        tolerance = precision / (weight * (max_prunings(model) + 1))
         self._report(callback)
         while len(self.backups) < horizon:
             last = self.backups[-1]
-            after = model.backup(last.vectors, last.witnesses, tolerance=tolerance, deadline=deadline)
+            after = back_up(model, last.vectors, last.witnesses, tolerance=tolerance, deadline=deadline)
             witnesses = np.concatenate([self.starts, after.witnesses])
             loss = after.loss + model.discount * last.loss
             self.backups.append(after._replace(witnesses=witnesses, loss=loss))

@@ -12,7 +12,7 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.arguments import check_count, check_discount, check_solver_arguments, check_starts
+from lcorpp.planning.arguments import check_count, check_discount, check_solver_arguments
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop import solve
@@ -59,10 +59,10 @@ def solve_finite_horizon(
         ModelError: `start` is not a distribution over the states, a number is out of range, or the horizon is
             too long for memory.
     """
-    check_solver_arguments(pomdp, precision, time_limit, callback)
+    starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
     horizon = check_count("horizon", horizon, 1)
     factor = check_discount(pomdp, discount)
-    began, starts = monotonic(), check_starts(pomdp, start)
+    began = monotonic()
     expanded = time_expand(pomdp, horizon, factor)
     solution = solve(
         expanded.pomdp,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lcorpp.errors import ModelError, ObservationError
-from lcorpp.planning.arguments import check_count, check_type
+from lcorpp.planning.arguments import check_count
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.planner import ModelPlanner
 from lcorpp.planning.pomdp import Pomdp
@@ -56,11 +56,10 @@ class PomcpPlanner(ModelPlanner):
         leaf_values: str = "mdp",
         seed: int = 0,
     ) -> None:
-        check_type("pomdp", pomdp, Pomdp)
         _check_options(simulations, seconds, exploration, seed)
+        self._simulator = TableSimulator(pomdp, leaf_values=leaf_values, seed=seed)
         self.pomdp, self.simulations = pomdp, simulations
         self.seconds = np.inf if seconds is None else seconds
-        self._simulator = TableSimulator(pomdp, leaf_values=leaf_values, seed=seed)
         self._tree_search = TreeSearch(self._simulator, exploration=exploration)
         self._root, self._belief = History(self._simulator.actions), b""
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from itertools import accumulate
-from typing import Any, Protocol, TypeVar
+from dataclasses import replace
+from itertools import accumulate, repeat
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from lcorpp.errors import ModelError, expected_one_of
+from lcorpp.planning.arguments import check_type
 from lcorpp.planning.evaluation.mdp import zero_reward_states
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import build_model, load_kernels
@@ -51,10 +53,11 @@ class TableSimulator:
         seed: of the random numbers, an integer of at least 0.
 
     Raises:
-        ModelError: the estimate is unknown.
+        ModelError: `pomdp` is no Pomdp, or the estimate is unknown.
     """
 
     def __init__(self, pomdp: Pomdp, *, leaf_values: str = "mdp", seed: int = 0) -> None:
+        check_type("pomdp", pomdp, Pomdp)
         if leaf_values not in LEAF_VALUES:
             raise ModelError(f"unknown leaf_values {leaf_values!r}; {expected_one_of(tuple(LEAF_VALUES))}")
         self.actions, self.discount = len(pomdp.actions), pomdp.discount
@@ -63,7 +66,8 @@ class TableSimulator:
         self._terminal: list[bool] = zero_reward_states(pomdp).tolist()
         self._values: list[float] = np.where(self._terminal, 0.0, LEAF_VALUES[leaf_values](pomdp)).tolist()
         self._transition, self._observation = _RowSampler(pomdp.transition), _RowSampler(pomdp.observation)
-        self._numbers = _draw_numbers(np.random.default_rng(seed))
+        rng = np.random.default_rng(seed)
+        self._numbers = (number for _ in repeat(None) for number in rng.random(BATCH_SIZE).tolist())
 
     def __repr__(self) -> str:
         return f"<TableSimulator: {self._states} states, {self.actions} actions>"
@@ -115,11 +119,6 @@ def _cumulate(weights: list[float]) -> list[float]:
     return [part / sums[-1] for part in sums[:-1]] + [2.0]
 
 
-def _draw_numbers(rng: np.random.Generator) -> Iterator[float]:
-    while True:
-        yield from rng.random(BATCH_SIZE).tolist()
-
-
 def _compute_mdp_values(pomdp: Pomdp) -> Array:
     """Return (S,) values if the state is observed: an upper bound."""
     kernels = load_kernels()
@@ -134,18 +133,14 @@ def _compute_random_values(pomdp: Pomdp) -> Array:
 
     A, S, _ = pomdp.transition.shape
     table = pomdp.transition
-    shape = (S, S)
-    mean_transition: Any = csr_array((table.values / A, (table.rows % S, table.columns)), shape=shape)
-    no_observation = csr_array(np.ones((S, 1)))
-    random_walk = Pomdp(
-        states=pomdp.states,
+    mean = csr_array((table.values / A, (table.rows % S, table.columns)), shape=(S, S))
+    random_walk = replace(
+        pomdp,
         actions=("any",),
         observations=("nothing",),
-        transition=SparseTables.of([mean_transition]),
-        observation=SparseTables.of([no_observation]),
+        transition=SparseTables.of([mean]),
+        observation=SparseTables.of(np.ones((1, S, 1))),
         reward=pomdp.reward.mean(axis=0, keepdims=True),
-        discount=pomdp.discount,
-        start=pomdp.start,
     )
     kernels = load_kernels()
     return np.asarray(

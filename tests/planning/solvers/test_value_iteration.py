@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from lcorpp.errors import ModelError
 from lcorpp.planning import parse_pomdp, read_pomdp, solve
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
-from lcorpp.planning.solvers.exact.incremental_pruning import solve_exact
+from lcorpp.planning.solvers.exact.value_iteration import solve_exact
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
 from tests.planning.solvers.brute_force import best, corners, tail
 
@@ -106,20 +105,6 @@ def test_bounds_are_valid_before_convergence():
     assert solution.lower > 40
 
 
-def test_an_interrupt_returns_the_best_so_far():
-    seen = []
-
-    def stop(progress):
-        seen.append(progress)
-        if progress.trials == 2:
-            raise KeyboardInterrupt
-
-    solution = solve_exact(tiger, callback=stop)
-    assert (solution.reason, solution.trials) == ("interrupted", 2)
-    assert (seen[-1].lower, seen[-1].upper) == (solution.lower, solution.upper)
-    assert solution.lower <= 19.3714 <= solution.upper
-
-
 def test_a_tiny_time_limit_returns_a_result():
     solution = solve_exact(tiger, time_limit=1e-9)
     assert solution.reason == "time limit"
@@ -130,16 +115,3 @@ def test_a_tiny_time_limit_returns_a_result():
 def test_several_starts():
     solution = solve_exact(tiger, np.array([[0.5, 0.5], [1, 0], [0.1, 0.9]]))
     assert solution.policy.value(np.array([1.0, 0])) == pytest.approx(10 + 0.95 * 19.3714, abs=2e-3)
-
-
-@pytest.mark.parametrize("limits", [{"precision": 0}, {"precision": float("nan")}, {"time_limit": -1}])
-def test_invalid_limits(limits):
-    with pytest.raises(ModelError, match="must be positive"):
-        solve_exact(tiger, **limits)
-
-
-def test_invalid_starts():
-    with pytest.raises(ModelError, match="not a distribution"):
-        solve_exact(tiger, [0.5, 0.4])
-    with pytest.raises(ModelError, match="no start belief"):
-        solve_exact(tiger, np.empty((0, 2)))
