@@ -27,7 +27,7 @@ def stored(path):
 
 
 def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(lcorpp, tmp_path, monkeypatch):
-    monkeypatch.setattr("lcorpp.experiments.figures.write_figure", lambda *_: [])  # takes half the time
+    monkeypatch.setattr("lcorpp.experiments.results._write_figure", lambda *_: [])  # takes half the time
     learn = ("learn", ROOMS, *OPTIONS, "--max-batches", 3)
     plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")
     assert plain.code == 0, plain.err

@@ -90,7 +90,7 @@ def write_comparison(
     Raises:
         FileError: a file cannot be written.
     """
-    from lcorpp.experiments.figures import plot_strategies, write_figure
+    from lcorpp.experiments.figures.strategies import plot_strategies
 
     make_folder(folder)
     classifier = comparison.classifier
@@ -104,7 +104,7 @@ def write_comparison(
     ]
     _write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
     written = [folder / "results.csv", folder / "results.json"]
-    written += write_figure(plot_strategies(comparison.scores, title), folder, "results", formats)
+    written += _write_figure(plot_strategies(comparison.scores, title), folder, "results", formats)
     if classifier.report is not None:
         from lcorpp.learning import plot_report, write_report
 
@@ -130,12 +130,12 @@ def write_batches(
     written = [folder / "batches.csv", folder / "batches.json", *saved.paths]
     scored = [row for row in result.rows if "f1" in row]
     if scored:
-        from lcorpp.experiments.figures import plot_augmentation, write_figure
+        from lcorpp.experiments.figures.augmentation import plot_augmentation
 
         batches = [int(row["batch"]) for row in scored]
         f1, change = ([float(row[name]) for row in scored] for name in ("f1", "change"))
         figure = plot_augmentation(batches, f1, change)
-        written += write_figure(figure, folder, "batches", formats)
+        written += _write_figure(figure, folder, "batches", formats)
     return WrittenFiles(tuple(written), saved.problem)
 
 
@@ -182,3 +182,13 @@ def _write_json(path: Path, content: Mapping[str, Any]) -> None:
         except PackageNotFoundError:
             versions[package] = "not installed"
     write_atomically(path, json.dumps({**content, "versions": versions}, indent=2) + "\n")
+
+
+def _write_figure(figure: Any, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:
+    """Write a figure in each format ("png", "svg", "pdf") and return the paths."""
+    from lcorpp.plot_style import save_figure  # imports matplotlib
+
+    paths = [folder / f"{name}.{suffix}" for suffix in formats]
+    for path in paths:
+        save_figure(figure, path)
+    return paths

@@ -1,15 +1,14 @@
-"""The paper's figures: "comparison with five baselines" and "active data augmentation" (supplement)."""
+"""The paper's figure "comparison with five baselines": the scores of the strategies as bars."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lcorpp.experiments.metrics import Scores
-from lcorpp.plot_style import BLUE, INK, ORANGE, despine, save_figure, with_style
+from lcorpp.plot_style import BLUE, INK, ORANGE, despine, with_style
 from lcorpp.values import Interval
 
 
@@ -32,34 +31,6 @@ def plot_strategies(scores: Sequence[Scores], title: str) -> Figure:
         _draw_bars(axes[2], names, [result.cost for result in planning], "mean action cost", "{:.1f}")
     figure.suptitle(title, fontsize=11)
     return figure
-
-
-@with_style
-def plot_augmentation(batches: Sequence[int], f1: Sequence[float], change: Sequence[float]) -> Figure:
-    """Draw the F1 score of each batch's decisions and the change of the confusion matrix.
-
-    Args:
-        batches, f1, change: one number per batch; `change` is SSUB of Algorithm 1.
-    """
-    figure = Figure(figsize=(8, 3.6), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for axes, heights, label, colour, top in (
-        (left, f1, "F1 score of the batch's decisions", BLUE, 1.0),
-        (right, change, "change of the confusion matrix (SSUB)", ORANGE, 1.1 * max(change) or 1.0),
-    ):
-        axes.plot(batches, heights, marker="o", color=colour)
-        axes.set(xlabel="batch", ylabel=label, ylim=(0, top))
-        axes.xaxis.get_major_locator().set_params(integer=True)
-        despine(axes)
-    return figure
-
-
-def write_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:
-    """Write a figure in each format ("png", "svg", "pdf") and return the paths."""
-    paths = [folder / f"{name}.{suffix}" for suffix in formats]
-    for path in paths:
-        save_figure(figure, path)
-    return paths
 
 
 def _draw_bars(
