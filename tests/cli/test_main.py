@@ -37,6 +37,9 @@ def test_every_command_has_short_help(lcorpp, command):
 
 
 def test_the_shell_completes_commands_and_options(lcorpp, monkeypatch):
+    monkeypatch.setenv(
+        "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1"
+    )  # not that of whoever runs the tests
     assert "complete -o default -F _lcorpp_completion lcorpp" in lcorpp("--show-completion", "bash").out
     monkeypatch.setenv("_LCORPP_COMPLETE", "complete_bash")
     for words, index, expected in (
