@@ -77,7 +77,7 @@ def test_cr_rules(lcorpp):
 
 @pytest.mark.parametrize("query", ["intention", "?{intention=interested}"])
 def test_a_program_too_large_to_compile_is_estimated_with_a_warning(lcorpp, monkeypatch, query):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
     ended = lcorpp("ask", PLOG / "lcorpp.plog", query)
     assert ended.code == 0
     assert (

@@ -24,7 +24,7 @@ GOLDEN = {"time": "afternoon", "location": "classroom", "classifier": "zero"}
 @pytest.fixture
 def small(monkeypatch):
     """Make every program too large for compilation."""
-    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
 
 
 def test_posterior_by_reasoner_and_enumeration():
@@ -197,7 +197,9 @@ def test_estimates_of_undefined_answers_are_errors(small):
 
 def test_large_programs_are_refused(monkeypatch):
     """30 terms that constraints join pairwise: more states than any machine could hold."""
-    monkeypatch.setattr("lcorpp.reasoning.circuit.trellis.build_trellis.__defaults__", (20_000,))
+    monkeypatch.setattr(
+        "lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (20_000,)
+    )
     program = parse_plog(
         "i = {1..30}. c : i -> i. random(c(I)). #domain i(I;J). same : i, i -> boolean."
         " same(I,J) :- c(I)=V, c(J)=V, I < J. some : boolean. some :- not same(1,2), same(3,4), not"

@@ -16,7 +16,7 @@ from lcorpp.reasoning.answers import (
     normalise_marginal,
     warn_of_estimate,
 )
-from lcorpp.reasoning.circuit.trellis import build_trellis
+from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import QUERY_TERM, ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
@@ -60,7 +60,7 @@ class QueryModel:
             TooLargeError: the program is too large to be compiled.
             ProgramError: a world violates a condition of the language.
         """
-        return WorldQueries(build_trellis(self.system))
+        return WorldQueries(build_decision_diagram(self.system))
 
     def answer(self, *, exact: bool) -> QueryAnswer:
         """Compute the answer, in fractions if `exact`; estimate it if the program is too large to compile.

@@ -22,7 +22,7 @@ from lcorpp.reasoning.answers import (
     normalise_marginal,
     warn_of_estimate,
 )
-from lcorpp.reasoning.circuit.trellis import build_trellis
+from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
@@ -234,7 +234,7 @@ class Reasoner:
         key = frozenset(do.items()), frozenset(wanted)
         if key not in self._worlds:
             system = build_transition_system(ground_program(self.program, do), wanted)
-            _store(self._worlds, key, WorldQueries(build_trellis(system)))
+            _store(self._worlds, key, WorldQueries(build_decision_diagram(system)))
         return self._worlds[key]
 
     @cached_property

@@ -19,9 +19,9 @@ from lcorpp.reasoning.answers import (
     normalise_marginal,
 )
 from lcorpp.reasoning.circuit.answer_table import AnswerTable, Codes, normalize_rows
+from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
-from lcorpp.reasoning.circuit.matrices import Layer, forward_backward
-from lcorpp.reasoning.circuit.trellis import build_trellis
+from lcorpp.reasoning.circuit.matrices import Layer, differentiate
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
@@ -56,9 +56,9 @@ class Circuit:
     inputs: the terms that evidence may name.
     queries: the queried terms; single: whether the query is one term, not a sequence.
     values: term -> range, for all of these terms.
-    layers, ending: the matrices, see `matrices`.
+    layers: the matrices, see `matrices`.
 
-    Source: Darwiche, J. ACM 50(3), 2003; the variable order as in frontier (path) elimination.
+    Source: Darwiche, J. ACM 50(3), 2003; the elimination tree as in AND/OR search, see `elimination_tree`.
     """
 
     def __init__(
@@ -68,7 +68,6 @@ class Circuit:
         query: str | Sequence[str],
         do: Mapping[str, str],
         layers: Sequence[Layer],
-        ending: Array,
         world_queries: WorldQueries | None = None,
     ) -> None:
         self.program, self.do = program, dict(do)
@@ -78,7 +77,7 @@ class Circuit:
         self.single = isinstance(query, str)
         names = dict.fromkeys((*self.inputs, *self.queries))
         self.values = {name: program.attributes[name.partition("(")[0]].values for name in names}
-        self.layers, self.ending = tuple(layers), ending
+        self.layers = tuple(layers)
         self._variables = {name: i for i, name in enumerate(names)}
         # a key contains all inputs
         self._max_cached = min(CACHE_SIZE, 100 * CACHE_SIZE // (len(self.inputs) + 1))
@@ -227,7 +226,7 @@ class Circuit:
         no_evidence = np.full((len(codes), len(self._variables) - len(self.inputs)), -1, dtype=np.intp)
         observed = np.concatenate([codes, no_evidence], axis=1)
         queries = {self._variables[query]: len(self.values[query]) + 1 for query in self.queries}
-        weights = forward_backward(self.layers, self.ending, observed, queries)
+        weights = differentiate(self.layers, observed, queries)
         return {query: weights[self._variables[query]] for query in self.queries}
 
     def _check_rows(self, query: str, rows: Array, undefined: str) -> Array:
@@ -248,7 +247,7 @@ class Circuit:
         """Queries about whole worlds; a loaded circuit expands its program when it first needs them."""
         if self._world_queries is None:
             self._world_queries = WorldQueries(
-                build_trellis(build_transition_system(ground_program(self.program, self.do)))
+                build_decision_diagram(build_transition_system(ground_program(self.program, self.do)))
             )
         return self._world_queries
 

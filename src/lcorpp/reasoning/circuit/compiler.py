@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.circuit.circuit import Circuit
-from lcorpp.reasoning.circuit.matrices import Layer, Matrix
-from lcorpp.reasoning.circuit.trellis import Trellis, build_trellis
-from lcorpp.reasoning.circuit.world_queries import WorldQueries, rescale
+from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
+from lcorpp.reasoning.circuit.matrices import Index, Layer, Matrix
+from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_interventions, resolve_term, resolve_terms
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
-from lcorpp.values import Array
 
-MIN_WEIGHT = 1e-60
-"""The products of matrices are scaled up if all weights are below this."""
+MIN_WEIGHT = 1e-30
+"""Weights are scaled up if all of them are below this: only ratios matter, and long products underflow."""
+
+_Row = Mapping[int, float]
+"""input -> weight"""
 
 _Entries = Mapping[tuple[int, tuple[int, tuple[int, ...]], int], float]
-"""(outcome of the next observed term, (target state, outcomes of the others), input) -> weight"""
+"""(outcome of the next observed term, (node, outcomes of the others), input) -> weight"""
 
 
 @pause_gc()
@@ -52,110 +55,214 @@ def compile_program(
     ]  # fmt: skip
     do = resolve_interventions(program, do)
     observed = dict.fromkeys((*names, *((queries,) if isinstance(queries, str) else queries)))
-    trellis = build_trellis(build_transition_system(ground_program(program, do), observed))
-    layers, ending = build_layers(trellis, list(observed))
-    circuit = Circuit(program, names, queries, do, layers, ending, WorldQueries(trellis))
+    diagram = build_decision_diagram(build_transition_system(ground_program(program, do), observed))
+    layers = build_layers(diagram, list(observed))
+    circuit = Circuit(program, names, queries, do, layers, WorldQueries(diagram))
     circuit.prepare()
     return circuit
 
 
-def build_layers(trellis: Trellis, names: Sequence[str]) -> tuple[list[Layer], Array]:
-    """Sum out all terms but the observed ones.
+def build_layers(diagram: DecisionDiagram, names: Sequence[str]) -> list[Layer]:
+    """Build the layers for the observed terms, each after its sources; the last one has one output."""
+    if not diagram.has_worlds:
+        return _build_zeros(len(names))
+    numbers = diagram.system.term_numbers
+    variables = {numbers[name]: i for i, name in enumerate(names) if name in numbers}
+    attributes = diagram.system.program.source.attributes
+    layers = []
+    for i, name in enumerate(names):
+        if name not in numbers:  # a term that no rule names has no value in any world
+            no_value = len(attributes[name.partition("(")[0]].values)
+            layers.append(Layer.from_entries(i, (), (1, 1), {no_value: {(0, 0): 1.0}}))
+    tops = [_Part([{0: 1.0}], ((number, np.zeros(1, dtype=np.intp)),), 1) for number in range(len(layers))]
+    builder = _LayerBuilder(diagram, variables, layers)
+    parts: dict[int, _Part] = {}
+    for step in range(len(diagram.arcs) - 1, -1, -1):
+        children = [parts.pop(child) for child in diagram.system.tree.children[step]]
+        parts[step] = builder.sum_step(step, children)
+    tops += [parts[root] for root in diagram.system.tree.roots]
+    builder.finish(tops)
+    return layers
+
+
+def _build_zeros(n_variables: int) -> list[Layer]:
+    """Build the layers of a program without worlds: all weights are 0."""
+    zero, first = Matrix.from_entries((1, 1), {}), np.zeros(1, dtype=np.intp)
+    return [Layer(i, ((i - 1, first),) if i else (), {}, zero) for i in range(n_variables)]
+
+
+@dataclass(slots=True)
+class _Part:
+    """The nodes of a step as weighted sums of inputs.
+
+    rows: node -> input -> weight.
+    sources, n_inputs: the inputs, as in `Layer`; without sources the only input is 1.
+    n_arcs: the number of arcs that the rows multiply.
+    """
+
+    rows: Sequence[_Row]
+    sources: tuple[tuple[int, Index], ...]
+    n_inputs: int
+    n_arcs: int = 0
+
+
+class _LayerBuilder:
+    """Sums out all terms but the observed ones, from the leaves of a decision diagram to its roots.
 
     Args:
-        names: the observed terms; one that no rule names has no value in any world.
-
-    Returns:
-        (layers, ending): the layers in order, applied to the column [1], and the row that ends the product.
+        variables: observed term -> its index among the observed terms.
+        layers: the list to which layers are appended.
     """
-    system, layers = trellis.system, []
-    variables: dict[int, int] = {}  # observed term -> its index among them
-    for i, name in enumerate(names):
-        if name in system.term_numbers:
-            variables[system.term_numbers[name]] = i
-        else:
-            no_value = len(system.program.source.attributes[name.partition("(")[0]].values)
-            layers.append(Layer.from_entries(i, (1, 1), {no_value: {(0, 0): 1.0}}))
-    weights = trellis.compute_weights()
-    width = 1  # inputs of the next layer
-    # state -> input -> weight: the product since the last layer, row by row
-    product: list[dict[int, float]] = [{0: 1.0}] if trellis.level_sizes[0] else []
-    n_multiplied = 0  # arcs in the product
-    for step, (sources, targets, outcomes) in enumerate(trellis.arcs):
-        terms = system.order[step]
-        n_targets = trellis.level_sizes[step + 1]
-        own = [i for i, term in enumerate(terms) if term in variables]
-        n_multiplied += len(sources)
-        if own:
-            # the outcomes of the observed terms after the first, which later layers distinguish
-            others = [tuple([trellis.outcomes[o][0][i] for i in own[1:]]) for o in outcomes]
+
+    def __init__(self, diagram: DecisionDiagram, variables: Mapping[int, int], layers: list[Layer]) -> None:
+        self._diagram, self._variables, self._layers = diagram, variables, layers
+        self._weights = diagram.compute_weights()
+
+    def sum_step(self, step: int, children: Sequence[_Part]) -> _Part:
+        """Return the nodes of a step, given those of its branches."""
+        diagram, variables = self._diagram, self._variables
+        terms, arcs, n_nodes = diagram.system.tree.order[step], diagram.arcs[step], diagram.sizes[step]
+        weights = [self._weights[outcome] for outcome in arcs.outcomes]
+        observed = [i for i, term in enumerate(terms) if term in variables]
+        if not observed and not any(child.sources for child in children):
+            return _sum_numbers(arcs.sources, arcs.targets, weights, children, n_nodes)
+        rows, part = self._multiply_branches(arcs.targets, weights, children)
+        if observed:
             entries: dict[tuple[int, tuple[int, tuple[int, ...]], int], float] = {}
-            for source, target, outcome, rest in zip(sources, targets, outcomes, others, strict=True):
-                weight, value = weights[outcome], trellis.outcomes[outcome][0][own[0]]
-                for start, factor in product[source].items():
-                    key = (value, (target, rest), start)
+            for source, outcome, weight, row in zip(arcs.sources, arcs.outcomes, weights, rows, strict=True):
+                values = diagram.outcomes[outcome][0]
+                # the outcomes of the observed terms after the first, which later layers distinguish
+                node = source, tuple([values[i] for i in observed[1:]])
+                for start, factor in row.items():
+                    key = values[observed[0]], node, start
                     entries[key] = entries.get(key, 0.0) + factor * weight
-            width = _append_observed(layers, entries, [variables[terms[i]] for i in own], width, n_targets)
-            product, n_multiplied = [{i: 1.0} for i in range(n_targets)], 0
-            continue
-        arcs = zip(sources, targets, outcomes, strict=True)
-        product = _multiply_step(product, width, n_targets, arcs, weights)
+            return self._append_observed(part, entries, [variables[terms[i]] for i in observed], n_nodes)
+        sums: list[dict[int, float]] = [{} for _ in range(n_nodes)]
+        for source, weight, row in zip(arcs.sources, weights, rows, strict=True):
+            own = sums[source]
+            for start, factor in row.items():
+                if start in own:
+                    own[start] += factor * weight
+                else:
+                    own[start] = factor * weight
+        part.rows, part.n_arcs = sums, part.n_arcs + len(weights)
         if not step % 16:
-            rescale(product, MIN_WEIGHT)
-        if width > 1 and sum(map(len, product)) > 4 * n_multiplied + 64:  # the product becomes dense
-            matrix = {(target, start): w for target, row in enumerate(product) for start, w in row.items()}
-            layers.append(Layer(-1, {}, Matrix.from_entries((n_targets, width), matrix)))
-            width = n_targets
-            product, n_multiplied = [{i: 1.0} for i in range(n_targets)], 0
-    ending = np.zeros(width)
-    for row in product:
-        for start, factor in row.items():
-            ending[start] += factor
-    return layers, ending
+            _rescale(sums)
+        if part.n_inputs > 1 and sum(map(len, sums)) > 4 * part.n_arcs + 64:  # the product becomes dense
+            return self._append_product(part)
+        return part
+
+    def finish(self, tops: Sequence[_Part]) -> None:
+        """Append the last layer, whose output is the product of the roots."""
+        weights = [1.0]
+        rows, part = self._multiply_branches([[0] for _ in tops], weights, tops)
+        part.rows = [{start: factor * weights[0] for start, factor in rows[0].items()}]
+        self._append_product(part)
+
+    def _multiply_branches(
+        self, targets: Sequence[Sequence[int]], weights: list[float], branches: Sequence[_Part]
+    ) -> tuple[list[_Row], _Part]:
+        """Multiply the nodes to which arcs lead.
+
+        Args:
+            targets: for each branch the node of each arc.
+            weights: of the arcs; branches of numbers are multiplied into them.
+
+        Returns:
+            (rows, part): the product of the other branches for each arc, input -> weight; and a part with
+            these inputs, still without rows.
+        """
+        varying: list[tuple[Sequence[int], _Part]] = []
+        for own, branch in zip(targets, branches, strict=True):
+            if branch.sources:
+                varying.append((own, branch))
+                continue
+            numbers = _scale_numbers(branch)
+            for i, target in enumerate(own):
+                weights[i] *= numbers[target]
+        if not varying:
+            return [{0: 1.0}] * len(weights), _Part((), (), 1)
+        if len(varying) == 1:
+            own, branch = varying[0]
+            return [branch.rows[target] for target in own], _Part(
+                (), branch.sources, branch.n_inputs, branch.n_arcs
+            )
+        places: dict[tuple[int, ...], int] = {}  # nodes of the branches -> input
+        rows: list[_Row] = [
+            {places.setdefault(nodes, len(places)): 1.0}
+            for nodes in zip(*[own for own, _ in varying], strict=True)
+        ]
+        layers = [self._append_product(branch).sources[0][0] for _, branch in varying]
+        indexes = np.array(list(places), dtype=np.intp).reshape(len(places), len(varying))
+        return rows, _Part((), tuple(zip(layers, indexes.T.copy(), strict=True)), len(places))
+
+    def _append_product(self, part: _Part) -> _Part:
+        """Append a layer whose outputs are the nodes of a part, unless it has them already; return them."""
+        if len(part.sources) == 1 and all(row == {i: 1.0} for i, row in enumerate(part.rows)):
+            number, nodes = part.sources[0]
+            if len(nodes) == self._layers[number].total.shape[0] and (nodes == np.arange(len(nodes))).all():
+                return part
+        entries = {(node, start): w for node, row in enumerate(part.rows) for start, w in row.items()}
+        matrix = Matrix.from_entries((len(part.rows), part.n_inputs), entries)
+        return self._append(Layer(-1, part.sources, {}, matrix))
+
+    def _append(self, layer: Layer) -> _Part:
+        """Append a layer, and return its outputs."""
+        self._layers.append(layer)
+        height = layer.total.shape[0]
+        return _Part([{i: 1.0} for i in range(height)], ((len(self._layers) - 1, np.arange(height)),), height)
+
+    def _append_observed(
+        self, part: _Part, entries: _Entries, variables: Sequence[int], n_nodes: int
+    ) -> _Part:
+        """Append a layer for each observed term of one step; return the outputs of the last.
+
+        The nodes between these layers are pairs of a node of the step and the outcomes of the other terms.
+        """
+        for number, variable in enumerate(variables):
+            is_last = number == len(variables) - 1
+            nodes: dict[tuple[int, tuple[int, ...]], int] = {}
+            by_outcome: dict[int, dict[tuple[int, int], float]] = {}
+            for (value, node, start), weight in entries.items():
+                output = node[0] if is_last else nodes.setdefault(node, len(nodes))
+                own = by_outcome.setdefault(value, {})
+                own[output, start] = own.get((output, start), 0.0) + weight
+            height = n_nodes if is_last else max(len(nodes), 1)
+            part = self._append(
+                Layer.from_entries(variable, part.sources, (height, part.n_inputs), by_outcome)
+            )
+            entries = {(rest[0], (node, rest[1:]), i): 1.0 for (node, rest), i in nodes.items()}
+        return part
 
 
-def _multiply_step(
-    product: Sequence[Mapping[int, float]],
-    width: int,
-    n_targets: int,
-    arcs: Iterable[tuple[int, int, int]],
-    weights: Sequence[float],
-) -> list[dict[int, float]]:
-    """Multiply the product by the matrix of one step."""
-    if width == 1:
-        column = [row.get(0, 0.0) for row in product]
-        sums = [0.0] * n_targets
-        for source, target, outcome in arcs:
-            sums[target] += column[source] * weights[outcome]
-        return [{0: weight} for weight in sums]
-    following: list[dict[int, float]] = [{} for _ in range(n_targets)]
-    for source, target, outcome in arcs:
-        weight, row = weights[outcome], following[target]
-        for start, factor in product[source].items():
-            if start in row:
-                row[start] += factor * weight
-            else:
-                row[start] = factor * weight
-    return following
+def _sum_numbers(
+    sources: Sequence[int],
+    targets: Sequence[Sequence[int]],
+    weights: list[float],
+    branches: Sequence[_Part],
+    n_nodes: int,
+) -> _Part:
+    """Sum the weights of arcs times the numbers of the nodes to which they lead, by their source."""
+    for own, branch in zip(targets, branches, strict=True):
+        numbers = _scale_numbers(branch)
+        weights = [weight * numbers[target] for weight, target in zip(weights, own, strict=True)]
+    column = [0.0] * n_nodes
+    for source, weight in zip(sources, weights, strict=True):
+        column[source] += weight
+    return _Part([{0: weight} for weight in column], (), 1)
 
 
-def _append_observed(
-    layers: list[Layer], entries: _Entries, variables: Sequence[int], width: int, n_targets: int
-) -> int:
-    """Append a layer for each observed term of one step; return the width of the next layer.
+def _scale_numbers(part: _Part) -> list[float]:
+    """Return the numbers of a part without sources, scaled up if all of them are tiny."""
+    numbers = [row[0] for row in part.rows]
+    largest = max(numbers, default=1.0)
+    return [number / largest for number in numbers] if 0 < largest < MIN_WEIGHT else numbers
 
-    The nodes between these layers are pairs of a target state and the outcomes of the remaining terms.
-    """
-    for number, variable in enumerate(variables):
-        is_last = number == len(variables) - 1
-        nodes: dict[tuple[int, tuple[int, ...]], int] = {}
-        by_outcome: dict[int, dict[tuple[int, int], float]] = {}
-        for (value, node, start), weight in entries.items():
-            target = node[0] if is_last else nodes.setdefault(node, len(nodes))
-            own = by_outcome.setdefault(value, {})
-            own[target, start] = own.get((target, start), 0.0) + weight
-        height = n_targets if is_last else max(len(nodes), 1)
-        layers.append(Layer.from_entries(variable, (height, width), by_outcome))
-        width = height
-        entries = {(rest[0], (target, rest[1:]), i): 1.0 for (target, rest), i in nodes.items()}
-    return width
+
+def _rescale(rows: Sequence[dict[int, float]]) -> None:
+    """Scale tiny weights up together: only their ratios matter."""
+    largest = max([weight for row in rows for weight in row.values()], default=0.0)
+    if 0 < largest < MIN_WEIGHT:
+        for row in rows:
+            for start in row:
+                row[start] /= largest

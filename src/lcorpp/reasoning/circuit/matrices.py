@@ -1,13 +1,15 @@
-"""Compilation, steps 4 and 5: the layered arithmetic circuit (a product of sparse matrices), its evaluation.
+"""Compilation, steps 4 and 5: the layered arithmetic circuit (a tree of sparse matrices) and its evaluation.
 
-Let t1, ..., tn be the terms that evidence may name or a query may read, in variable order. All other terms
-are summed out. The probability of t1=v1, ..., tn=vn is
+Let t1, ..., tn be the terms that evidence may name or a query may read; all other terms are summed out. The
+circuit has a layer for each of them, with one matrix for each value. A layer multiplies a column of inputs by
+the matrix of the observed value; without evidence by the sum of the matrices, which is the circuit with all
+evidence indicators of the term set to 1. Its inputs are products of outputs of the layers before it: one
+factor for each independent branch of the program. So for a chain the probability of t1=v1, ..., tn=vn is
 
-    ending . M_n[vn] ... M_2[v2] . M_1[v1] . [1]
+    M_1[v1] . M_2[v2] ... M_n[vn] . [1]
 
-with one matrix for each value of each term. A term without evidence contributes the sum of its matrices,
-which is the circuit with all evidence indicators of the term set to 1. A forward and a backward pass give the
-joint probability of the evidence and each value of any term: the derivatives with respect to the indicators.
+An upward and a downward pass give the joint probability of the evidence and each value of any term: the
+derivatives with respect to the indicators.
 
 Source: Darwiche, "A differential approach to inference in Bayesian networks", J. ACM 50(3), 2003.
 """
@@ -16,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 import numpy.typing as npt
@@ -106,17 +109,24 @@ class Layer:
     """The matrices of one observed term, or a product of matrices without observed terms.
 
     variable: the index of the term among the observed terms, -1 for a product.
+    sources: (layer, nodes) for each branch before this layer: input i is the product of the outputs
+        `nodes[i]` of these layers. Without branches there is one input, 1.
     matrices: outcome -> matrix; impossible outcomes are missing.
     total: the sum of the matrices, or the product.
     """
 
     variable: int
+    sources: Sequence[tuple[int, Index]]
     matrices: Mapping[int, Matrix]
     total: Matrix
 
     @classmethod
     def from_entries(
-        cls, variable: int, shape: tuple[int, int], by_outcome: Mapping[int, Mapping[tuple[int, int], float]]
+        cls,
+        variable: int,
+        sources: Sequence[tuple[int, Index]],
+        shape: tuple[int, int],
+        by_outcome: Mapping[int, Mapping[tuple[int, int], float]],
     ) -> Layer:
         """Build the layer of an observed term from outcome -> (output, input) -> weight."""
         total: dict[tuple[int, int], float] = {}
@@ -124,15 +134,14 @@ class Layer:
             for key, weight in entries.items():
                 total[key] = total.get(key, 0.0) + weight
         matrices = {o: Matrix.from_entries(shape, entries) for o, entries in sorted(by_outcome.items())}
-        return cls(variable, matrices, Matrix.from_entries(shape, total))
+        return cls(variable, sources, matrices, Matrix.from_entries(shape, total))
 
 
-def forward_backward(
-    layers: Sequence[Layer], ending: Array, codes: Codes, queries: Mapping[int, int]
-) -> dict[int, Array]:
+def differentiate(layers: Sequence[Layer], codes: Codes, queries: Mapping[int, int]) -> dict[int, Array]:
     """Compute the joint weights of the evidence and each outcome of the queried terms.
 
     Args:
+        layers: each after its sources; the last one has one output, the weight of the evidence.
         codes: (B, observed terms) the outcome of each observed term, -1 for no evidence.
         queries: index of a queried term -> the number of its outcomes.
 
@@ -140,34 +149,46 @@ def forward_backward(
         index -> (B, outcomes) weights; only the ratios within a row matter. A row is 0 for impossible
         evidence.
     """
-    width = sum(layer.total.shape[1] for layer in layers) + 1
+    width = sum(sum(layer.total.shape) for layer in layers)
     size = max(1, MAX_CHUNK_NUMBERS // width)
-    chunks = [
-        _run_passes(layers, ending, codes[i : i + size], queries) for i in range(0, max(len(codes), 1), size)
-    ]
+    chunks = [_run_passes(layers, codes[i : i + size], queries) for i in range(0, max(len(codes), 1), size)]
     return {variable: np.concatenate([chunk[variable] for chunk in chunks]) for variable in queries}
 
 
-def _run_passes(
-    layers: Sequence[Layer], ending: Array, codes: Codes, queries: Mapping[int, int]
-) -> dict[int, Array]:
-    """Run a forward and a backward pass over one chunk of a batch."""
-    forward = [np.ones((1, len(codes)))]
+def _run_passes(layers: Sequence[Layer], codes: Codes, queries: Mapping[int, int]) -> dict[int, Array]:
+    """Run an upward and a downward pass over one chunk of a batch."""
+    inputs: list[Array] = []
+    outputs: list[Array] = []
     for layer in layers:
-        forward.append(_normalize_columns(_apply(layer, codes, forward[-1], Matrix.forward)))
+        inputs.append(_multiply_sources(layer, outputs, len(codes)))
+        outputs.append(_normalize_columns(_apply(layer, codes, inputs[-1], Matrix.forward)))
     weights: dict[int, Array] = {}
-    backward = np.repeat(ending[:, None], len(codes), axis=1)
+    derivatives: dict[int, Array] = {len(layers) - 1: np.ones((1, len(codes)))}
     missing = set(queries)
     for number in range(len(layers) - 1, -1, -1):
-        layer = layers[number]
+        layer, derivative = layers[number], derivatives.pop(number)
         if layer.variable in missing:
             n_outcomes = queries[layer.variable]
-            weights[layer.variable] = _compute_joint(layer, codes, forward[number], backward, n_outcomes)
+            weights[layer.variable] = _compute_joint(layer, codes, inputs[number], derivative, n_outcomes)
             missing.discard(layer.variable)
         if not missing:
             break
-        backward = _normalize_columns(_apply(layer, codes, backward, Matrix.backward))
+        if not layer.sources:
+            continue
+        own = _normalize_columns(_apply(layer, codes, derivative, Matrix.backward))
+        for source, nodes in layer.sources:
+            others = [outputs[other][places] for other, places in layer.sources if other != source]
+            part = np.zeros_like(outputs[source])
+            np.add.at(part, nodes, reduce(np.multiply, others, own))
+            derivatives[source] = part
     return weights
+
+
+def _multiply_sources(layer: Layer, outputs: Sequence[Array], n_columns: int) -> Array:
+    """(inputs, B) Multiply the outputs of the branches before a layer."""
+    if not layer.sources:
+        return np.ones((1, n_columns))
+    return reduce(np.multiply, [outputs[source][nodes] for source, nodes in layer.sources])
 
 
 def _apply(layer: Layer, codes: Codes, columns: Array, multiply: Callable[[Matrix, Array], Array]) -> Array:
@@ -186,11 +207,11 @@ def _apply(layer: Layer, codes: Codes, columns: Array, multiply: Callable[[Matri
     return result
 
 
-def _compute_joint(layer: Layer, codes: Codes, forward: Array, backward: Array, n_outcomes: int) -> Array:
+def _compute_joint(layer: Layer, codes: Codes, inputs: Array, derivative: Array, n_outcomes: int) -> Array:
     own = codes[:, layer.variable]
     weights = np.zeros((len(codes), n_outcomes))
     for value, matrix in layer.matrices.items():
-        weights[:, value] = (matrix.forward(forward) * backward).sum(axis=0)
+        weights[:, value] = (matrix.forward(inputs) * derivative).sum(axis=0)
     others = own[:, None] != np.arange(n_outcomes)
     weights[(own >= 0)[:, None] & others] = 0.0
     return weights

@@ -1,8 +1,10 @@
 """Store a compiled circuit in one file: numbers, JSON and the program's text, no code.
 
 The file is a numpy archive (.npz). Its entry `circuit` is JSON: format and version, the program's text,
-inputs, queries and interventions, and for each layer its variable (key `label`), shape and outcomes. The
-entries `<layer>/<outcome>` and `<layer>/every` are the matrices, `ending` is the last row.
+inputs, queries and interventions, and for each layer its variable (key `label`), shape, outcomes and the
+layers before it (key `sources`). The entries `<layer>/<outcome>` and `<layer>/every` are the matrices,
+`<layer>/from/<source>` the nodes that are its inputs. Version 1 had a chain of layers, applied the other way
+round, and a last row `ending`.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import struct
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Mapping, Sequence
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -23,14 +26,14 @@ import numpy.typing as npt
 from lcorpp.errors import DataError, LcorppError
 from lcorpp.files import read_bytes, write_atomically
 from lcorpp.reasoning.circuit.circuit import Circuit
+from lcorpp.reasoning.circuit.decision_diagram import MAX_ARCS
 from lcorpp.reasoning.circuit.matrices import Layer, Matrix
-from lcorpp.reasoning.circuit.trellis import MAX_ARCS
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.language.program import Program, program_text
 from lcorpp.reasoning.resolve import resolve_interventions, resolve_term
 
-FORMAT, VERSION = "lcorpp circuit", 1
+FORMAT, VERSION = "lcorpp circuit", 2
 
 DECODING_ERRORS = (
     *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError),
@@ -46,11 +49,20 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
     Raises:
         FileError: the file cannot be written.
     """
-    arrays: dict[str, npt.NDArray[Any]] = {"ending": circuit.ending}
+    arrays: dict[str, npt.NDArray[Any]] = {}
     layers = []
     for number, layer in enumerate(circuit.layers):
         outcomes = sorted(layer.matrices)
-        layers.append({"label": layer.variable, "shape": list(layer.total.shape), "outcomes": outcomes})
+        layers.append(
+            {
+                "label": layer.variable,
+                "shape": list(layer.total.shape),
+                "outcomes": outcomes,
+                "sources": [source for source, _ in layer.sources],
+            }
+        )
+        for source, nodes in layer.sources:
+            arrays[f"{number}/from/{source}"] = nodes
         for outcome in outcomes:
             arrays[f"{number}/{outcome}"] = _make_table(layer.matrices[outcome])
         if not outcomes:
@@ -86,29 +98,39 @@ def load_circuit(path: str | Path) -> Circuit:
         head = json.loads(str(arrays.pop("circuit")))
         if head["format"] != FORMAT:
             raise DataError(f"its format is {head['format']!r}")
-        if head["version"] != VERSION:
+        if head["version"] not in (1, VERSION):
             raise DataError(f"its version is {head['version']!r}; this lcorpp reads version {VERSION}")
         program = _parse_program(head)
-        layers = []
-        width = 1
-        for number, layer in enumerate(head["layers"]):
-            layers.append(_read_layer(layer, number, arrays))
-            if layer["shape"][1] != width:
-                raise DataError(f"layer {number} takes {layer['shape'][1]} inputs, not {width}")
-            width = layer["shape"][0]
-        ending = np.asarray(arrays["ending"], dtype=np.float64)
-        if ending.shape != (width,):
-            raise DataError(f"its ending has the shape {ending.shape}, not ({width},)")
-        if not (np.isfinite(ending).all() and (ending >= 0).all()):
-            raise DataError("its ending has numbers that are no weights")
+        layers = [_read_layer(layer, number, arrays) for number, layer in enumerate(head["layers"])]
+        if head["version"] == 1:
+            layers = _reverse_chain(layers, _read_ending(arrays["ending"]))
         query = head["queries"][0] if head["single"] else head["queries"]
-        circuit = Circuit(program, head["inputs"], query, head["do"], layers, ending)
+        circuit = Circuit(program, head["inputs"], query, head["do"], layers)
         _check_layers(circuit)
         return circuit
     except LcorppError as error:
         raise DataError(f"{path}: not a circuit that can be used: {error}") from None
     except DECODING_ERRORS as error:
         raise DataError(f"{path}: not a stored circuit, or a damaged one: {error}") from None
+
+
+def _read_ending(ending: npt.NDArray[Any]) -> dict[tuple[int, int], float]:
+    return _read_table(np.stack([np.arange(len(ending)), np.zeros(len(ending)), ending], 1), (len(ending), 1))
+
+
+def _reverse_chain(layers: Sequence[Layer], ending: Mapping[tuple[int, int], float]) -> list[Layer]:
+    """Convert the layers of version 1: the transposed matrices in reverse, after the last row."""
+    result = [Layer(-1, (), {}, Matrix.from_entries((len(ending), 1), ending))]
+    for layer in reversed(layers):
+        sources = ((len(result) - 1, np.arange(layer.total.shape[0])),)
+        matrices = {outcome: _transpose(matrix) for outcome, matrix in layer.matrices.items()}
+        result.append(Layer(layer.variable, sources, matrices, _transpose(layer.total)))
+    return result
+
+
+def _transpose(matrix: Matrix) -> Matrix:
+    entries = {(source, target): weight for (target, source), weight in matrix.list_entries().items()}
+    return Matrix.from_entries((matrix.shape[1], matrix.shape[0]), entries)
 
 
 def _parse_program(head: dict[str, Any]) -> Program:
@@ -127,7 +149,7 @@ def _parse_program(head: dict[str, Any]) -> Program:
 
 
 def _check_layers(circuit: Circuit) -> None:
-    """Check that each term has one layer, with outcomes in its range."""
+    """Check that each term has one layer, with outcomes in its range, and that the layers form a tree."""
     names = dict.fromkeys((*circuit.inputs, *circuit.queries))
     variables = sorted(layer.variable for layer in circuit.layers if layer.variable != -1)
     if variables != list(range(len(names))):
@@ -136,6 +158,19 @@ def _check_layers(circuit: Circuit) -> None:
     for layer in circuit.layers:
         if any(not 0 <= o <= no_value[layer.variable] or layer.variable < 0 for o in layer.matrices):
             raise DataError(f"a layer has the outcomes {sorted(layer.matrices)}")
+    used: list[int] = []
+    for number, layer in enumerate(circuit.layers):
+        n_inputs = layer.total.shape[1]
+        if not layer.sources and n_inputs != 1:
+            raise DataError(f"layer {number} takes {n_inputs} inputs, not 1")
+        for source, nodes in layer.sources:
+            if not 0 <= source < number or nodes.shape != (n_inputs,):
+                raise DataError(f"layer {number} does not fit to layer {source} before it")
+            if not ((nodes >= 0) & (nodes < circuit.layers[source].total.shape[0])).all():
+                raise DataError(f"layer {number} has inputs that are no outputs of layer {source}")
+            used.append(source)
+    if sorted(used) != list(range(len(circuit.layers) - 1)) or circuit.layers[-1].total.shape[0] != 1:
+        raise DataError("its layers do not end in one number")
 
 
 def _make_table(matrix: Matrix) -> npt.NDArray[np.float64]:
@@ -154,8 +189,14 @@ def _read_layer(head: dict[str, Any], number: int, arrays: dict[str, Any]) -> La
     shape = int(head["shape"][0]), int(head["shape"][1])
     if not all(0 <= size <= MAX_ARCS for size in shape):
         raise DataError(f"layer {number} has the shape {shape}")
+    sources = tuple(
+        [
+            (int(source), arrays[f"{number}/from/{source}"].astype(np.intp))
+            for source in head.get("sources", ())
+        ]
+    )
     by_outcome = {int(o): _read_table(arrays[f"{number}/{o}"], shape) for o in head["outcomes"]}
     if by_outcome:
-        return Layer.from_entries(int(head["label"]), shape, by_outcome)
+        return Layer.from_entries(int(head["label"]), sources, shape, by_outcome)
     product = Matrix.from_entries(shape, _read_table(arrays[f"{number}/every"], shape))
-    return Layer(int(head["label"]), {}, product)
+    return Layer(int(head["label"]), sources, {}, product)

@@ -1,175 +1,207 @@
 """Queries about whole worlds on the decision diagram: exact sums, the most probable worlds, samples.
 
-Each path through the trellis is one world, and each world is one path.
+All work from the leaves of the diagram to its roots: the result for a node combines its arcs (OR), the result
+for an arc the nodes of the branches to which it leads (AND).
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import Counter, defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
-from heapq import nlargest
+from heapq import heappop, heappush, nlargest
 from itertools import accumulate
 from math import log, prod
-from operator import itemgetter
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from lcorpp.reasoning.answers import PossibleWorld
-from lcorpp.reasoning.circuit.trellis import Trellis, decode_world
+from lcorpp.reasoning.circuit.decision_diagram import Arcs, DecisionDiagram, decode_world
 
 if TYPE_CHECKING:
     import numpy as np
 
-_Number = TypeVar("_Number", float, Fraction)
+_Number = TypeVar("_Number", float, Fraction, int)
 
 SAMPLER_CACHE_SIZE = 100
 """The tables to sample from are cached for at most this many sets of evidence."""
 
-MIN_WEIGHT = 1e-100
-"""Floating-point sums are scaled up if all of them are below this."""
+MIN_WEIGHT = 1e-30
+"""Weights are scaled up if all of them are below this: only ratios matter, and long products underflow."""
 
-_Observed = Mapping[int, list[tuple[int, int]]]
-"""step -> (index of the term in the step, outcome) for each observed term that the step decides"""
+_Partial = tuple[float, Any]
+"""(log weight, path): a path is the outcome of a step and the paths of its branches, as a nested tuple."""
 
-_Sampler = list[dict[int, tuple[list[float], list[tuple[int, int]]]]]
-"""For each step: state -> (cumulative probabilities, (target, outcome) of each arc)"""
+_Sampler = list[dict[int, tuple[list[float], list[tuple[tuple[int, ...], int]]]]]
+"""For each step: node -> (cumulative probabilities, (targets, outcome) of each arc)"""
 
 
 class WorldQueries:
-    """Queries about the worlds of a trellis.
+    """Queries about the worlds of a decision diagram.
 
     Evidence is a mapping from terms to values, as text; the program must know the terms.
     """
 
-    def __init__(self, trellis: Trellis) -> None:
-        self.trellis = trellis
+    def __init__(self, diagram: DecisionDiagram) -> None:
+        self.diagram = diagram
         self._samplers: dict[frozenset[tuple[str, str]], _Sampler | None] = {}
 
     def __repr__(self) -> str:
-        return f"WorldQueries({self.trellis!r})"
+        return f"WorldQueries({self.diagram!r})"
 
     @cached_property
     def _position_of(self) -> dict[int, tuple[int, int]]:
         """Term -> (step that decides it, index in the step)."""
         return {
             term: (step, i)
-            for step, terms in enumerate(self.trellis.system.order)
+            for step, terms in enumerate(self.diagram.system.tree.order)
             for i, term in enumerate(terms)
         }
 
-    def _encode(self, evidence: Mapping[str, str]) -> _Observed | None:
-        """Encode evidence by steps; None if a term has no value in any world."""
-        system = self.trellis.system
-        observed: dict[int, list[tuple[int, int]]] = {}
+    def _list_arcs(self, evidence: Mapping[str, str]) -> list[Arcs] | None:
+        """List the arcs of each step that agree with the evidence; None if there is no world."""
+        diagram = self.diagram
+        system, outcomes = diagram.system, diagram.outcomes
+        if not diagram.has_worlds:
+            return None
+        arcs_of = list(diagram.arcs)
         for name, value in evidence.items():
             term = system.term_numbers.get(name)
-            if term is None:
+            if term is None:  # it has no value in any world
                 return None
             step, i = self._position_of[term]
-            observed.setdefault(step, []).append((i, system.program.values[term].index(value)))
-        return observed
-
-    def _list_arcs(self, step: int, observed: _Observed) -> list[tuple[int, int, int]]:
-        """List the arcs (source, target, outcome) of a step that agree with the evidence."""
-        arcs = zip(*self.trellis.arcs[step], strict=True)
-        outcomes, own = self.trellis.outcomes, observed.get(step)
-        if not own:
-            return list(arcs)
-        return [arc for arc in arcs if all(outcomes[arc[2]][0][i] == value for i, value in own)]
+            observed = system.program.values[term].index(value)
+            sources, targets, labels = arcs_of[step]
+            kept = [k for k, label in enumerate(labels) if outcomes[label][0][i] == observed]
+            arcs_of[step] = Arcs(
+                [sources[k] for k in kept],
+                tuple([[branch[k] for k in kept] for branch in targets]),
+                [labels[k] for k in kept],
+            )
+        return arcs_of
 
     def compute_exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
         """Sum the measures of the worlds with the evidence, by the value of a term; "" is for no value."""
-        return self._sum_measures(query, evidence, [p for _, p in self.trellis.outcomes], Fraction(1))
+        return self._sum_measures(query, evidence, [number for _, number in self.diagram.outcomes])
 
     def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, float]:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""
-        return self._sum_measures(query, evidence, self.trellis.compute_weights(), 1.0)
+        return self._sum_measures(query, evidence, self.diagram.compute_weights(), scale=True)
 
     def _sum_measures(
-        self, query: str, evidence: Mapping[str, str], numbers: Sequence[_Number], one: _Number
-    ) -> dict[str, _Number]:
+        self, query: str, evidence: Mapping[str, str], numbers: Sequence[_Number], *, scale: bool = False
+    ) -> dict[str, Any]:
         """Sum the measures by the value of a term.
 
         Args:
             numbers: the weight of each outcome, in the type of the sums.
-            one: 1 in that type.
+            scale: whether to scale tiny weights up.
         """
-        observed = self._encode(evidence)
-        if observed is None or not self.trellis.level_sizes[0]:
+        arcs_of, diagram = self._list_arcs(evidence), self.diagram
+        if arcs_of is None:
             return {}
-        queried = self.trellis.system.term_numbers.get(query)
-        query_step, index = self._position_of[queried] if queried is not None else (-1, 0)
-        outcomes = self.trellis.outcomes
-        by_value: dict[int, dict[int, _Number]] = {-1: {0: one}}  # outcome of the query -> state -> weight
-        for step in range(len(self.trellis.arcs)):
-            arcs = self._list_arcs(step, observed)
-            following: dict[int, dict[int, _Number]] = {}
-            for value, current in by_value.items():
-                for source, target, outcome in arcs:
-                    weight = current.get(source)
-                    if weight is not None:
-                        key = outcomes[outcome][0][index] if step == query_step else value
-                        sums = following.setdefault(key, {})
-                        product = weight * numbers[outcome]
-                        sums[target] = sums[target] + product if target in sums else product
-            if isinstance(one, float):
-                rescale(following.values(), MIN_WEIGHT)
-            by_value = following
-        names = self.trellis.system.program.values[queried] if queried is not None else ()
-        weights: dict[str, _Number] = {}
-        for value, current in by_value.items():
-            for weight in current.values():
-                name = names[value] if 0 <= value < len(names) else ""
-                weights[name] = weights[name] + weight if name in weights else weight
+        tree, terms = diagram.system.tree, diagram.system.program.values
+        queried = diagram.system.term_numbers.get(query)
+        on_path, index = self._position_of[queried] if queried is not None else (-1, 0)
+        by_value: dict[int, list[Any]] = {}  # outcome of the query -> the sums of the step `on_path`
+        sums: dict[int, list[Any]] = {}  # step -> node -> sum over its partial worlds
+        for step in range(len(arcs_of) - 1, -1, -1):
+            sources, targets, labels = arcs_of[step]
+            factors = [numbers[label] for label in labels]
+            branch: Sequence[int] | None = None  # the nodes of the branch with the query
+            for child, own in zip(tree.children[step], targets, strict=True):
+                if child == on_path and by_value:
+                    branch = own
+                else:
+                    below = sums.pop(child)
+                    factors = [factor * below[node] for factor, node in zip(factors, own, strict=True)]
+            size = diagram.sizes[step]
+            if branch is not None:
+                by_value = {
+                    value: _sum_by_source(
+                        sources, [f * above[node] for f, node in zip(factors, branch, strict=True)], size
+                    )
+                    for value, above in by_value.items()
+                }
+                on_path = step
+            elif step == on_path:
+                values = [diagram.outcomes[label][0][index] for label in labels]
+                for value in set(values):
+                    kept = [k for k, own_value in enumerate(values) if own_value == value]
+                    by_value[value] = _sum_by_source(
+                        [sources[k] for k in kept], [factors[k] for k in kept], size
+                    )
+            else:
+                sums[step] = _sum_by_source(sources, factors, size)
+                if scale and (len(tree.children[step]) > 1 or not step % 8):
+                    _rescale([sums[step]])
+                continue
+            if scale and not step % 8:
+                _rescale(by_value.values())
+        others = [sums[root][0] for root in tree.roots if root in sums]
+        factor = prod(others) if not scale else float(all(others))
+        if queried is None:
+            return {"": factor}
+        weights: dict[str, Any] = {}
+        for value, own in by_value.items():
+            name = terms[queried][value] if value < len(terms[queried]) else ""
+            weights[name] = weights.get(name, 0) + own[0] * factor
         return weights
 
     def count(self) -> int:
         """Count the possible worlds."""
-        current = Counter([0] if self.trellis.level_sizes[0] else [])
-        for sources, targets, _ in self.trellis.arcs:
-            following: Counter[int] = Counter()
-            for source, target in zip(sources, targets, strict=True):
-                following[target] += current[source]
-            current = following
-        return current.total()
+        arcs_of = self._list_arcs({})
+        if arcs_of is None:
+            return 0
+        tree = self.diagram.system.tree
+        counts: list[list[int]] = [[0] * size for size in self.diagram.sizes]
+        for step in range(len(counts) - 1, -1, -1):
+            below = [counts[child] for child in tree.children[step]]
+            for source, targets, _ in _iterate(arcs_of[step]):
+                counts[step][source] += prod(
+                    [own[target] for own, target in zip(below, targets, strict=True)]
+                )
+        return prod([counts[root][0] for root in tree.roots])
 
     def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[PossibleWorld, ...]:
         """Find the most probable worlds with the evidence, best first; none if the evidence is impossible.
 
         Source: the k-best form of Viterbi's algorithm, on logarithms, as long products underflow.
         """
-        trellis = self.trellis
-        observed = self._encode(evidence)
-        if observed is None or not trellis.level_sizes[0]:
+        arcs_of, diagram = self._list_arcs(evidence), self.diagram
+        if arcs_of is None:
             return ()
-        mass = sum(self.compute_exact_weights("", evidence).values())
+        tree = diagram.system.tree
+        logs = [log(n.numerator) - log(n.denominator) if n else None for _, n in diagram.outcomes]
+        best: dict[int, dict[int, list[_Partial]]] = {}  # step -> node -> best partial worlds
+        sums: dict[int, dict[int, Fraction]] = {}
+        for step in range(len(tree.children) - 1, -1, -1):
+            below = [best.pop(child) for child in tree.children[step]]
+            masses = [sums.pop(child) for child in tree.children[step]]
+            found: dict[int, list[_Partial]] = {}
+            total: dict[int, Fraction] = {}
+            for source, targets, outcome in _iterate(arcs_of[step]):
+                weight = logs[outcome]
+                if weight is None or any(
+                    target not in own for own, target in zip(below, targets, strict=True)
+                ):
+                    continue
+                lists = [own[target] for own, target in zip(below, targets, strict=True)]
+                found.setdefault(source, []).extend(_combine(weight, (outcome,), lists, count))
+                factors = [own[target] for own, target in zip(masses, targets, strict=True)]
+                total[source] = total.get(source, Fraction(0)) + diagram.outcomes[outcome][1] * prod(factors)
+            best[step] = {node: nlargest(count, own, key=_log_weight) for node, own in found.items()}
+            sums[step] = total
+        mass = prod([sums[root].get(0, Fraction(0)) for root in tree.roots])
         if not mass:
             return ()
-        weights = [log(n.numerator) - log(n.denominator) if n else None for _, n in trellis.outcomes]
-        # level -> state -> best partial paths: (log weight, source, rank of the path at the source, outcome)
-        best: list[list[list[tuple[float, int, int, int]]]] = [[[(0.0, -1, -1, -1)]]]
-        for step in range(len(trellis.arcs)):
-            arriving: defaultdict[int, list[tuple[float, int, int, int]]] = defaultdict(list)
-            for source, target, outcome in self._list_arcs(step, observed):
-                weight = weights[outcome]
-                if weight is not None:
-                    paths = enumerate(best[-1][source])
-                    arriving[target].extend((p[0] + weight, source, rank, outcome) for rank, p in paths)
-            level = range(trellis.level_sizes[step + 1])
-            best.append([nlargest(count, arriving[state], key=itemgetter(0)) for state in level])
         worlds = []
-        for final_rank in range(len(best[-1][0])):
-            state, rank = 0, final_rank  # the last level has one state
-            path = []
-            for level_paths in reversed(best[1:]):
-                _, state, rank, outcome = level_paths[state][rank]
-                path.append(trellis.outcomes[outcome])
-            path.reverse()
-            measure = prod([number for _, number in path], start=Fraction(1))
-            values = decode_world(trellis.system, [values for values, _ in path])
-            worlds.append(PossibleWorld(values, measure / mass))
+        for _, path in _combine(0.0, (), [best[root][0] for root in tree.roots], count):
+            labels = [diagram.outcomes[outcome] for outcome in _flatten(path)]
+            measure = prod([number for _, number in labels], start=Fraction(1))
+            worlds.append(
+                PossibleWorld(decode_world(diagram.system, [values for values, _ in labels]), measure / mass)
+            )
         return tuple(worlds)
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str] | None:
@@ -182,56 +214,118 @@ class WorldQueries:
         sampler = self._samplers[key]
         if sampler is None:
             return None
-        state, outcomes = 0, []
+        tree = self.diagram.system.tree
+        nodes, outcomes = dict.fromkeys(tree.roots, 0), []
         uniform = rng.random(len(sampler)).tolist()
-        for step, number in zip(sampler, uniform, strict=True):
-            cumulative, choices = step[state]
-            state, outcome = choices[min(bisect_right(cumulative, number), len(choices) - 1)]
-            outcomes.append(self.trellis.outcomes[outcome][0])
-        return decode_world(self.trellis.system, outcomes)
+        for step, number in enumerate(uniform):
+            cumulative, choices = sampler[step][nodes[step]]
+            targets, outcome = choices[min(bisect_right(cumulative, number), len(choices) - 1)]
+            nodes.update(zip(tree.children[step], targets, strict=True))
+            outcomes.append(self.diagram.outcomes[outcome][0])
+        return decode_world(self.diagram.system, outcomes)
 
     def _build_sampler(self, given: Mapping[str, str]) -> _Sampler | None:
-        observed = self._encode(given)
-        if observed is None or not self.trellis.level_sizes[0]:
+        arcs_of = self._list_arcs(given)
+        if arcs_of is None:
             return None
-        reachable = self._find_reachable(observed)  # weights of unreachable states would distort the scaling
-        below = {0: 1.0}  # state -> weight of the paths from it to the end
-        sampler: _Sampler = []
-        for step in range(len(self.trellis.arcs) - 1, -1, -1):
-            choices: dict[int, list[tuple[float, int, int]]] = {}
-            for source, target, outcome in self._list_arcs(step, observed):
+        tree, weights = self.diagram.system.tree, self.diagram.compute_weights()
+        reachable = self._find_reachable(arcs_of)  # weights of unreachable nodes would distort the scaling
+        below: dict[int, dict[int, float]] = {}  # step -> node -> weight of its partial worlds
+        sampler: _Sampler = [{} for _ in arcs_of]
+        for step in range(len(arcs_of) - 1, -1, -1):
+            factors = [below.pop(child) for child in tree.children[step]]
+            choices: dict[int, list[tuple[float, tuple[int, ...], int]]] = {}
+            for source, targets, outcome in _iterate(arcs_of[step]):
                 if source not in reachable[step]:
                     continue
-                weight = float(self.trellis.outcomes[outcome][1]) * below.get(target, 0.0)
+                weight = weights[outcome]
+                for own, target in zip(factors, targets, strict=True):
+                    weight *= own.get(target, 0.0)
                 if weight > 0:
-                    choices.setdefault(source, []).append((weight, target, outcome))
-            sums: dict[int, float] = {}
-            sampler.append({})
-            for source, own in choices.items():
-                total = sums[source] = sum(weight for weight, _, _ in own)
-                cumulative = list(accumulate(weight / total for weight, _, _ in own))
-                sampler[-1][source] = cumulative, [choice[1:] for choice in own]
+                    choices.setdefault(source, []).append((weight, targets, outcome))
+            sums = {source: sum([choice[0] for choice in own]) for source, own in choices.items()}
+            sampler[step] = {
+                source: (
+                    list(accumulate([choice[0] / sums[source] for choice in own])),
+                    [choice[1:] for choice in own],
+                )
+                for source, own in choices.items()
+            }
             largest = max(sums.values(), default=1.0)
-            below = {source: total / largest for source, total in sums.items()}
-        sampler.reverse()
-        return sampler if 0 in below else None
+            below[step] = {source: total / largest for source, total in sums.items()}
+        return sampler if all(0 in below[root] for root in tree.roots) else None
 
-    def _find_reachable(self, observed: _Observed) -> list[set[int]]:
-        """Find the states before each step that a path of positive weight reaches."""
-        reachable = [{0}]
-        for step in range(len(self.trellis.arcs) - 1):
-            before = reachable[-1]
-            arcs = self._list_arcs(step, observed)
-            reachable.append(
-                {target for source, target, o in arcs if source in before and self.trellis.outcomes[o][1]}
-            )
+    def _find_reachable(self, arcs_of: Sequence[Arcs]) -> list[set[int]]:
+        """Find the nodes of each step that arcs of positive weight reach."""
+        tree, outcomes = self.diagram.system.tree, self.diagram.outcomes
+        reachable: list[set[int]] = [{0} if step in tree.roots else set() for step in range(len(arcs_of))]
+        for step, arcs in enumerate(arcs_of):
+            for source, targets, outcome in _iterate(arcs):
+                if source in reachable[step] and outcomes[outcome][1]:
+                    for child, target in zip(tree.children[step], targets, strict=True):
+                        reachable[child].add(target)
         return reachable
 
 
-def rescale(parts: Collection[dict[int, float]], minimum: float) -> None:
-    """Scale weights up if all are below `minimum`: only ratios matter, and long products underflow."""
-    largest = max((weight for part in parts for weight in part.values()), default=0.0)
-    if 0 < largest < minimum:
+def _iterate(arcs: Arcs) -> Iterator[tuple[int, tuple[int, ...], int]]:
+    """Yield the source, the target in each branch and the outcome of each arc."""
+    branches = zip(*arcs.targets, strict=True) if arcs.targets else [()] * len(arcs.sources)
+    return zip(arcs.sources, branches, arcs.outcomes, strict=True)
+
+
+def _sum_by_source(sources: Sequence[int], factors: Sequence[_Number], size: int) -> list[_Number]:
+    """Sum the factors of arcs by their source node."""
+    sums: list[Any] = [0] * size
+    for source, factor in zip(sources, factors, strict=True):
+        sums[source] += factor
+    return sums
+
+
+def _log_weight(partial: _Partial) -> float:
+    return partial[0]
+
+
+def _combine(
+    weight: float, label: tuple[int, ...], lists: Sequence[Sequence[_Partial]], count: int
+) -> list[_Partial]:
+    """Return the best combinations of a label with one path from each list, best first.
+
+    Args:
+        lists: each sorted, best first.
+    """
+    combined: list[_Partial] = [(weight, label)]
+    for own in lists:
+        if len(combined) == 1 or len(own) == 1:
+            combined = [(a + b, (*path, other)) for a, path in combined for b, other in own]
+            continue
+        heap = [(-combined[0][0] - own[0][0], 0, 0)]  # pairs of indexes, each reached from one other pair
+        merged: list[_Partial] = []
+        while heap and len(merged) < count:
+            cost, i, j = heappop(heap)
+            merged.append((-cost, (*combined[i][1], own[j][1])))
+            if j + 1 < len(own):
+                heappush(heap, (-combined[i][0] - own[j + 1][0], i, j + 1))
+            if not j and i + 1 < len(combined):
+                heappush(heap, (-combined[i + 1][0] - own[0][0], i + 1, 0))
+        combined = merged
+    return combined
+
+
+def _flatten(path: Any) -> list[int]:
+    """List the outcomes of a path in the order of the steps."""
+    outcomes, stack = [], [path]
+    while stack:
+        item = stack.pop()
+        if isinstance(item, tuple):
+            stack.extend(reversed(item))
+        else:
+            outcomes.append(item)
+    return outcomes
+
+
+def _rescale(parts: Collection[list[Any]]) -> None:
+    """Scale tiny weights up together: only their ratios matter."""
+    largest = max([max(part, default=0) for part in parts], default=0)
+    if 0 < largest < MIN_WEIGHT:
         for part in parts:
-            for state in part:
-                part[state] /= largest
+            part[:] = [weight / largest for weight in part]

@@ -1,9 +1,9 @@
 """Compilation, step 2: turn a ground program into a transition system that decides one component at a time.
 
-A component is a set of terms that depend on each other in a cycle, or (usually) one term. `variable_order`
-sorts the components; step i decides the terms of component i. `transition_system` shows with an example how
+A component is a set of terms that depend on each other in a cycle, or (usually) one term. `elimination_tree`
+arranges the components; each step decides the terms of one. `transition_system` shows with an example how
 the bodies of rules become the bits of a state, through which steps communicate. `local_distribution`,
 `recursive_components` and `stratified` define the outcomes of a step, `transition` their effect on the state.
-`circuit.trellis` expands the system to a decision diagram; `likelihood_weighting` samples from the system if
+`circuit.decision_diagram` expands the system; `likelihood_weighting` samples from the system if
 the program is too large to be compiled.
 """

@@ -97,16 +97,17 @@ class _WorldSampler:
                 observed[term] = system.program.values[term].index(value)
         self._observed = [
             [(i, observed[term]) for i, term in enumerate(terms) if term in observed]
-            for terms in system.order
+            for terms in system.tree.order
         ]
 
     def draw(self, queried: int | None) -> tuple[float, int] | None:
         """Draw a world: its weight and the outcome of a term; None if the world violates a constraint."""
         if not self._possible:
             return None
-        state, weight, value = 0, 1.0, -1
-        steps = zip(self._system.transitions, self._system.order, strict=True)
-        for step, (transition, terms) in enumerate(steps):
+        tree, weight, value = self._system.tree, 1.0, -1
+        states = dict.fromkeys(tree.roots, 0)  # step -> state before it
+        for step, (transition, terms) in enumerate(zip(self._system.transitions, tree.order, strict=True)):
+            state = states.pop(step)
             bits = state & transition.input_mask
             known = self._choices[step].get(bits)
             if known is None:
@@ -125,7 +126,8 @@ class _WorldSampler:
                 lowest = satisfied & -satisfied
                 following |= satisfied_of[lowest]
                 satisfied ^= lowest
-            state = following & transition.live_mask
+            for child, mask in zip(tree.children[step], transition.live_masks, strict=True):
+                states[child] = following & mask
             if queried is not None and queried in terms:
                 value = outcome.values[terms.index(queried)]
         return weight, value
@@ -136,7 +138,7 @@ class _WorldSampler:
         choices: list[_Choice] = []
         for outcome in transition.distribution.list_outcomes((bits,))[bits]:
             if outcome.violation:
-                names = [program.names[term] for term in self._system.order[step]]
+                names = [program.names[term] for term in self._system.tree.order[step]]
                 message = outcome.violation.format(program.source.statements, names)
                 raise ProgramError(f"{message}, in a world drawn at random")
             if all(outcome.values[i] == value for i, value in self._observed[step]):

@@ -35,7 +35,7 @@ body: the literals about the component itself.
 
 
 class ConditionViolation(Exception):
-    """A world breaks a condition of P-log; `trellis` finds the world.
+    """A world breaks a condition of P-log; `decision_diagram` finds the world.
 
     Args:
         statement: the index of the statement that breaks the condition.

@@ -197,12 +197,13 @@ class RuleTemplate:
         return self.n_slots - 1
 
 
-Child = tuple[RuleTemplate, Parent, list[int]]
-"""A component, or constraints, with bodies about the terms of one step: (template, parent, bits).
+Child = tuple[RuleTemplate, Parent, list[int], int]
+"""A component, or constraints, with bodies about the terms of one step: (template, parent, bits, reader).
 
 parent: the step, as a parent in the template.
 bits: slot -> bit of the state, 0 before the slot is allocated and after it is released. The list has one more
     entry, bits[NO_SLOT], which is always 0.
+reader: the last step that reads the bits.
 """
 
 

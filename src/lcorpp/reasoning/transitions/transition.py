@@ -42,7 +42,7 @@ class Transition:
         distribution: the local distribution of the component.
         input_mask: the bits of the component's clauses, on which the distribution depends.
         children: the components and constraints whose bodies the step updates.
-        live_mask: the bits that later steps need.
+        live_masks: the bits that each branch after the step needs.
 
     absorptions: pairs (satisfied, falsified bits): once a body of a group is satisfied, the others are
         irrelevant.
@@ -50,7 +50,7 @@ class Transition:
     """
 
     __slots__ = ("_conditional_updates", "_effects", "_open_bits", "_relevant", "_updates_of", "absorptions",
-                 "distribution", "input_mask", "is_shared", "live_mask")  # fmt: skip
+                 "distribution", "input_mask", "is_shared", "live_masks")  # fmt: skip
 
     def __init__(
         self,
@@ -58,10 +58,10 @@ class Transition:
         distribution: LocalDistribution,
         input_mask: int,
         children: Sequence[Child],
-        live_mask: int,
+        live_masks: tuple[int, ...],
     ) -> None:
         self.distribution, self.is_shared = distribution, False
-        self.input_mask, self.live_mask = input_mask, live_mask
+        self.input_mask, self.live_masks = input_mask, live_masks
         self.absorptions = _find_absorptions(children)
         self._open_bits = 0  # the falsified bits of the bodies that continue
         self._effects: dict[object, Effect | None] = {}
@@ -71,7 +71,7 @@ class Transition:
         self._relevant: list[int] | None = (
             None  # indexes of the terms in conditions, if there are several terms
         )
-        for _, parent, bits in children:
+        for _, parent, bits, _ in children:
             for conditions, falsified_slot, is_last, satisfied_slot in parent.updates:
                 update = bits[falsified_slot], is_last, bits[satisfied_slot]
                 if not is_last:
@@ -130,7 +130,7 @@ def _find_absorptions(children: Sequence[Child]) -> list[tuple[int, int]]:
     """Pair the satisfied bit of each clause group with the falsified bits of its partly decided bodies."""
     begun = [
         (group, parent.rank, bits)
-        for _, parent, bits in children
+        for _, parent, bits, _ in children
         for group in parent.clause_groups
         if bits[group.satisfied_slot]
     ]

@@ -16,23 +16,27 @@ The builder gives each slot a bit of the state for as long as it is needed, as i
     c     c=true sets bit 2                                    2 (slot 0)
     x     x=true if bit 2 is set, otherwise x has no value     none
 
-So a level of the decision diagram has two states (nodes), although there are eight outcomes of a, b and c.
+So a step of the decision diagram has two states (nodes), although there are eight outcomes of a, b and c.
 Components whose rules are equal up to the names of terms share a template; steps with the same template,
 bits and children share a `Transition`. A constraint is a child without a step of its own: if its body is
 satisfied, the world is impossible.
+
+The steps form a tree (`elimination_tree`). Where it branches, each branch continues with those bits that its
+own steps read; other branches may use the same bits otherwise.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
-from itertools import chain, groupby
 
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
+from lcorpp.reasoning.transitions.elimination_tree import EliminationTree, build_elimination_tree
 from lcorpp.reasoning.transitions.local_distribution import (
     AcyclicTermDistribution,
     LocalDistribution,
@@ -42,22 +46,21 @@ from lcorpp.reasoning.transitions.local_distribution import (
 from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent, build_component
 from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
 from lcorpp.reasoning.transitions.transition import Transition
-from lcorpp.reasoning.transitions.variable_order import order_components
 
 
 @dataclass(slots=True, eq=False)
 class TransitionSystem:
-    """A program as a sequence of steps over a state of bits; the initial state is 0.
+    """A program as a tree of steps over states of bits; the initial state of each root is 0.
 
     program: the ground program, without its clauses.
-    order: step -> the terms that it decides.
+    tree: the steps.
     transitions: step -> the outcomes of its terms and their effect on the state.
     consistent: False if a constraint without body shows that there is no world.
     term_numbers: term as text -> its number in `program`.
     """
 
     program: GroundProgram
-    order: Sequence[tuple[int, ...]]
+    tree: EliminationTree
     transitions: list[Transition]
     consistent: bool
     term_numbers: dict[str, int]
@@ -65,7 +68,7 @@ class TransitionSystem:
     def __repr__(self) -> str:
         return (
             f"TransitionSystem({self.program.source.file}: {len(self.program.names)} terms,"
-            f" {len(self.order)} steps)"
+            f" {len(self.transitions)} steps)"
         )
 
 
@@ -78,38 +81,45 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
     with pause_gc():
         clauses, outcomes = simplify(program)
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
-        components = order_components(clauses, outcomes)
-        order = _merge_deterministic_neighbours(program, clauses, components)
+        tree = build_elimination_tree(clauses, outcomes)
+        merged = _merge_deterministic_steps(program, clauses, tree)
         term_numbers = {name: term for term, name in enumerate(program.names)}
         consistent = not any(c.term < 0 and not c.body for c in clauses)
         needed = {term_numbers[name] for name in queried if name in term_numbers}
-        transitions = _TransitionBuilder(program, clauses, outcomes, order, needed).build()
-        if len(order) < len(components) and any(
+        transitions = _TransitionBuilder(program, clauses, outcomes, merged, needed).build()
+        if merged is not tree and any(
             isinstance(transition.distribution, RecursiveComponent) for transition in transitions
         ):
-            order = components  # a merged component is not stratified
-            transitions = _TransitionBuilder(program, clauses, outcomes, order, needed).build()
-        return TransitionSystem(program, order, transitions, consistent, term_numbers)
+            merged = tree  # a merged component is not stratified
+            transitions = _TransitionBuilder(program, clauses, outcomes, tree, needed).build()
+        return TransitionSystem(program, merged, transitions, consistent, term_numbers)
 
 
-def _merge_deterministic_neighbours(
-    program: GroundProgram, clauses: Sequence[Clause], order: Sequence[tuple[int, ...]]
-) -> Sequence[tuple[int, ...]]:
-    """Merge each deterministic component of several terms with its deterministic neighbours in the order.
+def _merge_deterministic_steps(
+    program: GroundProgram, clauses: Sequence[Clause], tree: EliminationTree
+) -> EliminationTree:
+    """Merge each deterministic component of several terms with the deterministic steps before and after it.
 
     `Stratified` evaluates such a component for all states at once, so its deterministic inputs should be part
     of it.
     """
-    if all(len(terms) == 1 for terms in order):
-        return order
+    if all(len(terms) == 1 for terms in tree.order):
+        return tree
     random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
-    merged: list[tuple[int, ...]] = []
-    for is_deterministic, neighbours in groupby(order, random.isdisjoint):
-        run = list(neighbours)
-        if is_deterministic and any(len(terms) > 1 for terms in run):
-            run = [tuple(chain.from_iterable(run))]
-        merged.extend(run)
-    return merged
+    first = list(range(len(tree.order)))  # step -> the first step of its run
+    runs: dict[int, list[int]] = {}
+    for step, terms in enumerate(tree.order):
+        run = runs.setdefault(first[step], [])
+        run.append(step)
+        own = tree.children[step]
+        if len(own) == 1 and random.isdisjoint(terms) and random.isdisjoint(tree.order[own[0]]):
+            first[own[0]] = first[step]
+    terms_of, children = list(tree.order), list(tree.children)
+    for start, run in runs.items():
+        if any(len(tree.order[step]) > 1 for step in run):
+            terms_of[start] = tuple([term for step in run for term in tree.order[step]])
+            children[start] = tree.children[run[-1]]
+    return EliminationTree.from_nodes(terms_of, children, tree.roots)
 
 
 class _TransitionBuilder:
@@ -118,7 +128,7 @@ class _TransitionBuilder:
     Args:
         clauses: the simplified clauses.
         outcomes: the mask of the possible outcomes of each term.
-        order: step -> the terms that it decides.
+        tree: the steps.
         queried: the terms whose outcomes queries read.
     """
 
@@ -127,10 +137,11 @@ class _TransitionBuilder:
         program: GroundProgram,
         clauses: Sequence[Clause],
         outcomes: Sequence[int],
-        order: Sequence[tuple[int, ...]],
+        tree: EliminationTree,
         queried: set[int],
     ) -> None:
-        self._program, self._outcomes, self._order, self._queried = program, outcomes, order, queried
+        self._program, self._outcomes, self._tree, self._queried = program, outcomes, tree, queried
+        order = tree.order
         self._step_of = [0] * len(outcomes)  # term -> the step that decides it
         for step, terms in enumerate(order):
             for term in terms:
@@ -152,19 +163,20 @@ class _TransitionBuilder:
                 own_clauses[self._step_of[clause.term]].append(clause)
         count_by_size = Counter(map(len, own_clauses))
         self._components = [  # step -> (template, bits)
-            self._add_child(terms, own, count_by_size[len(own)] > 1)
-            for terms, own in zip(order, own_clauses, strict=True)
+            self._add_child(step, terms, own, count_by_size[len(own)] > 1)
+            for step, (terms, own) in enumerate(zip(order, own_clauses, strict=True))
         ]
         count_by_size = Counter(map(len, constraints.values()))
         for own in constraints.values():
-            self._add_child((), own, count_by_size[len(own)] > 1)
+            self._add_child(-1, (), own, count_by_size[len(own)] > 1)
 
     def _add_child(
-        self, terms: tuple[int, ...], clauses: Sequence[Clause], has_equal_sized: bool
+        self, step: int, terms: tuple[int, ...], clauses: Sequence[Clause], has_equal_sized: bool
     ) -> tuple[RuleTemplate, list[int]]:
         """Find or create the template of a component, and add the component to the children of its parents.
 
         Args:
+            step: the step that decides the component, -1 for constraints.
             terms: the terms of the component; none for constraints.
             clauses: the clauses of the component, or constraints over the same terms.
             has_equal_sized: whether another component has the same number of clauses; only then can the
@@ -207,45 +219,50 @@ class _TransitionBuilder:
         else:
             template.is_shared = True
         bits = [0] * (template.n_slots + 1)  # the last is bits[NO_SLOT]
+        reader = step if step >= 0 else steps[-1]
         for parent in template.parents:
-            self._children[steps[parent.rank]].append((template, parent, bits))
+            self._children[steps[parent.rank]].append((template, parent, bits, reader))
         return template, bits
 
     def build(self) -> list[Transition]:
         """Allocate the bits step by step and build the transitions."""
-        allocator = _BitAllocator()
+        allocators = {root: _BitAllocator() for root in self._tree.roots}  # step -> that of its branch
         transition_of: dict[object, Transition] = {}
         transitions: list[Transition] = []
-        steps = zip(self._components, self._children, self._order, strict=True)
-        for (template, own_bits), children, terms in steps:
-            is_shareable = template.is_shared
-            for other, parent, bits in children:
+        steps = zip(self._components, self._children, self._tree.order, strict=True)
+        for step, ((template, own_bits), children, terms) in enumerate(steps):
+            is_shareable, allocator = template.is_shared, allocators.pop(step)
+            for other, parent, bits, reader in children:
                 is_shareable &= other.is_shared
                 for slot in parent.allocates:
-                    bits[slot] = allocator.allocate()
+                    bits[slot] = allocator.allocate(reader)
             # all bodies of the component are decided, so only bits for "satisfied" are left
             input_mask = sum(own_bits)
             allocator.release(own_bits)
-            for _, parent, bits in children:
+            for _, parent, bits, _ in children:
                 if parent.releases:
                     allocator.release([bits[slot] for slot in parent.releases])
+            following = self._tree.children[step]
+            branches = [allocator] if len(following) == 1 else allocator.split(following)
+            allocators.update(zip(following, branches, strict=True))
+            live_masks = tuple([branch.live_mask for branch in branches])
             key = None
             if is_shareable:
-                parts: list[object] = [template, allocator.live_mask, *own_bits]
-                for _, parent, bits in children:
+                parts: list[object] = [template, live_masks, *own_bits]
+                for _, parent, bits, _ in children:
                     parts.append(parent)
                     parts += [bits[slot] for slot in parent.slots]
                 key = tuple(parts)
             transition = transition_of.get(key)
             if transition is None:
                 distribution = self._build_distribution(template, own_bits, children, terms)
-                transition = Transition(len(terms), distribution, input_mask, children, allocator.live_mask)
+                transition = Transition(len(terms), distribution, input_mask, children, live_masks)
                 if key is not None:
                     transition_of[key] = transition
             else:
                 transition.is_shared = True
             transitions.append(transition)
-            for _, parent, bits in children:  # only now: the transition reads these bits for the last time
+            for _, parent, bits, _ in children:  # only now: the transition reads these bits for the last time
                 for slot in parent.releases:
                     bits[slot] = 0
         return transitions
@@ -258,7 +275,7 @@ class _TransitionBuilder:
             return AcyclicTermDistribution(self._program, template, bits, cache, self._probabilities)
         # the terms whose outcomes queries or children read; a single term always counts, as others share it
         read_terms = self._queried.intersection(terms) if len(terms) > 1 else set(template.terms)
-        for _, parent, _ in children:
+        for _, parent, _, _ in children:
             read_terms.update([template.terms[i] for update in parent.updates for i, _ in update.conditions])
         clauses = [
             (bits[group.satisfied_slot], group.clause, group.own_literals) for group in template.clause_groups
@@ -267,19 +284,26 @@ class _TransitionBuilder:
 
 
 class _BitAllocator:
-    """Allocates the lowest free bits of the state, so that equal components get equal bits.
+    """Allocates the lowest free bits of the states of a branch, so that equal components get equal bits.
 
     A bit is a mask with one set bit; live_mask has all bits in use.
     """
 
-    def __init__(self) -> None:
-        self.live_mask = 0
-        self._free: list[int] = []  # below the highest bit in use
+    def __init__(self, readers: Mapping[int, int] | None = None) -> None:
+        self._readers = dict(readers or {})  # bit in use -> the last step that reads it
+        self.live_mask = sum(self._readers)
+        # below the highest bit in use
+        self._free = [1 << i for i in range(self.live_mask.bit_length()) if not self.live_mask >> i & 1]
 
-    def allocate(self) -> int:
-        """Return a bit that is not in use."""
-        bit = heappop(self._free) if self._free else self.live_mask + 1
+    def allocate(self, reader: int) -> int:
+        """Return a bit that is not in use.
+
+        Args:
+            reader: the last step that reads it.
+        """
+        bit = heappop(self._free) if self._free else 1 << self.live_mask.bit_length()
         self.live_mask |= bit
+        self._readers[bit] = reader
         return bit
 
     def release(self, bits: Iterable[int]) -> None:
@@ -287,4 +311,16 @@ class _BitAllocator:
         for bit in bits:
             if bit:
                 self.live_mask ^= bit
+                del self._readers[bit]
                 heappush(self._free, bit)
+
+    def split(self, following: Sequence[int]) -> list[_BitAllocator]:
+        """Return an allocator for each branch, with the bits that its steps read.
+
+        Args:
+            following: the first step of each branch; the steps of a branch follow its first.
+        """
+        parts: list[dict[int, int]] = [{} for _ in following]
+        for bit, reader in self._readers.items():
+            parts[bisect_right(following, reader) - 1][bit] = reader
+        return [_BitAllocator(part) for part in parts]

@@ -6,8 +6,8 @@ from hypothesis import given, strategies as st
 
 from lcorpp.reasoning import parse_plog
 from lcorpp.reasoning.grounding.grounder import ground_program
+from lcorpp.reasoning.transitions.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
-from lcorpp.reasoning.transitions.variable_order import find_strongly_connected_components
 
 
 @given(edges=st.sets(st.tuples(st.integers(0, 7), st.integers(0, 7))))
@@ -31,7 +31,7 @@ def test_a_chain_has_a_frontier_of_one_term():
         "t = {0..50}. #domain t(T). x : t -> boolean. random(x(T)). pr(x(T+1) | x(T)) = 9/10."
     )
     system = build_transition_system(ground_program(program, {}))
-    assert [system.program.names[term] for (term,) in system.order] == [f"x({i})" for i in range(51)]
-    assert max(transition.live_mask.bit_count() for transition in system.transitions) == 1
+    assert [system.program.names[term] for (term,) in system.tree.order] == [f"x({i})" for i in range(51)]
+    assert max(mask.bit_count() for transition in system.transitions for mask in transition.live_masks) == 1
     assert len(set(system.transitions)) < 6  # equal steps share their transition
     assert repr(system) == "TransitionSystem(<text>: 51 terms, 51 steps)"

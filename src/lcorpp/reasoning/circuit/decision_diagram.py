@@ -1,0 +1,293 @@
+"""Compilation, step 3: expand a transition system to a decision diagram, an AND/OR graph of possible worlds.
+
+The nodes of a step are the states before it. Each arc of a node carries an outcome of the step's terms with
+its probability, and leads to one node of each branch that follows the step. So a world is a tree of arcs:
+one arc of each step. Its measure is the product of their probabilities, and a sum over worlds is a sum over
+the arcs of a node (OR) of products over the branches (AND). Example: two fair coins that do not both show
+tails (c1 and c2, values heads and tails):
+
+    sizes     [1, 2]
+    arcs[0]   Arcs([0, 0], ([0, 1],), [0, 1])   sources, targets in the only branch, outcomes
+    arcs[1]   Arcs([0, 0, 1], (), [2, 3, 2])    after tails (node 1) only c2=heads
+    outcomes  [((0,), 1/2), ((1,), 1/2), ((0,), 1/2), ((1,), 1/2)]
+
+Source: Mateescu, Dechter and Marinescu, "AND/OR multi-valued decision diagrams", JAIR 33, 2008.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import NamedTuple
+
+from lcorpp.errors import ProgramError, TooLargeError
+from lcorpp.reasoning.answers import format_world
+from lcorpp.reasoning.gc_pause import pause_gc
+from lcorpp.reasoning.transitions.local_distribution import ConditionViolation
+from lcorpp.reasoning.transitions.transition import Transition
+from lcorpp.reasoning.transitions.transition_system import TransitionSystem
+
+MAX_ARCS = 2_000_000
+"""A decision diagram has at most this many arcs."""
+
+MAX_LEVEL_BITS = 2**32
+"""The states of one step have at most this many bits together: half a gigabyte."""
+
+
+class Arcs(NamedTuple):
+    """The arcs of a step, as lists of equal length.
+
+    sources: the node of each arc.
+    targets: for each branch the node to which each arc leads.
+    outcomes: the index of the outcome of each arc.
+    """
+
+    sources: list[int]
+    targets: tuple[list[int], ...]
+    outcomes: list[int]
+
+
+_Choice = tuple[int, int, int, Mapping[int, int], int]
+"""The effect of an outcome on the state (`transition.Effect`) and the index of the outcome."""
+
+_Levels = tuple[Arcs, tuple[tuple[int, ...], ...]]
+"""The arcs of a step, and the states to which they lead in each branch."""
+
+
+@dataclass(slots=True, eq=False)
+class DecisionDiagram:
+    """The possible worlds of a program.
+
+    sizes: the number of nodes of each step; nodes are numbered within their step. All are 0 if there is no
+        world.
+    arcs: the arcs of each step; steps with equal arcs share them.
+    outcomes: the labels of the arcs: (outcome of each term of the step, probability).
+    """
+
+    system: TransitionSystem
+    sizes: list[int]
+    arcs: list[Arcs]
+    outcomes: list[tuple[Sequence[int], Fraction]]
+
+    def __repr__(self) -> str:
+        n_arcs = sum(len(arcs.sources) for arcs in self.arcs)
+        file = self.system.program.source.file
+        return f"DecisionDiagram({file}: {len(self.arcs)} steps, {sum(self.sizes)} nodes, {n_arcs} arcs)"
+
+    @property
+    def has_worlds(self) -> bool:
+        """Whether there is a possible world, maybe of measure 0."""
+        return self.system.consistent and all(self.sizes[root] for root in self.system.tree.roots)
+
+    def compute_weights(self) -> list[float]:
+        """Convert the probabilities of the outcomes to floating point."""
+        # outcomes share their fractions
+        weights = {id(p): float(p) for p in {id(p): p for _, p in self.outcomes}.values()}
+        return [weights[id(p)] for _, p in self.outcomes]
+
+
+def build_decision_diagram(system: TransitionSystem, limit: int = MAX_ARCS) -> DecisionDiagram:
+    """Expand the reachable states of a transition system, and drop nodes that are in no world.
+
+    Raises:
+        TooLargeError: there are more than `limit` arcs.
+        ProgramError: a world breaks a condition of the language, or a component has too many stable models.
+    """
+    with pause_gc():
+        diagram, violations = _expand(system, limit)
+        _prune(diagram)
+    if violations:  # a violation in no world was pruned
+        for step, arcs in enumerate(diagram.arcs):
+            for arc, outcome in enumerate(arcs.outcomes):
+                if outcome in violations:
+                    raise _make_error(diagram, step, arc, violations[outcome])
+    return diagram
+
+
+def _expand(system: TransitionSystem, limit: int) -> tuple[DecisionDiagram, dict[int, ConditionViolation]]:
+    """Expand step by step; return the diagram and the conditions that outcomes break."""
+    states: list[tuple[int, ...]] = [()] * len(system.transitions)
+    if system.consistent:
+        for root in system.tree.roots:
+            states[root] = (0,)
+    arcs: list[Arcs] = []
+    expander = _Expander()
+    known: dict[tuple[Transition, tuple[int, ...]], _Levels] = {}
+    total = 0
+    for step, transition in enumerate(system.transitions):
+        n_bits = max([mask.bit_length() for mask in transition.live_masks], default=0)
+        max_arcs = min(limit - total, MAX_LEVEL_BITS // max(n_bits, 1))
+        expanded = known.get((transition, states[step])) if transition.is_shared else None
+        if expanded is None:
+            expanded = expander.expand(transition, states[step], max_arcs)
+            if transition.is_shared:
+                known[transition, states[step]] = expanded
+        n_arcs = len(expanded[0].sources)
+        if n_arcs > max_arcs:
+            raise TooLargeError(
+                f"{system.program.source.file}: more than {total + max_arcs} arcs in the decision diagram"
+            )
+        arcs.append(expanded[0])
+        for child, reached in zip(system.tree.children[step], expanded[1], strict=True):
+            states[child] = reached
+        total += n_arcs
+    diagram = DecisionDiagram(system, [len(own) for own in states], arcs, expander.outcomes)
+    return diagram, expander.violations
+
+
+class _Expander:
+    """Computes the arcs from the states of one step, and the states that they lead to."""
+
+    def __init__(self) -> None:
+        self.outcomes: list[tuple[Sequence[int], Fraction]] = []
+        self.violations: dict[int, ConditionViolation] = {}
+        self._choices: dict[Transition, dict[int, list[_Choice]]] = {}
+
+    def expand(self, transition: Transition, states: Sequence[int], max_arcs: int) -> _Levels:
+        """Return the arcs and the states after the step; stop soon after `max_arcs` arcs."""
+        input_mask, live_masks = transition.input_mask, transition.live_masks
+        absorptions = transition.absorptions
+        choices = self._list_choices(transition, {state & input_mask for state in states})
+        sources: list[int] = []
+        reached_states: list[int] = []
+        outcomes: list[int] = []
+        for source, state in enumerate(states):
+            for sets, requires, completes, satisfied_of, outcome in choices[state & input_mask]:
+                if requires and state & requires != requires:
+                    continue
+                reached = state | sets
+                if completes:
+                    satisfied = completes & ~state
+                    while satisfied:
+                        lowest = satisfied & -satisfied
+                        reached |= satisfied_of[lowest]
+                        satisfied ^= lowest
+                for true, redundant in absorptions:
+                    if reached & true:
+                        reached |= redundant
+                sources.append(source)
+                reached_states.append(reached)
+                outcomes.append(outcome)
+            if len(outcomes) > max_arcs:
+                break
+        targets, following = [], []
+        for mask in live_masks:
+            numbers: dict[int, int] = {}  # state of the branch -> its number
+            targets.append([numbers.setdefault(reached & mask, len(numbers)) for reached in reached_states])
+            following.append(tuple(numbers))
+        return Arcs(sources, tuple(targets), outcomes), tuple(following)
+
+    def _list_choices(self, transition: Transition, inputs: set[int]) -> Mapping[int, list[_Choice]]:
+        """List the outcomes with their effects, for each state of the input bits."""
+        choices = self._choices.get(transition, {})
+        if not choices.keys() >= inputs:
+            missing = inputs.difference(choices)
+            for bits, outcomes in transition.distribution.list_outcomes(missing).items():
+                own: list[_Choice] = []
+                for outcome in outcomes:
+                    effect = transition.find_effect(outcome.values)
+                    if effect is not None:
+                        if outcome.violation:
+                            self.violations[len(self.outcomes)] = outcome.violation
+                        own.append((*effect, len(self.outcomes)))
+                        self.outcomes.append((outcome.values, outcome.weight))
+                choices[bits] = own
+            if transition.is_shared:
+                self._choices[transition] = choices
+        return choices
+
+
+def _prune(diagram: DecisionDiagram) -> None:
+    """Drop nodes without a world and arcs to them, bottom up; then nodes that no arc reaches any more."""
+    children, roots = diagram.system.tree.children, diagram.system.tree.roots
+    numbers: list[list[int] | None] = [None] * len(diagram.arcs)  # node -> new number, -1 if dropped
+    for step in range(len(diagram.arcs) - 1, -1, -1):
+        _renumber_targets(diagram, step, numbers)
+        numbers[step] = _keep(diagram, step, set(diagram.arcs[step].sources))
+    if not diagram.has_worlds:
+        for step, arcs in enumerate(diagram.arcs):
+            diagram.arcs[step], diagram.sizes[step] = Arcs([], tuple([[] for _ in arcs.targets]), []), 0
+    elif any(numbers) and any(len(own) > 1 for own in children):  # without branches all nodes stay reachable
+        is_first = set(roots)
+        reached: dict[int, set[int]] = {}
+        numbers = [None] * len(diagram.arcs)
+        for step, own in enumerate(children):
+            if step not in is_first:
+                numbers[step] = _keep(diagram, step, reached.pop(step))
+            for child, targets in zip(own, diagram.arcs[step].targets, strict=True):
+                reached[child] = set(targets)
+        for step in range(len(children)):
+            _renumber_targets(diagram, step, numbers)
+
+
+def _renumber_targets(diagram: DecisionDiagram, step: int, numbers: Sequence[list[int] | None]) -> None:
+    """Drop the arcs of a step to dropped nodes, and renumber the targets of the others."""
+    own = [numbers[child] for child in diagram.system.tree.children[step]]
+    if not any(own):
+        return
+    sources, targets, outcomes = diagram.arcs[step]
+    renumbered = [
+        branch if new is None else [new[target] for target in branch]
+        for branch, new in zip(targets, own, strict=True)
+    ]
+    kept = [i for i, arc in enumerate(zip(*renumbered, strict=True)) if min(arc) >= 0]
+    diagram.arcs[step] = Arcs(
+        [sources[i] for i in kept],
+        tuple([[branch[i] for i in kept] for branch in renumbered]),
+        [outcomes[i] for i in kept],
+    )
+
+
+def _keep(diagram: DecisionDiagram, step: int, nodes: set[int]) -> list[int] | None:
+    """Drop the other nodes of a step with their arcs; return the new numbers, None if all are kept."""
+    if len(nodes) == diagram.sizes[step]:
+        return None
+    numbers = [-1] * diagram.sizes[step]
+    for number, node in enumerate(sorted(nodes)):
+        numbers[node] = number
+    sources, targets, outcomes = diagram.arcs[step]
+    kept = [i for i, source in enumerate(sources) if numbers[source] >= 0]
+    diagram.arcs[step] = Arcs(
+        [numbers[sources[i]] for i in kept],
+        tuple([[branch[i] for i in kept] for branch in targets]),
+        [outcomes[i] for i in kept],
+    )
+    diagram.sizes[step] = len(nodes)
+    return numbers
+
+
+def _make_error(diagram: DecisionDiagram, step: int, arc: int, violation: ConditionViolation) -> ProgramError:
+    """Make the error for a violated condition, with a world that contains the arc."""
+    tree = diagram.system.tree
+    parents = {child: parent for parent, own in enumerate(tree.children) for child in own}
+    chosen = {step: arc}  # step -> arc, for the step and those above it
+    below = step
+    while below in parents:
+        above = parents[below]
+        node = diagram.arcs[below].sources[chosen[below]]
+        branch = diagram.arcs[above].targets[tree.children[above].index(below)]
+        chosen[above], below = branch.index(node), above
+    nodes = dict.fromkeys(tree.roots, 0)
+    path: list[int] = []
+    for current, arcs in enumerate(diagram.arcs):
+        own = chosen[current] if current in chosen else arcs.sources.index(nodes[current])
+        path.append(arcs.outcomes[own])
+        for child, targets in zip(tree.children[current], arcs.targets, strict=True):
+            nodes[child] = targets[own]
+    world = decode_world(diagram.system, [diagram.outcomes[outcome][0] for outcome in path])
+    program = diagram.system.program
+    names = [program.names[term] for term in tree.order[step]]
+    message = violation.format(program.source.statements, names)
+    return ProgramError(f"{message}, in the world {format_world(world)}")
+
+
+def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
+    """Convert the outcomes of all steps to term -> value, sorted by term."""
+    program = system.program
+    world = {}
+    for terms, values in zip(system.tree.order, outcomes, strict=True):
+        for term, value in zip(terms, values, strict=True):
+            if value < len(program.values[term]):
+                world[program.names[term]] = program.values[term][value]
+    return dict(sorted(world.items()))
