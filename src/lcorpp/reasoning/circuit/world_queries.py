@@ -100,53 +100,42 @@ class WorldQueries:
         arcs_of, diagram = self._list_arcs(evidence), self.diagram
         if arcs_of is None:
             return {}
-        tree, terms = diagram.system.tree, diagram.system.program.values
+        tree, program = diagram.system.tree, diagram.system.program
         queried = diagram.system.term_numbers.get(query)
-        on_path, index = self._position_of[queried] if queried is not None else (-1, 0)
-        by_value: dict[int, list[Any]] = {}  # outcome of the query -> the sums of the step `on_path`
-        sums: dict[int, list[Any]] = {}  # step -> node -> sum over its partial worlds
+        query_step, index = self._position_of[queried] if queried is not None else (-1, 0)
+        # step -> outcome of the query, None below and beside its step -> node -> sum over partial worlds
+        sums: dict[int, dict[int | None, list[Any]]] = {}
         for step in range(len(arcs_of) - 1, -1, -1):
             sources, targets, labels = arcs_of[step]
-            factors = [numbers[label] for label in labels]
-            branch: Sequence[int] | None = None  # the nodes of the branch with the query
-            for child, own in zip(tree.children[step], targets, strict=True):
-                if child == on_path and by_value:
-                    branch = own
-                else:
-                    below = sums.pop(child)
-                    factors = [factor * below[node] for factor, node in zip(factors, own, strict=True)]
-            size = diagram.sizes[step]
-            if branch is not None:
-                by_value = {
-                    value: _sum_by_source(
-                        sources, [f * above[node] for f, node in zip(factors, branch, strict=True)], size
-                    )
-                    for value, above in by_value.items()
+            products: dict[int | None, list[Any]] = {None: [numbers[label] for label in labels]}
+            for child, nodes in zip(tree.children[step], targets, strict=True):
+                below = sums.pop(child)
+                products = {
+                    (a if b is None else b): [f * own[node] for f, node in zip(factors, nodes, strict=True)]
+                    for a, factors in products.items()
+                    for b, own in below.items()
                 }
-                on_path = step
-            elif step == on_path:
+            if step == query_step:
                 values = [diagram.outcomes[label][0][index] for label in labels]
-                for value in set(values):
-                    kept = [k for k, own_value in enumerate(values) if own_value == value]
-                    by_value[value] = _sum_by_source(
-                        [sources[k] for k in kept], [factors[k] for k in kept], size
-                    )
-            else:
-                sums[step] = _sum_by_source(sources, factors, size)
-                if scale and (len(tree.children[step]) > 1 or not step % 8):
-                    _rescale([sums[step]])
-                continue
-            if scale and not step % 8:
-                _rescale(by_value.values())
-        others = [sums[root][0] for root in tree.roots if root in sums]
-        factor = prod(others) if not scale else float(all(others))
-        if queried is None:
-            return {"": factor}
-        weights: dict[str, Any] = {}
-        for value, own in by_value.items():
-            name = terms[queried][value] if value < len(terms[queried]) else ""
-            weights[name] = weights.get(name, 0) + own[0] * factor
-        return weights
+                products = {
+                    value: [f if v == value else 0 for f, v in zip(products[None], values, strict=True)]
+                    for value in set(values)
+                }
+            size = diagram.sizes[step]
+            sums[step] = {a: _sum_by_source(sources, factors, size) for a, factors in products.items()}
+            if scale and (len(targets) > 1 or not step % 8):
+                _rescale(sums[step].values())
+        weights: dict[int | None, Any] = {None: 1}
+        for root in tree.roots:
+            own = {a: float(x[0] > 0) if a is None and scale else x[0] for a, x in sums[root].items()}
+            weights = {(a if b is None else b): x * y for a, x in weights.items() for b, y in own.items()}
+        result: dict[str, Any] = {}
+        for value, weight in weights.items():
+            if weight:
+                names = program.values[queried] if queried is not None and value is not None else ()
+                name = names[value] if value is not None and value < len(names) else ""
+                result[name] = result.get(name, 0) + weight
+        return result
 
     def count(self) -> int:
         """Count the possible worlds."""

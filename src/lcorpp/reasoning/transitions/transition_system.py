@@ -219,7 +219,7 @@ class _TransitionBuilder:
         else:
             template.is_shared = True
         bits = [0] * (template.n_slots + 1)  # the last is bits[NO_SLOT]
-        reader = step if step >= 0 else steps[-1]
+        reader = step if step >= 0 else max(steps, default=-1)
         for parent in template.parents:
             self._children[steps[parent.rank]].append((template, parent, bits, reader))
         return template, bits
