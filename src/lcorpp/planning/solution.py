@@ -111,13 +111,16 @@ class BoundsRecord:
         """Wall-clock seconds so far."""
         return monotonic() - self.began
 
-    def update(self, lower: Array, upper: Array, vectors: int) -> None:
+    def update(self, lower: Sequence[float], upper: Sequence[float], vectors: int) -> None:
         """Record the bounds (N,) at the starts; rounding may make them cross."""
-        self.widest = int((upper - lower).argmax())
-        self.lower = float(lower[self.widest])
-        self.upper = max(self.lower, float(upper[self.widest]))
-        if not self.history or (self.lower, self.upper) != self.history[-1][1:3]:
-            self.history.append((self.seconds, self.lower, self.upper, vectors))
+        widest, low, high = 0, lower[0], upper[0]
+        for i in range(1, len(lower)):  # N is small, numpy would be slow
+            if upper[i] - lower[i] > high - low:
+                widest, low, high = i, lower[i], upper[i]
+        high = max(low, high)
+        if not self.history or low != self.lower or high != self.upper:
+            self.history.append((self.seconds, low, high, vectors))
+        self.widest, self.lower, self.upper = widest, low, high
 
     def make_progress(self, *, vectors: int, beliefs: int, trials: int) -> Progress:
         """Return the current state for a callback."""

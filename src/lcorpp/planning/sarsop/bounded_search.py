@@ -222,10 +222,12 @@ class BoundedSearch:
 
     def _update_record(self) -> None:
         """Record the bounds at the roots."""
-        tree = self.bounds.tree
-        lower = np.array([tree.lower_bound(root) for root in self.roots])
-        upper = np.array([tree.upper_bound(root) for root in self.roots])
-        k = int((lower - upper).argmax())
-        if lower[k] > upper[k] + CROSSING_TOLERANCE * self.bounds.max_abs_value:
-            raise RuntimeError(f"the bounds cross: {lower[k]} > {upper[k]}; this is a bug in lcorpp")
-        self.record.update(lower, np.maximum(lower, upper), tree.vector_count)
+        tree, tolerance = self.bounds.tree, CROSSING_TOLERANCE * self.bounds.max_abs_value
+        lower = [tree.lower_bound(root) for root in self.roots]
+        upper = []
+        for root, low in zip(self.roots, lower, strict=True):
+            high = tree.upper_bound(root)
+            if low > high + tolerance:
+                raise RuntimeError(f"the bounds cross: {low} > {high}; this is a bug in lcorpp")
+            upper.append(max(low, high))
+        self.record.update(lower, upper, tree.vector_count)
