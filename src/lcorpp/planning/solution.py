@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from time import monotonic
 
 from lcorpp.notebook import html_table
@@ -105,6 +106,7 @@ class BoundsRecord:
     def __init__(self, pomdp: Pomdp, starts: Sequence[Belief] | Array, began: float) -> None:
         self.pomdp, self.starts, self.began = pomdp, starts, began
         self.history: list[tuple[float, float, float, int]] = []
+        self.widest, self.lower, self.upper = 0, -inf, inf
 
     @property
     def seconds(self) -> float:
