@@ -113,13 +113,25 @@ class BoundsRecord:
         """Wall-clock seconds so far."""
         return monotonic() - self.began
 
-    def update(self, lower: Sequence[float], upper: Sequence[float], vectors: int) -> None:
-        """Record the bounds (N,) at the starts; rounding may make them cross."""
-        widest, low, high = 0, lower[0], upper[0]
-        for i in range(1, len(lower)):  # N is small, numpy would be slow
-            if upper[i] - lower[i] > high - low:
-                widest, low, high = i, lower[i], upper[i]
-        high = max(low, high)
+    def update(
+        self, lower: Sequence[float], upper: Sequence[float], vectors: int, *, tolerance: float = inf
+    ) -> None:
+        """Record the bounds (N,) at the starts.
+
+        Args:
+            tolerance: largest difference by which rounding may make them cross.
+        """
+        widest, largest, smallest = 0, -inf, inf
+        for i, high in enumerate(upper):  # N is small, numpy would be slow
+            gap = high - lower[i]
+            if gap > largest:
+                widest, largest = i, gap
+            if gap < smallest:
+                smallest = gap
+        if smallest < -tolerance:
+            raise RuntimeError(f"the bounds cross by {-smallest}; this is a bug in lcorpp")
+        low = lower[widest]
+        high = max(low, upper[widest])
         if not self.history or low != self.lower or high != self.upper:
             self.history.append((self.seconds, low, high, vectors))
         self.widest, self.lower, self.upper = widest, low, high

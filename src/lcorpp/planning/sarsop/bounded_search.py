@@ -140,6 +140,7 @@ class BoundedSearch:
         self.trials = 0
         root_beliefs = [bounds.tree.belief(root) for root in self.roots]
         self.record = BoundsRecord(bounds.pomdp, root_beliefs, began)
+        self._tolerance = CROSSING_TOLERANCE * bounds.max_abs_value
         self._update_record()
 
     @property
@@ -222,12 +223,7 @@ class BoundedSearch:
 
     def _update_record(self) -> None:
         """Record the bounds at the roots."""
-        tree, tolerance = self.bounds.tree, CROSSING_TOLERANCE * self.bounds.max_abs_value
-        lower = [tree.lower_bound(root) for root in self.roots]
-        upper = []
-        for root, low in zip(self.roots, lower, strict=True):
-            high = tree.upper_bound(root)
-            if low > high + tolerance:
-                raise RuntimeError(f"the bounds cross: {low} > {high}; this is a bug in lcorpp")
-            upper.append(max(low, high))
-        self.record.update(lower, upper, tree.vector_count)
+        tree, roots = self.bounds.tree, self.roots
+        lower = [tree.lower_bound(root) for root in roots]
+        upper = [tree.upper_bound(root) for root in roots]
+        self.record.update(lower, upper, tree.vector_count, tolerance=self._tolerance)
