@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from time import monotonic
 
 from lcorpp.notebook import html_table
@@ -105,19 +106,35 @@ class BoundsRecord:
     def __init__(self, pomdp: Pomdp, starts: Sequence[Belief] | Array, began: float) -> None:
         self.pomdp, self.starts, self.began = pomdp, starts, began
         self.history: list[tuple[float, float, float, int]] = []
+        self.widest, self.lower, self.upper = 0, -inf, inf
 
     @property
     def seconds(self) -> float:
         """Wall-clock seconds so far."""
         return monotonic() - self.began
 
-    def update(self, lower: Array, upper: Array, vectors: int) -> None:
-        """Record the bounds (N,) at the starts; rounding may make them cross."""
-        self.widest = int((upper - lower).argmax())
-        self.lower = float(lower[self.widest])
-        self.upper = max(self.lower, float(upper[self.widest]))
-        if not self.history or (self.lower, self.upper) != self.history[-1][1:3]:
-            self.history.append((self.seconds, self.lower, self.upper, vectors))
+    def update(
+        self, lower: Sequence[float], upper: Sequence[float], vectors: int, *, tolerance: float = inf
+    ) -> None:
+        """Record the bounds (N,) at the starts.
+
+        Args:
+            tolerance: largest difference by which rounding may make them cross.
+        """
+        widest, largest, smallest = 0, -inf, inf
+        for i, high in enumerate(upper):  # N is small, numpy would be slow
+            gap = high - lower[i]
+            if gap > largest:
+                widest, largest = i, gap
+            if gap < smallest:
+                smallest = gap
+        if smallest < -tolerance:
+            raise RuntimeError(f"the bounds cross by {-smallest}; this is a bug in lcorpp")
+        low = lower[widest]
+        high = max(low, upper[widest])
+        if not self.history or low != self.lower or high != self.upper:
+            self.history.append((self.seconds, low, high, vectors))
+        self.widest, self.lower, self.upper = widest, low, high
 
     def make_progress(self, *, vectors: int, beliefs: int, trials: int) -> Progress:
         """Return the current state for a callback."""

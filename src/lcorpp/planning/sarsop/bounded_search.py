@@ -140,6 +140,7 @@ class BoundedSearch:
         self.trials = 0
         root_beliefs = [bounds.tree.belief(root) for root in self.roots]
         self.record = BoundsRecord(bounds.pomdp, root_beliefs, began)
+        self._tolerance = CROSSING_TOLERANCE * bounds.max_abs_value
         self._update_record()
 
     @property
@@ -222,10 +223,7 @@ class BoundedSearch:
 
     def _update_record(self) -> None:
         """Record the bounds at the roots."""
-        tree = self.bounds.tree
-        lower = np.array([tree.lower_bound(root) for root in self.roots])
-        upper = np.array([tree.upper_bound(root) for root in self.roots])
-        k = int((lower - upper).argmax())
-        if lower[k] > upper[k] + CROSSING_TOLERANCE * self.bounds.max_abs_value:
-            raise RuntimeError(f"the bounds cross: {lower[k]} > {upper[k]}; this is a bug in lcorpp")
-        self.record.update(lower, np.maximum(lower, upper), tree.vector_count)
+        tree, roots = self.bounds.tree, self.roots
+        lower = [tree.lower_bound(root) for root in roots]
+        upper = [tree.upper_bound(root) for root in roots]
+        self.record.update(lower, upper, tree.vector_count, tolerance=self._tolerance)

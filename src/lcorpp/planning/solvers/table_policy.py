@@ -127,12 +127,12 @@ def _solve_table(
     policy = make_policy(table - table.max(axis=0) + floor)
     lower, upper = np.full(len(starts), floor), (starts @ table.T).max(axis=1)
     record, beliefs, rounds = BoundsRecord(pomdp, starts, began), 0, 0
-    record.update(lower, upper, len(policy))
+    record.update(lower.tolist(), upper.tolist(), len(policy))
     try:
         seconds = max(0.0, deadline - monotonic())
         policy = make_policy(policy_lower_bound(pomdp, table, 1e-3 * precision, seconds))
         lower = np.maximum(lower, [policy.value(start) for start in starts])
-        record.update(lower, upper, len(policy))
+        record.update(lower.tolist(), upper.tolist(), len(policy))
         while True:
             if callback is not None:
                 callback(record.make_progress(vectors=len(policy), beliefs=beliefs, trials=rounds))
@@ -143,7 +143,7 @@ def _solve_table(
             ]
             lower = np.maximum(lower, [each.lower for each in evaluations])
             beliefs, rounds = sum(each.beliefs for each in evaluations), rounds + 1
-            record.update(lower, upper, len(policy))
+            record.update(lower.tolist(), upper.tolist(), len(policy))
             if record.upper - record.lower <= precision:
                 reason = "precision reached"
                 break

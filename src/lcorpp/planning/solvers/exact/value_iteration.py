@@ -195,7 +195,7 @@ class _ValueIteration:
 
     def _update_record(self) -> None:
         low, high = self._best_values(self.lower.vectors), self._best_values(self.upper.vectors)
-        self.record.update(low, high + self.upper.shift, len(self.lower.actions))
+        self.record.update(low.tolist(), (high + self.upper.shift).tolist(), len(self.lower.actions))
 
     def make_solution(self, reason: str) -> Solution:
         """Return the result so far."""
