@@ -17,7 +17,7 @@ def test_the_example_of_two_bodies():
     a, b, c, x = system.transitions
     assert [t.live_masks for t in system.transitions] == [(0b01,), (0b10,), (0b10,), ()]
     assert (a.input_mask, x.input_mask) == (0b00, 0b10)
-    assert (a.find_effect([FALSE]), a.find_effect([TRUE])) == ((0b01, 0, 0, {}), (0, 0, 0, {}))
+    assert (a.find_effect([FALSE]), a.find_effect([TRUE])) == ((0, 0, 0, {}), (0b01, 0, 0, {}))
     assert (b.find_effect([FALSE]), b.find_effect([TRUE])) == ((0, 0, 0b01, {0b01: 0b10}), (0, 0, 0, {}))
     assert (c.find_effect([TRUE]), c.find_effect([FALSE])) == ((0b10, 0, 0, {}), (0, 0, 0, {}))
     outcomes = x.distribution.list_outcomes([0b00, 0b10])

@@ -153,19 +153,18 @@ class _Expander:
         reached_states: list[int] = []
         outcomes: list[int] = []
         for source, state in enumerate(states):
-            for sets, requires, completes, satisfied_of, outcome in choices[state & input_mask]:
-                if requires and state & requires != requires:
+            for sets, forbids, moves, targets_of, outcome in choices[state & input_mask]:
+                if state & forbids:
                     continue
                 reached = state | sets
-                if completes:
-                    satisfied = completes & ~state
-                    while satisfied:
-                        lowest = satisfied & -satisfied
-                        reached |= satisfied_of[lowest]
-                        satisfied ^= lowest
-                for true, redundant in absorptions:
-                    if reached & true:
-                        reached |= redundant
+                moved = moves & state
+                while moved:
+                    lowest = moved & -moved
+                    reached |= targets_of[lowest]
+                    moved ^= lowest
+                for satisfied, redundant in absorptions:
+                    if reached & satisfied:
+                        reached &= ~redundant
                 sources.append(source)
                 reached_states.append(reached)
                 outcomes.append(outcome)

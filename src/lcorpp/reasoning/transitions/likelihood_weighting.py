@@ -116,16 +116,16 @@ class _WorldSampler:
             if not choices or cumulative[-1] == 0:
                 return None
             at = bisect_right(cumulative, self._random.random() * cumulative[-1]) if len(choices) > 1 else 0
-            _, (sets, requires, completes, satisfied_of), outcome = choices[min(at, len(choices) - 1)]
+            _, (sets, forbids, moves, targets_of), outcome = choices[min(at, len(choices) - 1)]
             weight *= cumulative[-1]
-            if requires and state & requires != requires:
+            if state & forbids:
                 return None
             following = state | sets
-            satisfied = completes & ~state
-            while satisfied:
-                lowest = satisfied & -satisfied
-                following |= satisfied_of[lowest]
-                satisfied ^= lowest
+            moved = moves & state
+            while moved:
+                lowest = moved & -moved
+                following |= targets_of[lowest]
+                moved ^= lowest
             for child, mask in zip(tree.children[step], transition.live_masks, strict=True):
                 states[child] = following & mask
             if queried is not None and queried in terms:

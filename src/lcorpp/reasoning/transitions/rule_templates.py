@@ -11,7 +11,7 @@ a cycle, for the reduct.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -20,41 +20,28 @@ from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, Ground
 
 DERIVE, SELECT, RANGE, ASSIGN, FORBID = ClauseKind  # access to the members of an Enum is slow
 
-Conditions = Sequence[tuple[int, int]]
+Conditions = tuple[tuple[int, int], ...]
 """(index of a term in its component, mask of the outcomes that satisfy the literal), for each literal."""
+
+RankedBody = tuple[tuple[int, Conditions], ...]
+"""The literals of a body about other components: (rank, conditions on the terms of that step), by rank."""
 
 NO_SLOT = -1
 """The slot of what needs no bit."""
 
 
 class BodyUpdate(NamedTuple):
-    """How a step updates a body.
+    """How a step updates a body: if the conditions hold, the step satisfies its part of the body.
 
     conditions: on the terms that the step decides.
-    falsified_slot: of the bit for "a literal is false", `NO_SLOT` if only this step matters for the body.
-    is_last: whether no later step matters for the body.
-    satisfied_slot: of the bit for "a body is satisfied", `NO_SLOT` for a constraint.
+    pending_slot: of the bit for "the parts of earlier steps are satisfied", `NO_SLOT` if there are none.
+    target_slot: of the bit for "the part of this step is satisfied, too", which is the body if this step is
+        the last; `NO_SLOT` for the last step of a constraint.
     """
 
     conditions: Conditions
-    falsified_slot: int
-    is_last: bool
-    satisfied_slot: int
-
-
-@dataclass(slots=True, eq=False)
-class RankedBody:
-    """The literals of a body about other components, by the ranks of the steps that decide their terms.
-
-    conditions: (rank, conditions on the terms of that step), sorted by rank.
-    first, last: the lowest and highest rank.
-    falsified_slot: of the bit for "a literal is false", `NO_SLOT` if `first` is `last`.
-    """
-
-    conditions: Sequence[tuple[int, Conditions]]
-    first: int
-    last: int
-    falsified_slot: int = NO_SLOT
+    pending_slot: int
+    target_slot: int
 
 
 @dataclass(slots=True, eq=False)
@@ -65,6 +52,9 @@ class ClauseGroup:
     own_literals: its literals about the component itself; a clause with such literals has its own group.
     always_true: whether one of the bodies has no literals about other components.
     satisfied_slot: of the bit for "a body is satisfied", `NO_SLOT` if `always_true`.
+    bodies: the literals of each body about other components; empty if `always_true`.
+    pending: (slot, first, last): the slots for partly decided bodies, with the ranks between which they are
+        in use.
     """
 
     clause: Clause
@@ -72,6 +62,7 @@ class ClauseGroup:
     always_true: bool = False
     satisfied_slot: int = NO_SLOT
     bodies: list[RankedBody] = field(default_factory=list)
+    pending: Sequence[tuple[int, int, int]] = ()
 
 
 @dataclass(eq=False)
@@ -94,14 +85,14 @@ class Parent:
     @cached_property
     def slots(self) -> list[int]:
         """The slots of all bits that the step reads or writes."""
-        slots = {slot for update in self.updates for slot in (update.falsified_slot, update.satisfied_slot)}
-        slots.update([body.falsified_slot for group in self.clause_groups for body in group.bodies])
+        slots = {slot for _, *own in self.updates for slot in own}
+        slots.update([slot for group in self.clause_groups for slot, _, _ in group.pending])
         return sorted(slots)
 
 
 @dataclass(slots=True, eq=False)
 class RuleTemplate:
-    """The clauses of a component, or constraints over the same terms, without the names of other terms.
+    """The clauses of a component, or constraints with the same last step, without the names of other terms.
 
     terms: the terms of the first component with this template, none for constraints. Other components with
         the template have terms with the same range and the same statements, and no interventions.
@@ -150,7 +141,7 @@ class RuleTemplate:
             group = groups.get(key)
             if group is None:
                 group = groups[key] = ClauseGroup(clause, own_literals)
-            if body.conditions:
+            if body:
                 group.bodies.append(body)
             else:
                 group.always_true = True
@@ -162,11 +153,11 @@ class RuleTemplate:
                 group.bodies = []
             else:
                 group.satisfied_slot = template._add_slot()
-                parents[min([body.last for body in group.bodies])].allocates.append(group.satisfied_slot)
+                parents[min([body[-1][0] for body in group.bodies])].allocates.append(group.satisfied_slot)
         for group in template.clause_groups:
-            template._register_bodies(group.bodies, group.satisfied_slot)
+            group.pending = template._register_bodies(group.bodies, group.satisfied_slot)
             if len(group.bodies) > 1:
-                for rank in {rank for body in group.bodies for rank, _ in body.conditions}:
+                for rank in {rank for body in group.bodies for rank, _ in body}:
                     parents[rank].clause_groups.append(group)
         # steps that occur only in groups that are always true do not matter
         template.parents = [parent for parent in parents if parent.updates]
@@ -176,21 +167,43 @@ class RuleTemplate:
     def from_constraints(
         cls, clauses: Sequence[Clause], places: Mapping[int, tuple[int, int]], outcomes: Sequence[int]
     ) -> RuleTemplate:
-        """Create the template of constraints over the same terms; arguments as in `from_clauses`."""
+        """Create the template of constraints; arguments as in `from_clauses`."""
         template = cls((), [], _create_parents(places))
         template._register_bodies([_split_body(clause, places, outcomes)[1] for clause in clauses], NO_SLOT)
         return template
 
-    def _register_bodies(self, bodies: Sequence[RankedBody], satisfied_slot: int) -> None:
-        """Add to the parents the updates of bodies with the same head."""
+    def _register_bodies(
+        self, bodies: Iterable[RankedBody], satisfied_slot: int
+    ) -> list[tuple[int, int, int]]:
+        """Add to the parents the updates of bodies with the same head.
+
+        What remains of two bodies may be equal; it then has one slot, so that partial worlds with the same
+        future have the same state.
+
+        Returns:
+            As `ClauseGroup.pending`.
+        """
+        slot_of: dict[RankedBody, int] = {}  # rest of a body -> slot
+        first: dict[int, int] = {}  # slot -> the rank of the first step that may set its bit
+        updates: dict[tuple[int, BodyUpdate], None] = {}
         for body in bodies:
-            if body.last > body.first:
-                body.falsified_slot = self._add_slot()
-                self.parents[body.first].allocates.append(body.falsified_slot)
-                self.parents[body.last].releases.append(body.falsified_slot)
-            for rank, conditions in body.conditions:
-                update = BodyUpdate(conditions, body.falsified_slot, rank == body.last, satisfied_slot)
-                self.parents[rank].updates.append(update)
+            pending = NO_SLOT
+            for i, (rank, conditions) in enumerate(body):
+                rest, target = body[i + 1 :], satisfied_slot
+                if rest:
+                    if rest not in slot_of:
+                        slot_of[rest] = self._add_slot()
+                    target = slot_of[rest]
+                    first[target] = min(first.get(target, rank), rank)
+                updates[rank, BodyUpdate(conditions, pending, target)] = None
+                pending = target
+        for rank, update in updates:
+            self.parents[rank].updates.append(update)
+        spans = [(slot, first[slot], rest[0][0]) for rest, slot in slot_of.items()]
+        for slot, start, end in spans:
+            self.parents[start].allocates.append(slot)
+            self.parents[end].releases.append(slot)
+        return spans
 
     def _add_slot(self) -> int:
         self.n_slots += 1
@@ -223,14 +236,11 @@ def _split_body(
             masks[term] = masks.get(term, outcomes[term]) & literal[1]
         else:
             own_literals.append(literal)
-    if not masks:
-        return own_literals, RankedBody((), 0, 0)
     by_rank: dict[int, list[tuple[int, int]]] = {}
     for term, mask in masks.items():
         rank, index = places[term]
         by_rank.setdefault(rank, []).append((index, mask))
-    conditions = sorted(by_rank.items())
-    return own_literals, RankedBody(conditions, conditions[0][0], conditions[-1][0])
+    return own_literals, tuple([(rank, tuple(sorted(by_rank[rank]))) for rank in sorted(by_rank)])
 
 
 def describe_structure(

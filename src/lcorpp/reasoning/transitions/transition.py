@@ -1,9 +1,9 @@
 """Compilation, step 2: transitions, the effect of deciding one component on the state.
 
-The state is an integer. It describes the bodies whose terms are partly decided, by two kinds of bits:
-*falsified* (a literal of the body is false) and *satisfied* (this body, or one of several bodies with the
-same head, is true). Partial worlds with equal bits have the same future and become one state; so it does not
-matter which die shows the six, or which block is where.
+The state is an integer. Its bits describe the bodies whose terms are partly decided: *pending* (the literals
+decided so far are true) and *satisfied* (one of the bodies with a certain head is true). Partial worlds with
+equal bits have the same future and become one state; so it does not matter which die shows the six, or which
+block is where.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from lcorpp.reasoning.transitions.local_distribution import LocalDistribution
 from lcorpp.reasoning.transitions.rule_templates import Child, Conditions
 
 Effect = tuple[int, int, int, Mapping[int, int]]
-"""The effect of an outcome on a state: (sets, requires, completes, satisfied_of).
+"""The effect of an outcome on a state: (sets, forbids, moves, targets_of).
 
 sets: bits to set.
-requires: falsified bits without which the world is impossible (constraints).
-completes: the falsified bits of the bodies whose last step this is.
-satisfied_of: if a bit in completes is not set in the state, set the bit to which this maps it.
+forbids: bits with one of which the world is impossible (constraints).
+moves: pending bits of bodies of which the outcome satisfies a further part.
+targets_of: if a bit of `moves` is set in the state, the bits to set.
 """
 
 MAX_ABSORBING_GROUPS = 64
 """A transition looks for redundant bits in at most this many clause groups. Beyond, equivalent states may
 remain distinct, which costs time and does not change answers."""
 
-_Update = tuple[int, bool, int]
-"""A body that an outcome does not falsify: its falsified bit (0 if none), whether this is its last step, and
-its satisfied bit (0 for a constraint)."""
+_Update = tuple[int, int]
+"""A body of which an outcome satisfies a part: its pending bit, 0 if it begins at this step; and the bit to
+set, 0 for a constraint, which is then violated."""
 
 
 class Transition:
@@ -44,12 +44,12 @@ class Transition:
         children: the components and constraints whose bodies the step updates.
         live_masks: the bits that each branch after the step needs.
 
-    absorptions: pairs (satisfied, falsified bits): once a body of a group is satisfied, the others are
+    absorptions: pairs (satisfied, pending bits): once a body of a group is satisfied, the others are
         irrelevant.
     is_shared: whether several steps of the system have this transition.
     """
 
-    __slots__ = ("_conditional_updates", "_effects", "_open_bits", "_relevant", "_updates_of", "absorptions",
+    __slots__ = ("_conditional_updates", "_effects", "_relevant", "_updates_of", "absorptions",
                  "distribution", "input_mask", "is_shared", "live_masks")  # fmt: skip
 
     def __init__(
@@ -63,19 +63,16 @@ class Transition:
         self.distribution, self.is_shared = distribution, False
         self.input_mask, self.live_masks = input_mask, live_masks
         self.absorptions = _find_absorptions(children)
-        self._open_bits = 0  # the falsified bits of the bodies that continue
         self._effects: dict[object, Effect | None] = {}
-        # one term: outcome -> the bodies it does not falsify; several terms: all bodies with their conditions
+        # one term: outcome -> the bodies of which it satisfies a part; several: all, with their conditions
         self._updates_of: defaultdict[int, list[_Update]] = defaultdict(list)
         self._conditional_updates: list[tuple[Conditions, _Update]] = []
         self._relevant: list[int] | None = (
             None  # indexes of the terms in conditions, if there are several terms
         )
         for _, parent, bits, _ in children:
-            for conditions, falsified_slot, is_last, satisfied_slot in parent.updates:
-                update = bits[falsified_slot], is_last, bits[satisfied_slot]
-                if not is_last:
-                    self._open_bits |= update[0]
+            for conditions, pending_slot, target_slot in parent.updates:
+                update = bits[pending_slot], bits[target_slot]
                 if n_terms > 1:
                     self._conditional_updates.append((conditions, update))
                     continue
@@ -109,25 +106,23 @@ class Transition:
         return self._effects[key]
 
     def _compute_effect(self, updates: Iterable[_Update]) -> Effect | None:
-        sets, requires, completes = self._open_bits, 0, 0
-        satisfied_of: dict[int, int] = {}
-        for falsified, is_last, satisfied in updates:
-            if not is_last:
-                sets &= ~falsified
-            elif not satisfied:
-                if not falsified:
+        sets, forbids, moves = 0, 0, 0
+        targets_of: dict[int, int] = {}
+        for pending, target in updates:
+            if not pending:
+                if not target:
                     return None
-                requires |= falsified
-            elif not falsified:
-                sets |= satisfied
+                sets |= target
+            elif not target:
+                forbids |= pending
             else:
-                completes |= falsified
-                satisfied_of[falsified] = satisfied
-        return sets, requires, completes, satisfied_of
+                moves |= pending
+                targets_of[pending] = targets_of.get(pending, 0) | target
+        return sets, forbids, moves, targets_of
 
 
 def _find_absorptions(children: Sequence[Child]) -> list[tuple[int, int]]:
-    """Pair the satisfied bit of each clause group with the falsified bits of its partly decided bodies."""
+    """Pair the satisfied bit of each clause group with the pending bits of its partly decided bodies."""
     begun = [
         (group, parent.rank, bits)
         for _, parent, bits, _ in children
@@ -139,7 +134,7 @@ def _find_absorptions(children: Sequence[Child]) -> list[tuple[int, int]]:
     pairs = []
     for group, rank, bits in begun:
         # different bits, so their sum is their union
-        open_bits = sum([bits[b.falsified_slot] for b in group.bodies if b.first <= rank < b.last])
-        if open_bits:
-            pairs.append((bits[group.satisfied_slot], open_bits))
+        pending = sum([bits[slot] for slot, first, last in group.pending if first <= rank < last])
+        if pending:
+            pairs.append((bits[group.satisfied_slot], pending))
     return pairs

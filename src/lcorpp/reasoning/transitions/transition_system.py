@@ -7,12 +7,13 @@ for bodies, not for terms. Example, decided in the order a, b, c, x:
 
 The component x is a *child* of the steps a, b and c, its *parents* (as in a Bayesian network; their *ranks*
 are 0, 1 and 2). Its *rule template* needs two bits, each in a *slot*: slot 0 for "a body of x=true is
-satisfied" and slot 1 for "the first body is falsified". The second body needs no bit, as one step decides it.
+satisfied" and slot 1 for "a=true, so the first body is pending". The second body needs no bit for itself, as
+one step decides it.
 The builder gives each slot a bit of the state for as long as it is needed, as in register allocation:
 
     step  effect of the outcome on the state                   bits in use afterwards
-    a     a=false sets bit 1                                   1 (slot 1)
-    b     b=false sets bit 2, unless bit 1 is set              2 (slot 0)
+    a     a=true sets bit 1                                    1 (slot 1)
+    b     b=false sets bit 2 if bit 1 is set                   2 (slot 0)
     c     c=true sets bit 2                                    2 (slot 0)
     x     x=true if bit 2 is set, otherwise x has no value     none
 
@@ -153,12 +154,11 @@ class _TransitionBuilder:
         self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
         self._probabilities: ProbabilityCache = {}
         own_clauses: list[list[Clause]] = [[] for _ in order]
-        constraints: dict[
-            tuple[int, ...], list[Clause]
-        ] = {}  # the terms of the body, in its order -> clauses
+        constraints: dict[int, list[Clause]] = {}  # the last step of the body -> clauses
         for clause in clauses:
             if clause.term < 0:  # a constraint has no head
-                constraints.setdefault(tuple([literal[0] for literal in clause.body]), []).append(clause)
+                last = max([self._step_of[literal[0]] for literal in clause.body], default=-1)
+                constraints.setdefault(last, []).append(clause)
             else:
                 own_clauses[self._step_of[clause.term]].append(clause)
         count_by_size = Counter(map(len, own_clauses))
@@ -178,7 +178,7 @@ class _TransitionBuilder:
         Args:
             step: the step that decides the component, -1 for constraints.
             terms: the terms of the component; none for constraints.
-            clauses: the clauses of the component, or constraints over the same terms.
+            clauses: the clauses of the component, or constraints with the same last step.
             has_equal_sized: whether another component has the same number of clauses; only then can the
                 template be shared.
 
