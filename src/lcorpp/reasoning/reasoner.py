@@ -249,7 +249,7 @@ class Reasoner:
     ) -> Distribution:
         from lcorpp.reasoning.distributions import estimate_marginal  # imports numpy
 
-        system = build_transition_system(ground_program(self.program, do))
+        system = build_transition_system(ground_program(self.program, do), (term, *facts))
         warn_of_estimate(reason, self.samples)
         return estimate_marginal(system, term, facts, self.samples)
 

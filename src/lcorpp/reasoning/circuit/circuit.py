@@ -246,9 +246,9 @@ class Circuit:
     def world_queries(self) -> WorldQueries:
         """Queries about whole worlds; a loaded circuit expands its program when it first needs them."""
         if self._world_queries is None:
-            self._world_queries = WorldQueries(
-                build_decision_diagram(build_transition_system(ground_program(self.program, self.do)))
-            )
+            ground = ground_program(self.program, self.do)
+            system = build_transition_system(ground, (*self.inputs, *self.queries))
+            self._world_queries = WorldQueries(build_decision_diagram(system))
         return self._world_queries
 
     def exact(self, evidence: Mapping[str, str]) -> dict[str, Fraction] | dict[str, dict[str, Fraction]]:

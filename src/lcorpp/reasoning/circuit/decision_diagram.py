@@ -24,6 +24,7 @@ from typing import NamedTuple
 from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.gc_pause import pause_gc
+from lcorpp.reasoning.transitions.linear_recursion import derive_values
 from lcorpp.reasoning.transitions.local_distribution import ConditionViolation
 from lcorpp.reasoning.transitions.transition import Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
@@ -147,7 +148,7 @@ class _Expander:
     def expand(self, transition: Transition, states: Sequence[int], max_arcs: int) -> _Levels:
         """Return the arcs and the states after the step; stop soon after `max_arcs` arcs."""
         input_mask, live_masks = transition.input_mask, transition.live_masks
-        absorptions = transition.absorptions
+        absorptions, closures = transition.absorptions, transition.closures
         choices = self._list_choices(transition, {state & input_mask for state in states})
         sources: list[int] = []
         reached_states: list[int] = []
@@ -165,6 +166,8 @@ class _Expander:
                 for satisfied, redundant in absorptions:
                     if reached & satisfied:
                         reached &= ~redundant
+                for closure in closures:
+                    reached = closure.apply(reached)
                 sources.append(source)
                 reached_states.append(reached)
                 outcomes.append(outcome)
@@ -284,9 +287,16 @@ def _make_error(diagram: DecisionDiagram, step: int, arc: int, violation: Condit
 def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
     """Convert the outcomes of all steps to term -> value, sorted by term."""
     program = system.program
-    world = {}
-    for terms, values in zip(system.tree.order, outcomes, strict=True):
-        for term, value in zip(terms, values, strict=True):
-            if value < len(program.values[term]):
-                world[program.names[term]] = program.values[term][value]
+    outcome_of = {
+        term: value
+        for terms, values in zip(system.tree.order, outcomes, strict=True)
+        for term, value in zip(terms, values, strict=True)
+    }
+    for component, clauses in system.recursions:
+        outcome_of |= derive_values(program, component, clauses, outcome_of)
+    world = {
+        program.names[term]: program.values[term][value]
+        for term, value in outcome_of.items()
+        if value < len(program.values[term])
+    }
     return dict(sorted(world.items()))

@@ -21,7 +21,7 @@ Intelligence 171, 2007 (pseudo trees).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from math import log2
@@ -108,14 +108,70 @@ def build_elimination_tree(clauses: Sequence[Clause], outcomes: Sequence[int]) -
                 for i, terms in enumerate(components)
             ]
             constraints = {frozenset([component_of[term] for term in group]) for group in joint}
+    ranks = _rank_components(components, clauses)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
     sizes = [sum([bits[outcomes[term]] for term in terms]) for terms in components]
-    children, roots = _eliminate(component_needs, [group for group in constraints if len(group) > 1], sizes)
+    children, roots = _eliminate(
+        component_needs, [group for group in constraints if len(group) > 1], sizes, ranks
+    )
     return EliminationTree.from_nodes(components, children, roots)
 
 
+def _rank_components(components: Sequence[tuple[int, ...]], clauses: Iterable[Clause]) -> list[int]:
+    """Rank components in the order of the program, except for the inputs of a component of several terms.
+
+    These are decided one after the other, and the component's terms between which none is decided yet, or all
+    are, cost nothing (see `linear_recursion`): so they are ranked by the distance of the terms, as in the
+    Cuthill-McKee order of a sparse matrix.
+    """
+    ranks = list(range(len(components)))
+    if all(len(terms) == 1 for terms in components):
+        return ranks
+    component_of = {term: i for i, terms in enumerate(components) for term in terms}
+    neighbours: dict[int, set[int]] = {
+        term: set() for terms in components if len(terms) > 1 for term in terms
+    }
+    inputs: dict[int, list[tuple[int, set[int]]]] = {}  # component -> (input, terms that a clause links)
+    for clause in clauses:
+        own = component_of.get(clause.term, -1)
+        if own >= 0 and len(components[own]) > 1:
+            linked = {clause.term, *(x[0] for x in clause.body if component_of[x[0]] == own)}
+            for term in linked:
+                neighbours[term] |= linked
+            for other in {component_of[literal[0]] for literal in clause.body} - {own}:
+                inputs.setdefault(own, []).append((other, linked))
+    for own, links in inputs.items():
+        position: dict[int, int] = {}
+        for term in components[own]:
+            if term not in position:
+                end = _list_by_distance(term, neighbours)[-1]  # far from the term, so at the rim
+                for reached in _list_by_distance(end, neighbours):
+                    position[reached] = len(position)
+        key: dict[int, int] = {}
+        for other, linked in links:
+            at = max([position[term] for term in linked])
+            key[other] = min(key.get(other, at), at)
+        ordered = sorted(key, key=lambda other: (key[other], other))
+        for other, rank in zip(ordered, sorted([ranks[other] for other in ordered]), strict=True):
+            ranks[other] = rank
+    return ranks
+
+
+def _list_by_distance(start: int, neighbours: Mapping[int, set[int]]) -> list[int]:
+    """List the reachable nodes, nearest first; of equally near ones those with few neighbours first."""
+    order, seen = [start], {start}
+    for node in order:
+        new = sorted(neighbours[node] - seen, key=lambda other: (len(neighbours[other]), other))
+        seen.update(new)
+        order.extend(new)
+    return order
+
+
 def _eliminate(
-    needs: Sequence[set[int]], groups: Iterable[Iterable[int]], sizes: Sequence[float]
+    needs: Sequence[set[int]],
+    groups: Iterable[Iterable[int]],
+    sizes: Sequence[float],
+    ranks: Sequence[int],
 ) -> tuple[list[list[int]], list[int]]:
     """Eliminate components from the leaves of the tree to the roots.
 
@@ -123,6 +179,7 @@ def _eliminate(
         needs: component -> the components that must come before it.
         groups: the components of each constraint.
         sizes: the bits of each component.
+        ranks: a permutation; of equally good components the one with the highest rank is eliminated.
 
     Returns:
         (children, roots): component -> those that follow it in the tree; those that none precedes.
@@ -152,12 +209,11 @@ def _eliminate(
 
     degrees = [-1.0] * len(needs)  # of the components on the heap
     outdated = [False] * len(needs)  # whether the degree may have grown
-    heap: list[tuple[float, int]] = []
+    heap: list[tuple[float, int, int]] = []
 
     def push(i: int) -> None:
         degrees[i], outdated[i] = compute_degree(i), False
-        # of equal degrees the last in the program first, so that the steps keep the program's order
-        heappush(heap, (degrees[i], -i))
+        heappush(heap, (degrees[i], -ranks[i], i))
 
     eliminated = [False] * len(needs)
     children: list[list[int]] = [[] for _ in needs]
@@ -169,8 +225,7 @@ def _eliminate(
         else:
             while ready:
                 push(ready.pop())
-            degree, negative = heappop(heap)
-            i = -negative
+            degree, _, i = heappop(heap)
             if eliminated[i] or degree != degrees[i]:
                 continue
             if outdated[i]:

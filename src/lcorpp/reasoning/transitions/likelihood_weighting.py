@@ -126,6 +126,8 @@ class _WorldSampler:
                 lowest = moved & -moved
                 following |= targets_of[lowest]
                 moved ^= lowest
+            for closure in transition.closures:
+                following = closure.apply(following)
             for child, mask in zip(tree.children[step], transition.live_masks, strict=True):
                 states[child] = following & mask
             if queried is not None and queried in terms:

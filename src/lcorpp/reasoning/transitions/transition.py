@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 
+from lcorpp.reasoning.transitions.linear_recursion import Closure
 from lcorpp.reasoning.transitions.local_distribution import LocalDistribution
 from lcorpp.reasoning.transitions.rule_templates import Child, Conditions
 
@@ -43,13 +44,14 @@ class Transition:
         input_mask: the bits of the component's clauses, on which the distribution depends.
         children: the components and constraints whose bodies the step updates.
         live_masks: the bits that each branch after the step needs.
+        closures: of the recursive components of which the step decides rules.
 
     absorptions: pairs (satisfied, pending bits): once a body of a group is satisfied, the others are
         irrelevant.
     is_shared: whether several steps of the system have this transition.
     """
 
-    __slots__ = ("_conditional_updates", "_effects", "_relevant", "_updates_of", "absorptions",
+    __slots__ = ("_conditional_updates", "_effects", "_relevant", "_updates_of", "absorptions", "closures",
                  "distribution", "input_mask", "is_shared", "live_masks")  # fmt: skip
 
     def __init__(
@@ -59,9 +61,10 @@ class Transition:
         input_mask: int,
         children: Sequence[Child],
         live_masks: tuple[int, ...],
+        closures: Sequence[Closure],
     ) -> None:
         self.distribution, self.is_shared = distribution, False
-        self.input_mask, self.live_masks = input_mask, live_masks
+        self.input_mask, self.live_masks, self.closures = input_mask, live_masks, closures
         self.absorptions = _find_absorptions(children)
         self._effects: dict[object, Effect | None] = {}
         # one term: outcome -> the bodies of which it satisfies a part; several: all, with their conditions

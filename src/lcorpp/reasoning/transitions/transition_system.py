@@ -38,6 +38,7 @@ from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.transitions.elimination_tree import EliminationTree, build_elimination_tree
+from lcorpp.reasoning.transitions.linear_recursion import MAX_FRONTIER, Closure, LinearRecursion, is_linear
 from lcorpp.reasoning.transitions.local_distribution import (
     AcyclicTermDistribution,
     LocalDistribution,
@@ -58,6 +59,8 @@ class TransitionSystem:
     transitions: step -> the outcomes of its terms and their effect on the state.
     consistent: False if a constraint without body shows that there is no world.
     term_numbers: term as text -> its number in `program`.
+    recursions: the components with linear rules, (terms, clauses): their transitions decide only the terms
+        that other rules or queries read, see `linear_recursion.derive_values`.
     """
 
     program: GroundProgram
@@ -65,6 +68,7 @@ class TransitionSystem:
     transitions: list[Transition]
     consistent: bool
     term_numbers: dict[str, int]
+    recursions: Sequence[tuple[tuple[int, ...], Sequence[Clause]]]
 
     def __repr__(self) -> str:
         return (
@@ -83,41 +87,62 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
         clauses, outcomes = simplify(program)
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
         tree = build_elimination_tree(clauses, outcomes)
-        merged = _merge_deterministic_steps(program, clauses, tree)
+        linear = _find_linear_components(program, clauses, tree)
+        merged = _merge_deterministic_steps(program, clauses, tree, linear)
         term_numbers = {name: term for term, name in enumerate(program.names)}
         consistent = not any(c.term < 0 and not c.body for c in clauses)
         needed = {term_numbers[name] for name in queried if name in term_numbers}
-        transitions = _TransitionBuilder(program, clauses, outcomes, merged, needed).build()
+        builder = _TransitionBuilder(program, clauses, outcomes, merged, needed, linear)
+        transitions = builder.build()
         if merged is not tree and any(
             isinstance(transition.distribution, RecursiveComponent) for transition in transitions
         ):
             merged = tree  # a merged component is not stratified
-            transitions = _TransitionBuilder(program, clauses, outcomes, tree, needed).build()
-        return TransitionSystem(program, merged, transitions, consistent, term_numbers)
+            builder = _TransitionBuilder(program, clauses, outcomes, tree, needed, linear)
+            transitions = builder.build()
+        return TransitionSystem(program, merged, transitions, consistent, term_numbers, builder.recursions)
+
+
+def _find_linear_components(
+    program: GroundProgram, clauses: Sequence[Clause], tree: EliminationTree
+) -> set[tuple[int, ...]]:
+    """Find the components of several terms with linear rules."""
+    component_of = {term: terms for terms in tree.order if len(terms) > 1 for term in terms}
+    if not component_of:
+        return set()
+    own: dict[tuple[int, ...], list[Clause]] = {}
+    for clause in clauses:
+        if clause.term in component_of:
+            own.setdefault(component_of[clause.term], []).append(clause)
+    return {terms for terms, rules in own.items() if is_linear(program, terms, rules)}
 
 
 def _merge_deterministic_steps(
-    program: GroundProgram, clauses: Sequence[Clause], tree: EliminationTree
+    program: GroundProgram,
+    clauses: Sequence[Clause],
+    tree: EliminationTree,
+    linear: Collection[tuple[int, ...]],
 ) -> EliminationTree:
     """Merge each deterministic component of several terms with the deterministic steps before and after it.
 
     `Stratified` evaluates such a component for all states at once, so its deterministic inputs should be part
-    of it.
+    of it. Components with linear rules stay as they are.
     """
-    if all(len(terms) == 1 for terms in tree.order):
+    if all(len(terms) == 1 or terms in linear for terms in tree.order):
         return tree
-    random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
+    separate = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
+    separate.update([term for terms in linear for term in terms])
     first = list(range(len(tree.order)))  # step -> the first step of its run
     runs: dict[int, list[int]] = {}
     for step, terms in enumerate(tree.order):
         run = runs.setdefault(first[step], [])
         run.append(step)
         own = tree.children[step]
-        if len(own) == 1 and random.isdisjoint(terms) and random.isdisjoint(tree.order[own[0]]):
+        if len(own) == 1 and separate.isdisjoint(terms) and separate.isdisjoint(tree.order[own[0]]):
             first[own[0]] = first[step]
     terms_of, children = list(tree.order), list(tree.children)
     for start, run in runs.items():
-        if any(len(tree.order[step]) > 1 for step in run):
+        if any(len(tree.order[step]) > 1 for step in run) and len(run) > 1:
             terms_of[start] = tuple([term for step in run for term in tree.order[step]])
             children[start] = tree.children[run[-1]]
     return EliminationTree.from_nodes(terms_of, children, tree.roots)
@@ -131,6 +156,7 @@ class _TransitionBuilder:
         outcomes: the mask of the possible outcomes of each term.
         tree: the steps.
         queried: the terms whose outcomes queries read.
+        linear: the components with linear rules.
     """
 
     def __init__(
@@ -140,6 +166,7 @@ class _TransitionBuilder:
         outcomes: Sequence[int],
         tree: EliminationTree,
         queried: set[int],
+        linear: Collection[tuple[int, ...]],
     ) -> None:
         self._program, self._outcomes, self._tree, self._queried = program, outcomes, tree, queried
         order = tree.order
@@ -169,6 +196,11 @@ class _TransitionBuilder:
         count_by_size = Counter(map(len, constraints.values()))
         for own in constraints.values():
             self._add_child(-1, (), own, count_by_size[len(own)] > 1)
+        self.recursions: list[tuple[tuple[int, ...], Sequence[Clause]]] = []
+        self._recursion_of: dict[RuleTemplate, LinearRecursion] = {}
+        for step, terms in enumerate(order):
+            if terms in linear:
+                self._add_recursion(step, terms, own_clauses[step])
 
     def _add_child(
         self, step: int, terms: tuple[int, ...], clauses: Sequence[Clause], has_equal_sized: bool
@@ -224,6 +256,24 @@ class _TransitionBuilder:
             self._children[steps[parent.rank]].append((template, parent, bits, reader))
         return template, bits
 
+    def _add_recursion(self, step: int, terms: tuple[int, ...], clauses: Sequence[Clause]) -> None:
+        """Decide a component with linear rules along its parents, unless its frontier is too large."""
+        template, _ = self._components[step]
+        steps = sorted({self._step_of[x[0]] for clause in clauses for x in clause.body} - {step})
+        recursion = LinearRecursion(
+            self._program, template.clause_groups, step, steps, self._find_read_terms(template, step)
+        )
+        if 0 < recursion.width <= MAX_FRONTIER:
+            self._recursion_of[template] = recursion
+            self.recursions.append((terms, clauses))
+
+    def _find_read_terms(self, template: RuleTemplate, step: int) -> set[int]:
+        """Find the terms of a component whose outcomes queries or children read."""
+        read_terms = self._queried.intersection(template.terms)
+        for _, parent, _, _ in self._children[step]:
+            read_terms.update([template.terms[i] for update in parent.updates for i, _ in update.conditions])
+        return read_terms
+
     def build(self) -> list[Transition]:
         """Allocate the bits step by step and build the transitions."""
         allocators = {root: _BitAllocator() for root in self._tree.roots}  # step -> that of its branch
@@ -236,12 +286,22 @@ class _TransitionBuilder:
                 is_shareable &= other.is_shared
                 for slot in parent.allocates:
                     bits[slot] = allocator.allocate(reader)
+            closures: list[Closure] = []
+            released: list[tuple[list[int], int]] = []  # (bits, slot)
+            for other, _, bits, _ in children:
+                if other in self._recursion_of and self._recursion_of[other].is_touched_at(step):
+                    closure, finished = self._recursion_of[other].advance(step, bits, allocator)
+                    closures.append(closure)
+                    released += [(bits, slot) for slot in finished]
             # all bodies of the component are decided, so only bits for "satisfied" are left
-            input_mask = sum(own_bits)
-            allocator.release(own_bits)
+            recursion = self._recursion_of.get(template)
+            used_bits = own_bits if recursion is None else recursion.bits
+            input_mask = sum(used_bits)
+            # a bit is free again only now, as the transition reads it together with those allocated above
+            allocator.release(used_bits)
             for _, parent, bits, _ in children:
-                if parent.releases:
-                    allocator.release([bits[slot] for slot in parent.releases])
+                allocator.release([bits[slot] for slot in parent.releases])
+                released += [(bits, slot) for slot in parent.releases]
             following = self._tree.children[step]
             branches = [allocator] if len(following) == 1 else allocator.split(following)
             allocators.update(zip(following, branches, strict=True))
@@ -255,31 +315,33 @@ class _TransitionBuilder:
                 key = tuple(parts)
             transition = transition_of.get(key)
             if transition is None:
-                distribution = self._build_distribution(template, own_bits, children, terms)
-                transition = Transition(len(terms), distribution, input_mask, children, live_masks)
+                distribution = self._build_distribution(template, own_bits, step, terms)
+                transition = Transition(len(terms), distribution, input_mask, children, live_masks, closures)
                 if key is not None:
                     transition_of[key] = transition
             else:
                 transition.is_shared = True
             transitions.append(transition)
-            for _, parent, bits, _ in children:  # only now: the transition reads these bits for the last time
-                for slot in parent.releases:
-                    bits[slot] = 0
+            for bits, slot in released:  # only now: the transition reads these bits for the last time
+                bits[slot] = 0
         return transitions
 
     def _build_distribution(
-        self, template: RuleTemplate, bits: list[int], children: Sequence[Child], terms: tuple[int, ...]
+        self, template: RuleTemplate, bits: list[int], step: int, terms: tuple[int, ...]
     ) -> LocalDistribution:
         if not template.recursive:
             cache = self._outcomes_of.setdefault(template, {})
             return AcyclicTermDistribution(self._program, template, bits, cache, self._probabilities)
-        # the terms whose outcomes queries or children read; a single term always counts, as others share it
-        read_terms = self._queried.intersection(terms) if len(terms) > 1 else set(template.terms)
-        for _, parent, _, _ in children:
-            read_terms.update([template.terms[i] for update in parent.updates for i, _ in update.conditions])
-        clauses = [
-            (bits[group.satisfied_slot], group.clause, group.own_literals) for group in template.clause_groups
-        ]
+        # a single term always counts, as others share its distribution
+        read_terms = self._find_read_terms(template, step) if len(terms) > 1 else set(template.terms)
+        recursion = self._recursion_of.get(template)
+        if recursion is not None:
+            clauses = recursion.list_clauses()
+        else:
+            clauses = [
+                (bits[group.satisfied_slot], group.clause, group.own_literals)
+                for group in template.clause_groups
+            ]
         return build_component(self._program, template.terms, clauses, self._probabilities, read_terms)
 
 

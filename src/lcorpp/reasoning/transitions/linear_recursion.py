@@ -1,0 +1,326 @@
+"""Compilation, step 2: recursive components with linear rules, such as reachability on an uncertain map.
+
+    reach(q) :- reach(r), open(r, q).      reach(r) :- reach(q), open(r, q).
+
+The component {reach(...)} depends on all doors. Of the doors decided so far, only this matters: which atoms
+are true, and which would follow from which other, among the atoms that undecided doors or other rules name
+(the *frontier*). So the state keeps one bit for each frontier atom, "is true", and one for each pair,
+"follows from", closed under transitivity. If doors open both ways, these are the partitions of the frontier.
+The number of states then depends on the frontier, not on the number of doors.
+
+Source: the frontier method for network reliability, Hardy, Lucet and Limnios, IEEE Trans. Reliability 56,
+2007; closed under implication instead of partitions, as rules have a direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
+from lcorpp.reasoning.transitions.local_distribution import GuardedClause
+from lcorpp.reasoning.transitions.rule_templates import DERIVE, ClauseGroup
+
+MAX_FRONTIER = 24
+"""Components with a larger frontier are decided as a whole."""
+
+Atom = tuple[int, int]
+"""(term, value)"""
+
+Edge = tuple[Atom | None, Atom]
+"""(body, head): the head follows from the body, or from nothing if the body is None."""
+
+
+class BitAllocator(Protocol):
+    """Allocates bits of the state."""
+
+    def allocate(self, reader: int) -> int:
+        """Return a bit that is not in use, for a step that reads it last."""
+
+    def release(self, bits: Iterable[int]) -> None:
+        """Free bits."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Closure:
+    """Replaces the bits of rules that a step satisfied by the closure of what they imply.
+
+    n_atoms: the atoms before and after the step are numbered 0, 1, ...
+    sources: (bit, body, head): an implication that the bit stands for; the body is -1 for a fact.
+    initial: (body, head): implications without condition.
+    facts: (atom, bit) for the frontier after the step. pairs: (body, head, bit).
+    mask: the bits of `sources`.
+    """
+
+    n_atoms: int
+    sources: Sequence[tuple[int, int, int]]
+    initial: Sequence[tuple[int, int]]
+    facts: Sequence[tuple[int, int]]
+    pairs: Sequence[tuple[int, int, int]]
+    mask: int
+    _known: dict[int, int] = field(default_factory=dict)
+
+    def apply(self, state: int) -> int:
+        """Return the state after the step."""
+        own = state & self.mask
+        closed = self._known.get(own)
+        if closed is None:
+            closed = self._known[own] = self._close(own)
+        return (state ^ own) | closed
+
+    def _close(self, state: int) -> int:
+        follows = [0] * self.n_atoms  # atom -> mask of the atoms that follow from it
+        true = 0
+        for body, head in self.initial:
+            if body < 0:
+                true |= 1 << head
+            else:
+                follows[body] |= 1 << head
+        for bit, body, head in self.sources:
+            if state & bit:
+                if body < 0:
+                    true |= 1 << head
+                else:
+                    follows[body] |= 1 << head
+        for middle in range(self.n_atoms):
+            reached = follows[middle]
+            for body in range(self.n_atoms):
+                if follows[body] >> middle & 1:
+                    follows[body] |= reached
+        for body in range(self.n_atoms):
+            if true >> body & 1:
+                true |= follows[body]
+        closed = 0
+        for atom, bit in self.facts:
+            if true >> atom & 1:
+                closed |= bit
+        for body, head, bit in self.pairs:
+            # what is true needs no reason, and what follows from it is true
+            if follows[body] >> head & 1 and not (true >> body | true >> head) & 1:
+                closed |= bit
+        return closed
+
+
+class LinearRecursion:
+    """The frontier of a recursive component with linear rules.
+
+    Args:
+        groups: the clauses of the component by head.
+        step: the step that decides the component.
+        steps: rank -> the step that decides terms of the bodies.
+        read_terms: the terms that other rules or queries read.
+
+    width: the largest number of frontier atoms, 0 if all rules are without conditions.
+    """
+
+    def __init__(
+        self,
+        program: GroundProgram,
+        groups: Sequence[ClauseGroup],
+        step: int,
+        steps: Sequence[int],
+        read_terms: Collection[int],
+    ) -> None:
+        self._program, self._step = program, step
+        self._groups_at: dict[int, list[tuple[ClauseGroup, bool]]] = {}  # step -> (group, whether it is done)
+        self._edges_of = {
+            id(group): find_edges(program, group.clause, group.own_literals) for group in groups
+        }
+        self._always = [group for group in groups if group.always_true]
+        self._first: dict[Atom, int] = {}  # atom -> the first step that decides a body of its rules
+        self._last: dict[Atom, int] = {}
+        for group in groups:
+            touched = sorted({steps[body[-1][0]] for body in group.bodies})
+            for at in touched:
+                self._groups_at.setdefault(at, []).append((group, at == touched[-1]))
+                for atom in _list_atoms(self._edges_of[id(group)] or ()):
+                    self._first[atom] = min(self._first.get(atom, at), at)
+                    self._last[atom] = max(self._last.get(atom, at), at)
+        start = min(self._groups_at, default=step)
+        for atom in self._find_kept(groups, read_terms):
+            self._first.setdefault(atom, start)
+            self._last[atom] = step
+        fixed = [edge for group in self._always for edge in self._edges_of[id(group)] or ()]
+        self._fixed = _close_over(fixed, self._first)
+        for body, head in self._fixed:
+            if body is not None:
+                self._last[body] = max(self._last[body], self._first[head])
+                self._last[head] = max(self._last[head], self._first[body])
+        self._frontier: list[Atom] = []
+        self._bit_of: dict[Edge, int] = {}
+        self.width = max(
+            [sum([self._first[a] <= at <= self._last[a] for a in self._first]) for at in self._groups_at],
+            default=0,
+        )
+
+    def _find_kept(self, groups: Sequence[ClauseGroup], read_terms: Collection[int]) -> Iterator[Atom]:
+        """Find the atoms that the last step decides: of terms that are read or that may have two values."""
+        heads: dict[int, set[int]] = {}
+        for group in groups:
+            for _, (term, value) in self._edges_of[id(group)] or ():
+                heads.setdefault(term, set()).add(value)
+        kept = {term for term, values in heads.items() if len(values) > 1 or term in read_terms}
+        for group in groups:
+            if not self._edges_of[id(group)]:  # a default: it must exclude what the rules derive
+                satisfying = -1
+                for _, mask, _ in group.own_literals:
+                    satisfying &= mask
+                term = group.clause.term
+                if any(satisfying >> value & 1 for value in heads.get(term, ())):
+                    kept.add(term)
+        return ((term, value) for term in kept for value in heads[term])
+
+    @property
+    def bits(self) -> list[int]:
+        """The bits of the frontier."""
+        return list(self._bit_of.values())
+
+    def is_touched_at(self, step: int) -> bool:
+        """Whether a step decides bodies of the rules."""
+        return step in self._groups_at
+
+    def advance(self, step: int, bits: Sequence[int], allocator: BitAllocator) -> tuple[Closure, list[int]]:
+        """Move the frontier over a step that decides bodies of the rules.
+
+        Args:
+            bits: slot -> bit, for the component's template.
+
+        Returns:
+            (closure, slots): how the step changes the bits, and the slots that no later step uses.
+        """
+        atoms = [*self._frontier, *[atom for atom, first in self._first.items() if first == step]]
+        number_of: dict[Atom | None, int] = {None: -1}
+        for i, atom in enumerate(atoms):
+            number_of[atom] = i
+        sources = [(bit, number_of[body], number_of[head]) for (body, head), bit in self._bit_of.items()]
+        finished: list[int] = []
+        for group, is_done in self._groups_at[step]:
+            bit = bits[group.satisfied_slot]
+            sources += [
+                (bit, number_of[body], number_of[head]) for body, head in self._edges_of[id(group)] or ()
+            ]
+            if is_done:
+                finished.append(group.satisfied_slot)
+        initial = [
+            (number_of[body], number_of[head])
+            for body, head in self._fixed
+            if max(self._first[head], -1 if body is None else self._first[body]) == step
+        ]
+        self._frontier = [atom for atom in atoms if self._last[atom] > step]
+        wanted: list[Edge] = [
+            (body, head) for head in self._frontier for body in (None, *self._frontier) if body != head
+        ]
+        allocator.release([bit for edge, bit in self._bit_of.items() if edge not in set(wanted)])
+        allocator.release([bits[slot] for slot in finished])
+        self._bit_of = {
+            edge: self._bit_of[edge] if edge in self._bit_of else allocator.allocate(self._step)
+            for edge in wanted
+        }
+        numbered = [(number_of[body], number_of[head], bit) for (body, head), bit in self._bit_of.items()]
+        closure = Closure(
+            len(atoms),
+            sources,
+            initial,
+            [(head, bit) for body, head, bit in numbered if body < 0],
+            [edge for edge in numbered if edge[0] >= 0],
+            sum({bit for bit, _, _ in sources}),
+        )
+        return closure, finished
+
+    def list_clauses(self) -> list[GuardedClause]:
+        """List the clauses that decide the kept terms after the last step, each with its bit."""
+        clauses: list[GuardedClause] = [(0, group.clause, group.own_literals) for group in self._always]
+        for (body, (term, value)), bit in self._bit_of.items():
+            literals = () if body is None else ((body[0], 1 << body[1], False),)
+            clauses.append((bit, Clause(DERIVE, term, value, literals), literals))
+        return clauses
+
+
+def find_edges(
+    program: GroundProgram, clause: Clause, own_literals: Sequence[GroundLiteral]
+) -> list[Edge] | None:
+    """Find the edges of a clause by its literals about the component.
+
+    Returns:
+        The edges, none for a default such as ``p=false :- not p``; None if the rule is not linear.
+    """
+    if clause.kind is not DERIVE:
+        return None
+    head = clause.term, clause.value
+    if any(negated for _, _, negated in own_literals):
+        is_default = all(negated and term == clause.term for term, _, negated in own_literals)
+        return [] if is_default else None
+    if not own_literals:
+        return [(None, head)]
+    if len(own_literals) > 1:
+        return None
+    term, mask, _ = own_literals[0]
+    return [((term, value), head) for value in range(len(program.values[term])) if mask >> value & 1]
+
+
+def is_linear(program: GroundProgram, terms: Sequence[int], clauses: Iterable[Clause]) -> bool:
+    """Whether a component has linear rules, and defaults without conditions that no rule of it uses."""
+    own, bodies, defaults = set(terms), set[Atom](), set[Atom]()
+    if not own.isdisjoint(program.do):
+        return False
+    for clause in clauses:
+        literals = [literal for literal in clause.body if literal[0] in own]
+        edges = find_edges(program, clause, literals)
+        if edges is None or (not edges and len(literals) < len(clause.body)):
+            return False
+        if not edges:
+            defaults.add((clause.term, clause.value))
+        bodies.update([body for body, _ in edges if body is not None])
+    return defaults.isdisjoint(bodies)
+
+
+def derive_values(
+    program: GroundProgram, terms: Sequence[int], clauses: Iterable[Clause], outcome_of: Mapping[int, int]
+) -> dict[int, int]:
+    """Compute the outcomes of a component with linear rules in one world.
+
+    Args:
+        outcome_of: other term -> its outcome in the world.
+    """
+    own = set(terms)
+    edges: list[Edge] = []
+    defaults: list[tuple[Clause, list[GroundLiteral]]] = []
+    for clause in clauses:
+        if all(mask >> outcome_of[term] & 1 for term, mask, _ in clause.body if term not in own):
+            literals = [literal for literal in clause.body if literal[0] in own]
+            found = find_edges(program, clause, literals)
+            edges.extend(found or ())
+            if not found:
+                defaults.append((clause, literals))
+    true = {head for body, head in _close_over(edges, {head for _, head in edges}) if body is None}
+    outcomes = {term: len(program.values[term]) for term in terms}
+    outcomes.update(true)
+    for clause, literals in defaults:
+        if all(mask >> outcomes[term] & 1 for term, mask, _ in literals):
+            outcomes[clause.term] = clause.value
+    return outcomes
+
+
+def _list_atoms(edges: Iterable[Edge]) -> list[Atom]:
+    return [atom for edge in edges for atom in edge if atom is not None]
+
+
+def _close_over(edges: Iterable[Edge], atoms: Collection[Atom]) -> list[Edge]:
+    """Find the edges between some atoms that follow from edges between all."""
+    heads_of: dict[Atom | None, list[Atom]] = {}
+    for body, head in edges:
+        heads_of.setdefault(body, []).append(head)
+    closed: list[Edge] = []
+    for start in (None, *atoms):
+        if start not in heads_of:
+            continue
+        reached: set[Atom] = set()
+        stack: list[Atom | None] = [start]
+        while stack:
+            for head in heads_of.get(stack.pop(), ()):
+                if head not in reached:
+                    reached.add(head)
+                    stack.append(head)
+        closed.extend((start, atom) for atom in reached if atom in atoms and atom != start)
+    return closed
