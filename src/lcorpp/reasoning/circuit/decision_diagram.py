@@ -16,7 +16,7 @@ Source: Mateescu, Dechter and Marinescu, "AND/OR multi-valued decision diagrams"
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple
@@ -204,9 +204,15 @@ def _prune(diagram: DecisionDiagram) -> None:
     """Drop nodes without a world and arcs to them, bottom up; then nodes that no arc reaches any more."""
     children, roots = diagram.system.tree.children, diagram.system.tree.roots
     numbers: list[list[int] | None] = [None] * len(diagram.arcs)  # node -> new number, -1 if dropped
+    n_alive: dict[int, int] = {}  # id of arcs, which steps share -> number of their sources
     for step in range(len(diagram.arcs) - 1, -1, -1):
-        _renumber_targets(diagram, step, numbers)
-        numbers[step] = _keep(diagram, step, set(diagram.arcs[step].sources))
+        if any(numbers[child] for child in children[step]):
+            _renumber_targets(diagram, step, numbers)
+        arcs = diagram.arcs[step]
+        if id(arcs) not in n_alive:
+            n_alive[id(arcs)] = len(set(arcs.sources))
+        if n_alive[id(arcs)] < diagram.sizes[step]:
+            numbers[step] = _keep(diagram, step, set(arcs.sources))
     if not diagram.has_worlds:
         for step, arcs in enumerate(diagram.arcs):
             diagram.arcs[step], diagram.sizes[step] = Arcs([], tuple([[] for _ in arcs.targets]), []), 0
@@ -220,14 +226,13 @@ def _prune(diagram: DecisionDiagram) -> None:
             for child, targets in zip(own, diagram.arcs[step].targets, strict=True):
                 reached[child] = set(targets)
         for step in range(len(children)):
-            _renumber_targets(diagram, step, numbers)
+            if any(numbers[child] for child in children[step]):
+                _renumber_targets(diagram, step, numbers)
 
 
 def _renumber_targets(diagram: DecisionDiagram, step: int, numbers: Sequence[list[int] | None]) -> None:
     """Drop the arcs of a step to dropped nodes, and renumber the targets of the others."""
     own = [numbers[child] for child in diagram.system.tree.children[step]]
-    if not any(own):
-        return
     sources, targets, outcomes = diagram.arcs[step]
     renumbered = [
         branch if new is None else [new[target] for target in branch]
@@ -282,6 +287,12 @@ def _make_error(diagram: DecisionDiagram, step: int, arc: int, violation: Condit
     names = [program.names[term] for term in tree.order[step]]
     message = violation.format(program.source.statements, names)
     return ProgramError(f"{message}, in the world {format_world(world)}")
+
+
+def iterate_arcs(arcs: Arcs) -> Iterator[tuple[int, tuple[int, ...], int]]:
+    """Yield the source, the target in each branch and the outcome of each arc."""
+    branches = zip(*arcs.targets, strict=True) if arcs.targets else [()] * len(arcs.sources)
+    return zip(arcs.sources, branches, arcs.outcomes, strict=True)
 
 
 def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:

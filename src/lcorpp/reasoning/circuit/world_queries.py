@@ -7,16 +7,16 @@ for an arc the nodes of the branches to which it leads (AND).
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
-from heapq import heappop, heappush, nlargest
 from itertools import accumulate
-from math import log, prod
+from math import prod
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from lcorpp.reasoning.answers import PossibleWorld
-from lcorpp.reasoning.circuit.decision_diagram import Arcs, DecisionDiagram, decode_world
+from lcorpp.reasoning.circuit.best_paths import find_best_paths
+from lcorpp.reasoning.circuit.decision_diagram import Arcs, DecisionDiagram, decode_world, iterate_arcs
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,9 +28,6 @@ SAMPLER_CACHE_SIZE = 100
 
 MIN_WEIGHT = 1e-30
 """Weights are scaled up if all of them are below this: only ratios matter, and long products underflow."""
-
-_Partial = tuple[float, Any]
-"""(log weight, path): a path is the outcome of a step and the paths of its branches, as a nested tuple."""
 
 _Sampler = list[dict[int, tuple[list[float], list[tuple[tuple[int, ...], int]]]]]
 """For each step: node -> (cumulative probabilities, (targets, outcome) of each arc)"""
@@ -102,40 +99,57 @@ class WorldQueries:
             return {}
         tree, program = diagram.system.tree, diagram.system.program
         queried = diagram.system.term_numbers.get(query)
-        query_step, index = self._position_of[queried] if queried is not None else (-1, 0)
-        # step -> outcome of the query, None below and beside its step -> node -> sum over partial worlds
-        sums: dict[int, dict[int | None, list[Any]]] = {}
+        step_of_query, index = self._position_of[queried] if queried is not None else (-1, 0)
+        path: list[int] = tree.find_path(step_of_query) if queried is not None else []
+        sums: dict[int, list[Any]] = {}  # step -> node -> sum over the partial worlds of its subtree
+        on_path = set(path)
         for step in range(len(arcs_of) - 1, -1, -1):
-            sources, targets, labels = arcs_of[step]
-            products: dict[int | None, list[Any]] = {None: [numbers[label] for label in labels]}
-            for child, nodes in zip(tree.children[step], targets, strict=True):
-                below = sums.pop(child)
-                products = {
-                    (a if b is None else b): [f * own[node] for f, node in zip(factors, nodes, strict=True)]
-                    for a, factors in products.items()
-                    for b, own in below.items()
-                }
-            if step == query_step:
-                values = [diagram.outcomes[label][0][index] for label in labels]
-                products = {
-                    value: [f if v == value else 0 for f, v in zip(products[None], values, strict=True)]
-                    for value in set(values)
-                }
-            size = diagram.sizes[step]
-            sums[step] = {a: _sum_by_source(sources, factors, size) for a, factors in products.items()}
-            if scale and (len(targets) > 1 or not step % 8):
-                _rescale(sums[step].values())
-        weights: dict[int | None, Any] = {None: 1}
-        for root in tree.roots:
-            own = {a: float(x[0] > 0) if a is None and scale else x[0] for a, x in sums[root].items()}
-            weights = {(a if b is None else b): x * y for a, x in weights.items() for b, y in own.items()}
-        result: dict[str, Any] = {}
-        for value, weight in weights.items():
-            if weight:
-                names = program.values[queried] if queried is not None and value is not None else ()
-                name = names[value] if value is not None and value < len(names) else ""
-                result[name] = result.get(name, 0) + weight
+            if step not in on_path:
+                factors = self._multiply_branches(arcs_of[step], tree.children[step], numbers, sums)
+                sums[step] = _sum_by_node(arcs_of[step].sources, factors, diagram.sizes[step])
+                if scale and (len(tree.children[step]) > 1 or not step % 8):
+                    _rescale(sums[step])
+        others = [sums[root][0] for root in tree.roots if root not in on_path]
+        above: list[Any] = [float(all(others)) if scale else prod(others)]  # node -> sum over the rest
+        if queried is None:
+            return {"": above[0]} if above[0] else {}
+        for step, following in zip(path, (*path[1:], -1), strict=True):
+            branches = [child for child in tree.children[step] if child != following]
+            arcs = arcs_of[step]
+            rest = self._multiply_branches(arcs, tree.children[step], numbers, sums, skipped=following)
+            factors = [above[source] * factor for source, factor in zip(arcs.sources, rest, strict=True)]
+            if following >= 0:
+                targets = arcs.targets[tree.children[step].index(following)]
+                above = _sum_by_node(targets, factors, diagram.sizes[following])
+                if scale and (branches or not step % 8):
+                    _rescale(above)
+        names, result = program.values[queried], dict[str, Any]()
+        for label, factor in zip(arcs_of[step_of_query].outcomes, factors, strict=True):
+            if factor:
+                value = diagram.outcomes[label][0][index]
+                name = names[value] if value < len(names) else ""
+                result[name] = result.get(name, 0) + factor
         return result
+
+    def _multiply_branches(
+        self,
+        arcs: Arcs,
+        children: Sequence[int],
+        numbers: Sequence[Any],
+        sums: Mapping[int, Sequence[Any]],
+        skipped: int = -1,
+    ) -> list[Any]:
+        """Multiply the weight of each arc by the sums of the nodes to which it leads.
+
+        Args:
+            children: the first step of each branch. skipped: one of them that is left out.
+        """
+        factors = [numbers[label] for label in arcs.outcomes]
+        for child, targets in zip(children, arcs.targets, strict=True):
+            if child != skipped:
+                below = sums[child]
+                factors = [factor * below[node] for factor, node in zip(factors, targets, strict=True)]
+        return factors
 
     def count(self) -> int:
         """Count the possible worlds."""
@@ -146,51 +160,24 @@ class WorldQueries:
         counts: list[list[int]] = [[0] * size for size in self.diagram.sizes]
         for step in range(len(counts) - 1, -1, -1):
             below = [counts[child] for child in tree.children[step]]
-            for source, targets, _ in _iterate(arcs_of[step]):
+            for source, targets, _ in iterate_arcs(arcs_of[step]):
                 counts[step][source] += prod(
                     [own[target] for own, target in zip(below, targets, strict=True)]
                 )
         return prod([counts[root][0] for root in tree.roots])
 
     def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[PossibleWorld, ...]:
-        """Find the most probable worlds with the evidence, best first; none if the evidence is impossible.
-
-        Source: the k-best form of Viterbi's algorithm, on logarithms, as long products underflow.
-        """
-        arcs_of, diagram = self._list_arcs(evidence), self.diagram
+        """Find the most probable worlds with the evidence, best first; none if the evidence is impossible."""
+        arcs_of = self._list_arcs(evidence)
         if arcs_of is None:
             return ()
-        tree = diagram.system.tree
-        logs = [log(n.numerator) - log(n.denominator) if n else None for _, n in diagram.outcomes]
-        best: dict[int, dict[int, list[_Partial]]] = {}  # step -> node -> best partial worlds
-        sums: dict[int, dict[int, Fraction]] = {}
-        for step in range(len(tree.children) - 1, -1, -1):
-            below = [best.pop(child) for child in tree.children[step]]
-            masses = [sums.pop(child) for child in tree.children[step]]
-            found: dict[int, list[_Partial]] = {}
-            total: dict[int, Fraction] = {}
-            for source, targets, outcome in _iterate(arcs_of[step]):
-                weight = logs[outcome]
-                if weight is None or any(
-                    target not in own for own, target in zip(below, targets, strict=True)
-                ):
-                    continue
-                lists = [own[target] for own, target in zip(below, targets, strict=True)]
-                found.setdefault(source, []).extend(_combine(weight, (outcome,), lists, count))
-                factors = [own[target] for own, target in zip(masses, targets, strict=True)]
-                total[source] = total.get(source, Fraction(0)) + diagram.outcomes[outcome][1] * prod(factors)
-            best[step] = {node: nlargest(count, own, key=_log_weight) for node, own in found.items()}
-            sums[step] = total
-        mass = prod([sums[root].get(0, Fraction(0)) for root in tree.roots])
-        if not mass:
-            return ()
+        paths, mass = find_best_paths(self.diagram, arcs_of, count)
         worlds = []
-        for _, path in _combine(0.0, (), [best[root][0] for root in tree.roots], count):
-            labels = [diagram.outcomes[outcome] for outcome in _flatten(path)]
+        for path in paths:
+            labels = [self.diagram.outcomes[outcome] for outcome in path]
             measure = prod([number for _, number in labels], start=Fraction(1))
-            worlds.append(
-                PossibleWorld(decode_world(diagram.system, [values for values, _ in labels]), measure / mass)
-            )
+            values = decode_world(self.diagram.system, [values for values, _ in labels])
+            worlds.append(PossibleWorld(values, measure / mass))
         return tuple(worlds)
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str] | None:
@@ -224,7 +211,7 @@ class WorldQueries:
         for step in range(len(arcs_of) - 1, -1, -1):
             factors = [below.pop(child) for child in tree.children[step]]
             choices: dict[int, list[tuple[float, tuple[int, ...], int]]] = {}
-            for source, targets, outcome in _iterate(arcs_of[step]):
+            for source, targets, outcome in iterate_arcs(arcs_of[step]):
                 if source not in reachable[step]:
                     continue
                 weight = weights[outcome]
@@ -249,72 +236,23 @@ class WorldQueries:
         tree, outcomes = self.diagram.system.tree, self.diagram.outcomes
         reachable: list[set[int]] = [{0} if step in tree.roots else set() for step in range(len(arcs_of))]
         for step, arcs in enumerate(arcs_of):
-            for source, targets, outcome in _iterate(arcs):
+            for source, targets, outcome in iterate_arcs(arcs):
                 if source in reachable[step] and outcomes[outcome][1]:
                     for child, target in zip(tree.children[step], targets, strict=True):
                         reachable[child].add(target)
         return reachable
 
 
-def _iterate(arcs: Arcs) -> Iterator[tuple[int, tuple[int, ...], int]]:
-    """Yield the source, the target in each branch and the outcome of each arc."""
-    branches = zip(*arcs.targets, strict=True) if arcs.targets else [()] * len(arcs.sources)
-    return zip(arcs.sources, branches, arcs.outcomes, strict=True)
-
-
-def _sum_by_source(sources: Sequence[int], factors: Sequence[_Number], size: int) -> list[_Number]:
-    """Sum the factors of arcs by their source node."""
+def _sum_by_node(nodes: Sequence[int], factors: Sequence[Any], size: int) -> list[Any]:
+    """Sum the factors of arcs by their source or target."""
     sums: list[Any] = [0] * size
-    for source, factor in zip(sources, factors, strict=True):
-        sums[source] += factor
+    for node, factor in zip(nodes, factors, strict=True):
+        sums[node] += factor
     return sums
 
 
-def _log_weight(partial: _Partial) -> float:
-    return partial[0]
-
-
-def _combine(
-    weight: float, label: tuple[int, ...], lists: Sequence[Sequence[_Partial]], count: int
-) -> list[_Partial]:
-    """Return the best combinations of a label with one path from each list, best first.
-
-    Args:
-        lists: each sorted, best first.
-    """
-    combined: list[_Partial] = [(weight, label)]
-    for own in lists:
-        if len(combined) == 1 or len(own) == 1:
-            combined = [(a + b, (*path, other)) for a, path in combined for b, other in own]
-            continue
-        heap = [(-combined[0][0] - own[0][0], 0, 0)]  # pairs of indexes, each reached from one other pair
-        merged: list[_Partial] = []
-        while heap and len(merged) < count:
-            cost, i, j = heappop(heap)
-            merged.append((-cost, (*combined[i][1], own[j][1])))
-            if j + 1 < len(own):
-                heappush(heap, (-combined[i][0] - own[j + 1][0], i, j + 1))
-            if not j and i + 1 < len(combined):
-                heappush(heap, (-combined[i + 1][0] - own[0][0], i + 1, 0))
-        combined = merged
-    return combined
-
-
-def _flatten(path: Any) -> list[int]:
-    """List the outcomes of a path in the order of the steps."""
-    outcomes, stack = [], [path]
-    while stack:
-        item = stack.pop()
-        if isinstance(item, tuple):
-            stack.extend(reversed(item))
-        else:
-            outcomes.append(item)
-    return outcomes
-
-
-def _rescale(parts: Collection[list[Any]]) -> None:
+def _rescale(weights: list[float]) -> None:
     """Scale tiny weights up together: only their ratios matter."""
-    largest = max([max(part, default=0) for part in parts], default=0)
+    largest = max(weights, default=0.0)
     if 0 < largest < MIN_WEIGHT:
-        for part in parts:
-            part[:] = [weight / largest for weight in part]
+        weights[:] = [weight / largest for weight in weights]

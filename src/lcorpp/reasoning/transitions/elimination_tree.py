@@ -21,12 +21,13 @@ Intelligence 171, 2007 (pseudo trees).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from math import log2
 
-from lcorpp.reasoning.grounding.ground_program import Clause
+from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
+from lcorpp.reasoning.transitions.linear_recursion import is_linear
 from lcorpp.reasoning.transitions.strong_components import find_strongly_connected_components
 
 MAX_EXACT_DEGREE = 32
@@ -40,11 +41,28 @@ class EliminationTree:
     order: step -> the terms that it decides.
     children: step -> the first steps of the independent parts that remain after it.
     roots: the first steps of the parts that are independent from the start.
+    ends: step -> the end of the range of its subtree.
+    linear: the components of several terms with linear rules, see `linear_recursion`.
     """
 
     order: Sequence[tuple[int, ...]]
     children: Sequence[tuple[int, ...]]
     roots: tuple[int, ...]
+    ends: Sequence[int]
+    linear: Collection[tuple[int, ...]]
+
+    def list_branches(self, step: int) -> list[range]:
+        """List the steps of each branch that follows a step."""
+        return [range(child, self.ends[child]) for child in self.children[step]]
+
+    def find_path(self, step: int) -> list[int]:
+        """Return the steps from a root to a step."""
+        path: list[int] = []
+        following = self.roots
+        while not path or path[-1] != step:
+            path.append(next(first for first in following if first <= step < self.ends[first]))
+            following = self.children[path[-1]]
+        return path
 
     @classmethod
     def from_nodes(
@@ -52,6 +70,7 @@ class EliminationTree:
         terms: Sequence[tuple[int, ...]],
         children: Sequence[Sequence[int]],
         roots: Iterable[int],
+        linear: Collection[tuple[int, ...]],
     ) -> EliminationTree:
         """Number the nodes of a tree depth first; brothers keep their order.
 
@@ -69,14 +88,18 @@ class EliminationTree:
         number = [0] * len(terms)
         for new, node in enumerate(preorder):
             number[node] = new
-        return cls(
-            [terms[node] for node in preorder],
-            [tuple(sorted([number[child] for child in children[node]])) for node in preorder],
-            tuple(sorted([number[root] for root in roots])),
-        )
+        numbered = [tuple(sorted([number[child] for child in children[node]])) for node in preorder]
+        ends = list(range(1, len(preorder) + 1))
+        for step in range(len(preorder) - 1, -1, -1):
+            if numbered[step]:
+                ends[step] = ends[numbered[step][-1]]
+        order, numbered_roots = [terms[node] for node in preorder], sorted([number[root] for root in roots])
+        return cls(order, numbered, tuple(numbered_roots), ends, linear)
 
 
-def build_elimination_tree(clauses: Sequence[Clause], outcomes: Sequence[int]) -> EliminationTree:
+def build_elimination_tree(
+    program: GroundProgram, clauses: Sequence[Clause], outcomes: Sequence[int]
+) -> EliminationTree:
     """Build the elimination tree of a ground program.
 
     Args:
@@ -108,52 +131,63 @@ def build_elimination_tree(clauses: Sequence[Clause], outcomes: Sequence[int]) -
                 for i, terms in enumerate(components)
             ]
             constraints = {frozenset([component_of[term] for term in group]) for group in joint}
-    ranks = _rank_components(components, clauses)
+    linear = _find_linear_components(program, components, clauses)
+    ranks = _rank_components(components, linear)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
     sizes = [sum([bits[outcomes[term]] for term in terms]) for terms in components]
     children, roots = _eliminate(
         component_needs, [group for group in constraints if len(group) > 1], sizes, ranks
     )
-    return EliminationTree.from_nodes(components, children, roots)
+    return EliminationTree.from_nodes(components, children, roots, frozenset(linear))
 
 
-def _rank_components(components: Sequence[tuple[int, ...]], clauses: Iterable[Clause]) -> list[int]:
-    """Rank components in the order of the program, except for the inputs of a component of several terms.
+def _find_linear_components(
+    program: GroundProgram, components: Sequence[tuple[int, ...]], clauses: Iterable[Clause]
+) -> dict[tuple[int, ...], list[Clause]]:
+    """Find the components of several terms with linear rules; return them with their rules."""
+    component_of = {term: terms for terms in components if len(terms) > 1 for term in terms}
+    own: dict[tuple[int, ...], list[Clause]] = {}
+    for clause in clauses if component_of else ():
+        if clause.term in component_of:
+            own.setdefault(component_of[clause.term], []).append(clause)
+    return {terms: rules for terms, rules in own.items() if is_linear(program, terms, rules)}
 
-    These are decided one after the other, and the component's terms between which none is decided yet, or all
-    are, cost nothing (see `linear_recursion`): so they are ranked by the distance of the terms, as in the
+
+def _rank_components(
+    components: Sequence[tuple[int, ...]],
+    linear: Mapping[tuple[int, ...], Sequence[Clause]],
+) -> list[int]:
+    """Rank components in the order of the program, but the inputs of linear recursions by distance.
+
+    Its frontier is small if the rules of neighbouring terms are decided one after the other, as in the
     Cuthill-McKee order of a sparse matrix.
     """
     ranks = list(range(len(components)))
-    if all(len(terms) == 1 for terms in components):
+    if not linear:
         return ranks
     component_of = {term: i for i, terms in enumerate(components) for term in terms}
-    neighbours: dict[int, set[int]] = {
-        term: set() for terms in components if len(terms) > 1 for term in terms
-    }
-    inputs: dict[int, list[tuple[int, set[int]]]] = {}  # component -> (input, terms that a clause links)
-    for clause in clauses:
-        own = component_of.get(clause.term, -1)
-        if own >= 0 and len(components[own]) > 1:
-            linked = {clause.term, *(x[0] for x in clause.body if component_of[x[0]] == own)}
+    for terms, rules in linear.items():
+        neighbours: dict[int, set[int]] = {term: set() for term in terms}
+        links: list[tuple[set[int], set[int]]] = []  # (inputs of a rule, terms that it links)
+        for rule in rules:
+            linked = {rule.term, *(x[0] for x in rule.body if x[0] in neighbours)}
             for term in linked:
                 neighbours[term] |= linked
-            for other in {component_of[literal[0]] for literal in clause.body} - {own}:
-                inputs.setdefault(own, []).append((other, linked))
-    for own, links in inputs.items():
+            links.append(({component_of[x[0]] for x in rule.body if x[0] not in neighbours}, linked))
         position: dict[int, int] = {}
-        for term in components[own]:
+        for term in terms:
             if term not in position:
                 end = _list_by_distance(term, neighbours)[-1]  # far from the term, so at the rim
                 for reached in _list_by_distance(end, neighbours):
                     position[reached] = len(position)
-        key: dict[int, int] = {}
-        for other, linked in links:
+        key: dict[int, int] = {}  # input -> position of the terms that it links
+        for inputs, linked in links:
             at = max([position[term] for term in linked])
-            key[other] = min(key.get(other, at), at)
-        ordered = sorted(key, key=lambda other: (key[other], other))
-        for other, rank in zip(ordered, sorted([ranks[other] for other in ordered]), strict=True):
-            ranks[other] = rank
+            for i in inputs:
+                key[i] = min(key.get(i, at), at)
+        ordered = sorted(key, key=lambda i: (key[i], i))
+        for i, rank in zip(ordered, sorted([ranks[i] for i in ordered]), strict=True):
+            ranks[i] = rank
     return ranks
 
 
@@ -184,27 +218,30 @@ def _eliminate(
     Returns:
         (children, roots): component -> those that follow it in the tree; those that none precedes.
     """
-    # components that share a clause or, after the elimination of others, what remains of their clauses
+    # scope: components that share a clause or, after the elimination of others, what remains of their clauses
     scopes = [{i, *own} for i, own in enumerate(needs)] + [set(group) for group in groups]
     origin = [-1] * len(scopes)  # scope -> the component whose elimination left it
-    scopes_of: list[set[int]] = [set() for _ in needs]
+    merged = [False] * len(scopes)  # into a later scope
+    scopes_of: list[list[int]] = [[i] if own else [] for i, own in enumerate(needs)]
     n_users = [0] * len(needs)  # the components not yet eliminated whose clauses name this one
-    for number, scope in enumerate(scopes):
-        for member in scope:
-            scopes_of[member].add(number)
-    for own in needs:
-        for need in own:
+    for i, needed in enumerate(needs):
+        for need in needed:
+            scopes_of[need].append(i)
             n_users[need] += 1
+    for number in range(len(needs), len(scopes)):
+        for member in scopes[number]:
+            scopes_of[member].append(number)
 
     def compute_degree(i: int) -> float:
         """The bits of all components that share a scope with a component."""
-        if len(scopes_of[i]) == 1:
-            (number,) = scopes_of[i]
-            members = scopes[number]
-            if len(members) > MAX_EXACT_DEGREE:
-                return len(members)
-        else:
-            members = set().union(*[scopes[number] for number in scopes_of[i]])
+        own = scopes_of[i] = [number for number in scopes_of[i] if not merged[number]]
+        if not own:
+            return 0.0
+        members = scopes[own[0]]
+        if len(own) == 1 and len(members) > MAX_EXACT_DEGREE:
+            return len(members)
+        if len(own) > 1:
+            members = members.union(*[scopes[number] for number in own])
         return sum([sizes[member] for member in members]) - sizes[i]
 
     degrees = [-1.0] * len(needs)  # of the components on the heap
@@ -232,22 +269,24 @@ def _eliminate(
                 push(i)
                 continue
         eliminated[i] = True
-        own = scopes_of[i]
+        own = [number for number in scopes_of[i] if not merged[number]]
+        if not own:
+            roots.append(i)
+            continue
         children[i] = [origin[number] for number in own if origin[number] >= 0]
-        if len(own) == 1:
-            (number,) = own
-            scope = scopes[number]
-            scope.discard(i)
-        else:
+        number, scope = own[0], scopes[own[0]]
+        if len(own) > 1:
             number = len(scopes)
-            scope = set().union(*[scopes[other] for other in own])
-            scope.discard(i)
+            scope = scope.union(*[scopes[other] for other in own])
+            for other in own:
+                merged[other] = True
             for member in scope:
-                scopes_of[member] -= own
-                scopes_of[member].add(number)
+                scopes_of[member].append(number)
                 outdated[member] = True
             scopes.append(scope)
             origin.append(-1)
+            merged.append(False)
+        scope.discard(i)
         origin[number] = i
         if not scope:
             roots.append(i)

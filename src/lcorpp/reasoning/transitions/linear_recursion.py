@@ -15,10 +15,10 @@ Source: the frontier method for network reliability, Hardy, Lucet and Limnios, I
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
+from lcorpp.reasoning.transitions.bit_allocator import BitAllocator
+from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.local_distribution import GuardedClause
 from lcorpp.reasoning.transitions.rule_templates import DERIVE, ClauseGroup
 
@@ -30,76 +30,6 @@ Atom = tuple[int, int]
 
 Edge = tuple[Atom | None, Atom]
 """(body, head): the head follows from the body, or from nothing if the body is None."""
-
-
-class BitAllocator(Protocol):
-    """Allocates bits of the state."""
-
-    def allocate(self, reader: int) -> int:
-        """Return a bit that is not in use, for a step that reads it last."""
-
-    def release(self, bits: Iterable[int]) -> None:
-        """Free bits."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Closure:
-    """Replaces the bits of rules that a step satisfied by the closure of what they imply.
-
-    n_atoms: the atoms before and after the step are numbered 0, 1, ...
-    sources: (bit, body, head): an implication that the bit stands for; the body is -1 for a fact.
-    initial: (body, head): implications without condition.
-    facts: (atom, bit) for the frontier after the step. pairs: (body, head, bit).
-    mask: the bits of `sources`.
-    """
-
-    n_atoms: int
-    sources: Sequence[tuple[int, int, int]]
-    initial: Sequence[tuple[int, int]]
-    facts: Sequence[tuple[int, int]]
-    pairs: Sequence[tuple[int, int, int]]
-    mask: int
-    _known: dict[int, int] = field(default_factory=dict)
-
-    def apply(self, state: int) -> int:
-        """Return the state after the step."""
-        own = state & self.mask
-        closed = self._known.get(own)
-        if closed is None:
-            closed = self._known[own] = self._close(own)
-        return (state ^ own) | closed
-
-    def _close(self, state: int) -> int:
-        follows = [0] * self.n_atoms  # atom -> mask of the atoms that follow from it
-        true = 0
-        for body, head in self.initial:
-            if body < 0:
-                true |= 1 << head
-            else:
-                follows[body] |= 1 << head
-        for bit, body, head in self.sources:
-            if state & bit:
-                if body < 0:
-                    true |= 1 << head
-                else:
-                    follows[body] |= 1 << head
-        for middle in range(self.n_atoms):
-            reached = follows[middle]
-            for body in range(self.n_atoms):
-                if follows[body] >> middle & 1:
-                    follows[body] |= reached
-        for body in range(self.n_atoms):
-            if true >> body & 1:
-                true |= follows[body]
-        closed = 0
-        for atom, bit in self.facts:
-            if true >> atom & 1:
-                closed |= bit
-        for body, head, bit in self.pairs:
-            # what is true needs no reason, and what follows from it is true
-            if follows[body] >> head & 1 and not (true >> body | true >> head) & 1:
-                closed |= bit
-        return closed
 
 
 class LinearRecursion:
@@ -211,8 +141,9 @@ class LinearRecursion:
         wanted: list[Edge] = [
             (body, head) for head in self._frontier for body in (None, *self._frontier) if body != head
         ]
-        allocator.release([bit for edge, bit in self._bit_of.items() if edge not in set(wanted)])
-        allocator.release([bits[slot] for slot in finished])
+        unwanted = self._bit_of.keys() - set(wanted)
+        allocator.release(sum([self._bit_of[edge] for edge in unwanted]), self._step)
+        allocator.release(sum([bits[slot] for slot in finished]), self._step)
         self._bit_of = {
             edge: self._bit_of[edge] if edge in self._bit_of else allocator.allocate(self._step)
             for edge in wanted

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 
-from lcorpp.reasoning.transitions.linear_recursion import Closure
+from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.local_distribution import LocalDistribution
 from lcorpp.reasoning.transitions.rule_templates import Child, Conditions
 

@@ -28,17 +28,17 @@ own steps read; other branches may use the same bits otherwise.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from heapq import heappop, heappush
 
 from lcorpp.reasoning.gc_pause import pause_gc
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
+from lcorpp.reasoning.transitions.bit_allocator import BitAllocator
+from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.elimination_tree import EliminationTree, build_elimination_tree
-from lcorpp.reasoning.transitions.linear_recursion import MAX_FRONTIER, Closure, LinearRecursion, is_linear
+from lcorpp.reasoning.transitions.linear_recursion import MAX_FRONTIER, LinearRecursion
 from lcorpp.reasoning.transitions.local_distribution import (
     AcyclicTermDistribution,
     LocalDistribution,
@@ -47,6 +47,7 @@ from lcorpp.reasoning.transitions.local_distribution import (
 )
 from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent, build_component
 from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
+from lcorpp.reasoning.transitions.stratified import merge_deterministic_steps
 from lcorpp.reasoning.transitions.transition import Transition
 
 
@@ -86,66 +87,20 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
     with pause_gc():
         clauses, outcomes = simplify(program)
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
-        tree = build_elimination_tree(clauses, outcomes)
-        linear = _find_linear_components(program, clauses, tree)
-        merged = _merge_deterministic_steps(program, clauses, tree, linear)
+        tree = build_elimination_tree(program, clauses, outcomes)
+        merged = merge_deterministic_steps(program, clauses, tree)
         term_numbers = {name: term for term, name in enumerate(program.names)}
         consistent = not any(c.term < 0 and not c.body for c in clauses)
         needed = {term_numbers[name] for name in queried if name in term_numbers}
-        builder = _TransitionBuilder(program, clauses, outcomes, merged, needed, linear)
+        builder = _TransitionBuilder(program, clauses, outcomes, merged, needed)
         transitions = builder.build()
         if merged is not tree and any(
             isinstance(transition.distribution, RecursiveComponent) for transition in transitions
         ):
             merged = tree  # a merged component is not stratified
-            builder = _TransitionBuilder(program, clauses, outcomes, tree, needed, linear)
+            builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
             transitions = builder.build()
         return TransitionSystem(program, merged, transitions, consistent, term_numbers, builder.recursions)
-
-
-def _find_linear_components(
-    program: GroundProgram, clauses: Sequence[Clause], tree: EliminationTree
-) -> set[tuple[int, ...]]:
-    """Find the components of several terms with linear rules."""
-    component_of = {term: terms for terms in tree.order if len(terms) > 1 for term in terms}
-    if not component_of:
-        return set()
-    own: dict[tuple[int, ...], list[Clause]] = {}
-    for clause in clauses:
-        if clause.term in component_of:
-            own.setdefault(component_of[clause.term], []).append(clause)
-    return {terms for terms, rules in own.items() if is_linear(program, terms, rules)}
-
-
-def _merge_deterministic_steps(
-    program: GroundProgram,
-    clauses: Sequence[Clause],
-    tree: EliminationTree,
-    linear: Collection[tuple[int, ...]],
-) -> EliminationTree:
-    """Merge each deterministic component of several terms with the deterministic steps before and after it.
-
-    `Stratified` evaluates such a component for all states at once, so its deterministic inputs should be part
-    of it. Components with linear rules stay as they are.
-    """
-    if all(len(terms) == 1 or terms in linear for terms in tree.order):
-        return tree
-    separate = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
-    separate.update([term for terms in linear for term in terms])
-    first = list(range(len(tree.order)))  # step -> the first step of its run
-    runs: dict[int, list[int]] = {}
-    for step, terms in enumerate(tree.order):
-        run = runs.setdefault(first[step], [])
-        run.append(step)
-        own = tree.children[step]
-        if len(own) == 1 and separate.isdisjoint(terms) and separate.isdisjoint(tree.order[own[0]]):
-            first[own[0]] = first[step]
-    terms_of, children = list(tree.order), list(tree.children)
-    for start, run in runs.items():
-        if any(len(tree.order[step]) > 1 for step in run) and len(run) > 1:
-            terms_of[start] = tuple([term for step in run for term in tree.order[step]])
-            children[start] = tree.children[run[-1]]
-    return EliminationTree.from_nodes(terms_of, children, tree.roots)
 
 
 class _TransitionBuilder:
@@ -156,7 +111,6 @@ class _TransitionBuilder:
         outcomes: the mask of the possible outcomes of each term.
         tree: the steps.
         queried: the terms whose outcomes queries read.
-        linear: the components with linear rules.
     """
 
     def __init__(
@@ -166,7 +120,6 @@ class _TransitionBuilder:
         outcomes: Sequence[int],
         tree: EliminationTree,
         queried: set[int],
-        linear: Collection[tuple[int, ...]],
     ) -> None:
         self._program, self._outcomes, self._tree, self._queried = program, outcomes, tree, queried
         order = tree.order
@@ -199,7 +152,7 @@ class _TransitionBuilder:
         self.recursions: list[tuple[tuple[int, ...], Sequence[Clause]]] = []
         self._recursion_of: dict[RuleTemplate, LinearRecursion] = {}
         for step, terms in enumerate(order):
-            if terms in linear:
+            if len(terms) > 1 and terms in tree.linear:
                 self._add_recursion(step, terms, own_clauses[step])
 
     def _add_child(
@@ -276,7 +229,7 @@ class _TransitionBuilder:
 
     def build(self) -> list[Transition]:
         """Allocate the bits step by step and build the transitions."""
-        allocators = {root: _BitAllocator() for root in self._tree.roots}  # step -> that of its branch
+        allocators = {root: BitAllocator({}) for root in self._tree.roots}  # step -> that of its branch
         transition_of: dict[object, Transition] = {}
         transitions: list[Transition] = []
         steps = zip(self._components, self._children, self._tree.order, strict=True)
@@ -287,25 +240,28 @@ class _TransitionBuilder:
                 for slot in parent.allocates:
                     bits[slot] = allocator.allocate(reader)
             closures: list[Closure] = []
-            released: list[tuple[list[int], int]] = []  # (bits, slot)
-            for other, _, bits, _ in children:
-                if other in self._recursion_of and self._recursion_of[other].is_touched_at(step):
-                    closure, finished = self._recursion_of[other].advance(step, bits, allocator)
-                    closures.append(closure)
-                    released += [(bits, slot) for slot in finished]
+            released: list[tuple[list[int], Sequence[int]]] = []  # (bits, slots)
+            if self._recursion_of:
+                for other, _, bits, _ in children:
+                    if other in self._recursion_of and self._recursion_of[other].is_touched_at(step):
+                        closure, finished = self._recursion_of[other].advance(step, bits, allocator)
+                        closures.append(closure)
+                        released.append((bits, finished))
             # all bodies of the component are decided, so only bits for "satisfied" are left
             recursion = self._recursion_of.get(template)
             used_bits = own_bits if recursion is None else recursion.bits
             input_mask = sum(used_bits)
             # a bit is free again only now, as the transition reads it together with those allocated above
-            allocator.release(used_bits)
-            for _, parent, bits, _ in children:
-                allocator.release([bits[slot] for slot in parent.releases])
-                released += [(bits, slot) for slot in parent.releases]
-            following = self._tree.children[step]
-            branches = [allocator] if len(following) == 1 else allocator.split(following)
-            allocators.update(zip(following, branches, strict=True))
-            live_masks = tuple([branch.live_mask for branch in branches])
+            allocator.release(input_mask, step)
+            for _, parent, bits, reader in children:
+                if parent.releases:
+                    allocator.release(sum([bits[slot] for slot in parent.releases]), reader)
+                    released.append((bits, parent.releases))
+            branches = self._tree.list_branches(step)
+            allocators_after = allocator.split(branches)
+            for branch, other_allocator in zip(branches, allocators_after, strict=True):
+                allocators[branch.start] = other_allocator
+            live_masks = tuple([after.live_mask for after in allocators_after])
             key = None
             if is_shareable:
                 parts: list[object] = [template, live_masks, *own_bits]
@@ -322,8 +278,9 @@ class _TransitionBuilder:
             else:
                 transition.is_shared = True
             transitions.append(transition)
-            for bits, slot in released:  # only now: the transition reads these bits for the last time
-                bits[slot] = 0
+            for bits, slots in released:  # only now: the transition reads these bits for the last time
+                for slot in slots:
+                    bits[slot] = 0
         return transitions
 
     def _build_distribution(
@@ -343,46 +300,3 @@ class _TransitionBuilder:
                 for group in template.clause_groups
             ]
         return build_component(self._program, template.terms, clauses, self._probabilities, read_terms)
-
-
-class _BitAllocator:
-    """Allocates the lowest free bits of the states of a branch, so that equal components get equal bits.
-
-    A bit is a mask with one set bit; live_mask has all bits in use.
-    """
-
-    def __init__(self, readers: Mapping[int, int] | None = None) -> None:
-        self._readers = dict(readers or {})  # bit in use -> the last step that reads it
-        self.live_mask = sum(self._readers)
-        # below the highest bit in use
-        self._free = [1 << i for i in range(self.live_mask.bit_length()) if not self.live_mask >> i & 1]
-
-    def allocate(self, reader: int) -> int:
-        """Return a bit that is not in use.
-
-        Args:
-            reader: the last step that reads it.
-        """
-        bit = heappop(self._free) if self._free else 1 << self.live_mask.bit_length()
-        self.live_mask |= bit
-        self._readers[bit] = reader
-        return bit
-
-    def release(self, bits: Iterable[int]) -> None:
-        """Free bits; 0 is not a bit and is ignored."""
-        for bit in bits:
-            if bit:
-                self.live_mask ^= bit
-                del self._readers[bit]
-                heappush(self._free, bit)
-
-    def split(self, following: Sequence[int]) -> list[_BitAllocator]:
-        """Return an allocator for each branch, with the bits that its steps read.
-
-        Args:
-            following: the first step of each branch; the steps of a branch follow its first.
-        """
-        parts: list[dict[int, int]] = [{} for _ in following]
-        for bit, reader in self._readers.items():
-            parts[bisect_right(following, reader) - 1][bit] = reader
-        return [_BitAllocator(part) for part in parts]
