@@ -6,10 +6,13 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
 from lcorpp.reasoning.language.program import Program
+
+if TYPE_CHECKING:
+    from lcorpp.values import Label
 
 Numeric = Fraction | float
 
@@ -92,7 +95,7 @@ def warn_of_estimate(reason: TooLargeError, samples: int) -> None:
     )
 
 
-def format_conditions(facts: Mapping[str, str], do: Mapping[str, str]) -> str:
+def format_conditions(facts: Mapping[str, Label], do: Mapping[str, str]) -> str:
     """Format evidence and interventions as the end of the message of `make_no_world_error`."""
     parts = [f"{term}={value}" for term, value in facts.items()]
     parts += [f"do({term}={value})" for term, value in do.items()]

@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, TypeVar
 
-from lcorpp.errors import TooLargeError, UndefinedError
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
 from lcorpp.reasoning.answers import (
     QueryAnswer,
     format_conditions,
@@ -33,6 +33,7 @@ from lcorpp.reasoning.query_model import EnumeratedQuery, QueryModel
 from lcorpp.reasoning.resolve import (
     resolve_evidence,
     resolve_interventions,
+    resolve_labels,
     resolve_query,
     resolve_term,
 )
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
 
     from lcorpp.reasoning.circuit.circuit import Circuit
     from lcorpp.reasoning.enumeration.reasoner import Enumeration
-    from lcorpp.reasoning.soft_evidence import SoftEvidence
     from lcorpp.values import Distribution, Label
 
 LOG = logging.getLogger("lcorpp.reasoning")
@@ -70,7 +70,6 @@ class Reasoner:
         self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}
         self._worlds: dict[Hashable, WorldQueries] = {}
-        self._soft_evidence: dict[Hashable, SoftEvidence] = {}
 
     def __repr__(self) -> str:
         return f"Reasoner({self.program!r})"
@@ -85,7 +84,7 @@ class Reasoner:
 
         Args:
             attribute: an attribute or a term of one, such as ``roll(d1)``.
-            evidence: term -> value, or -> the likelihood of its values (see `soft_evidence`).
+            evidence: term -> value, or -> the likelihood of each of its values.
             do: term -> value.
 
         Raises:
@@ -99,10 +98,9 @@ class Reasoner:
         except TypeError:  # an unhashable value; `resolve_evidence` reports it
             answer = None
         if answer is None:
-            if _contains_likelihood(evidence):  # likelihoods rarely repeat: a cache would only fill memory
-                return self._get_soft_evidence(do).posterior(attribute, evidence)
-            answer = self._compute_posterior(attribute, evidence, do)  # type: ignore[arg-type]
-            _store(self._answers, key, answer)
+            answer = self._compute_posterior(attribute, evidence, do)
+            if all(isinstance(value, str) for value in evidence.values()):
+                _store(self._answers, key, answer)  # likelihoods rarely repeat
         return answer
 
     def exact(
@@ -203,32 +201,34 @@ class Reasoner:
     # methods of answering
 
     def _compute_posterior(
-        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str]
+        self, attribute: str, evidence: Mapping[str, Label], do: Mapping[str, str]
     ) -> Distribution:
         term = canonical_text(resolve_term(self.program, attribute))
-        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
+        facts, likelihoods = resolve_labels(self.program, evidence)
+        set_to = resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
+            if likelihoods:
+                raise ProgramError(
+                    f"{self.program.file}: soft evidence has no meaning for a program with cr-rules"
+                )
             return self._enumeration.posterior(term, facts, set_to)
-        key = (term, frozenset(facts), frozenset(set_to.items()))
+        names = sorted((*facts, *likelihoods))
+        key = (term, frozenset(names), frozenset(set_to.items()))
         circuit = self._circuits.get(key)
         if circuit is None:
             try:
-                circuit = self.compile(sorted(facts), term, set_to)
+                circuit = self.compile(names, term, set_to)
             except TooLargeError as error:
                 circuit = error  # cached, so that it is not compiled again
             _store(self._circuits, key, circuit)
-        if isinstance(circuit, TooLargeError):
-            return self._estimate(circuit, term, facts, set_to)
-        return circuit(facts)  # type: ignore[return-value]
-
-    def _get_soft_evidence(self, do: Mapping[str, str]) -> SoftEvidence:
-        key = frozenset(do.items())
-        if key not in self._soft_evidence:
-            from lcorpp.reasoning.soft_evidence import SoftEvidence  # imports numpy
-
-            soft = SoftEvidence(self.program, lambda name, facts: self.posterior(name, facts, do))
-            _store(self._soft_evidence, key, soft)
-        return self._soft_evidence[key]
+        if not isinstance(circuit, TooLargeError):
+            return circuit({**facts, **likelihoods})  # type: ignore[return-value]
+        if likelihoods:
+            raise TooLargeError(
+                f"{self.program.file}: the program is too large to be compiled; soft evidence needs exact"
+                " answers"
+            )
+        return self._estimate(circuit, term, facts, set_to)
 
     def _get_world_queries(self, do: Mapping[str, str], wanted: Sequence[str]) -> WorldQueries:
         key = frozenset(do.items()), frozenset(wanted)
@@ -257,14 +257,6 @@ class Reasoner:
 def ask(program: Program, query: Query) -> QueryAnswer:
     """Answer one query in fractions: value -> probability, or a probability; see `Reasoner.ask`."""
     return Reasoner(program).ask(query, exact=True)
-
-
-def _contains_likelihood(evidence: Mapping[str, Label]) -> bool:
-    if all(isinstance(value, str) for value in evidence.values()):
-        return False
-    from lcorpp.values import Likelihood  # imports numpy
-
-    return any(isinstance(value, Likelihood) for value in evidence.values())
 
 
 def _store(cache: dict[Hashable, _Value], key: Hashable, value: _Value) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import product
 from math import prod
+from typing import TYPE_CHECKING
 
 from lcorpp.errors import ParseError, ProgramError, TooLargeError, expected_one_of
 from lcorpp.reasoning.language.arithmetic import canonical_text
@@ -12,6 +13,9 @@ from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query, Term
+
+if TYPE_CHECKING:
+    from lcorpp.values import Label, Likelihood
 
 MAX_INPUTS = 100_000
 """Maximal number of terms of an attribute that is named without its arguments."""
@@ -72,6 +76,30 @@ def resolve_evidence(program: Program, evidence: Mapping[str, str]) -> dict[str,
         if facts.setdefault(key, value) != value:
             raise ProgramError(f"the evidence gives {name} two values, {facts[key]} and {value}")
     return facts
+
+
+def resolve_labels(
+    program: Program, evidence: Mapping[str, Label]
+) -> tuple[dict[str, str], dict[str, Likelihood]]:
+    """Return evidence with canonical names, split into values and likelihoods.
+
+    Raises:
+        ProgramError: as `resolve_evidence`, or a term has a likelihood and another condition.
+    """
+    if all(isinstance(value, str) for value in evidence.values()):
+        return resolve_evidence(program, evidence), {}  # type: ignore[arg-type]
+    from lcorpp.values import Likelihood  # imports numpy
+
+    likelihoods: dict[str, Likelihood] = {}
+    hard = {name: value for name, value in evidence.items() if not isinstance(value, Likelihood)}
+    facts = resolve_evidence(program, hard)
+    for name, value in evidence.items():
+        if isinstance(value, Likelihood):
+            term = canonical_text(resolve_term(program, name))
+            if term in facts or term in likelihoods:
+                raise ProgramError(f"the evidence gives {term} twice; expected a value or a likelihood")
+            likelihoods[term] = value
+    return facts, likelihoods
 
 
 def resolve_interventions(program: Program, do: Mapping[str, str]) -> dict[str, str]:

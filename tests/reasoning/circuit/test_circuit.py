@@ -57,7 +57,7 @@ def test_a_batch_equals_single_answers(circuit):
 def test_batches_are_split_into_chunks(circuit, monkeypatch):
     codes = np.random.default_rng(0).integers(-1, 2, (500, 3))
     whole = circuit(codes)
-    monkeypatch.setattr("lcorpp.reasoning.circuit.matrices.MAX_CHUNK_NUMBERS", 50)
+    monkeypatch.setattr("lcorpp.reasoning.circuit.passes.MAX_CHUNK_NUMBERS", 50)
     np.testing.assert_allclose(REASONER.compile(INPUTS, "intention")(codes), whole, atol=1e-15)
 
 

@@ -16,9 +16,6 @@ Codes = npt.NDArray[np.intp]
 MAX_TABLE_ROWS = 20_000
 """Circuits with more evidence combinations have no table."""
 
-MIN_EVIDENCE_WEIGHT = 1e-250
-"""Smaller weights of evidence count as 0: they may have lost digits or underflowed."""
-
 
 class AnswerTable:
     """The answers of each query to all evidence combinations.
@@ -99,10 +96,8 @@ class _RowCache(dict[tuple[str | None, ...], int]):
 
 
 def normalize_rows(weights: Array) -> Array:
-    """Divide each row by its sum; rows with a sum of (nearly) 0 become NaN."""
+    """Divide each row by its sum; rows of 0, those of impossible evidence, become NaN."""
     total = weights.sum(axis=1, keepdims=True)
-    total[total < MIN_EVIDENCE_WEIGHT] = 0.0
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore"):
         rows: Array = weights / total
-    rows[total[:, 0] == 0] = np.nan
     return rows

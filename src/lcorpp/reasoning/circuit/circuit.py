@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from math import prod
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -20,13 +22,14 @@ from lcorpp.reasoning.answers import (
 )
 from lcorpp.reasoning.circuit.answer_table import AnswerTable, Codes, normalize_rows
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
-from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
-from lcorpp.reasoning.circuit.matrices import Layer, differentiate
+from lcorpp.reasoning.circuit.evidence import Column, EncodedEvidence, EvidenceEncoder
+from lcorpp.reasoning.circuit.matrices import Layer
+from lcorpp.reasoning.circuit.passes import differentiate
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
-from lcorpp.values import Array, Distribution
+from lcorpp.values import Array, Distribution, Label, Likelihood
 
 CACHE_SIZE = 100_000
 """A circuit caches at most this many answers."""
@@ -44,7 +47,7 @@ Answers = Array | dict[str, Array]
 class Circuit:
     """A program compiled for some inputs and queries, by `Reasoner.compile`.
 
-    A call takes evidence, a mapping from inputs to values; inputs that are missing are not observed:
+    A call takes evidence, a mapping from inputs to values or likelihoods; missing inputs are not observed:
 
         circuit({"time": "morning", "classifier": "one"})            -> Distribution
         circuit({"time": [...], "classifier": [...]})                -> (B, values) array
@@ -102,12 +105,13 @@ class Circuit:
     # one evidence
 
     def __call__(
-        self, evidence: Mapping[str, str | Sequence[str]] | Codes, *, undefined: str = "raise"
+        self, evidence: Mapping[str, Column] | Codes, *, undefined: str = "raise"
     ) -> Answer | Answers:
         """Compute the distributions of the queries given evidence.
 
         Args:
-            evidence: input -> value, input -> values of a batch, or an array (B, inputs) of codes.
+            evidence: input -> value or likelihood, input -> values or likelihoods of a batch, or an array
+                (B, inputs) of codes. A likelihood, as a value, rules out that the input has no value.
             undefined: for impossible evidence in a batch: "raise", or "nan" for a row of NaN.
 
         Raises:
@@ -128,15 +132,22 @@ class Circuit:
             raise ProgramError(f"expected a mapping from inputs to values, or codes, not {evidence!r}")
         if not self._encoder.columns.keys() >= evidence.keys():
             evidence = self._encoder.canonicalize(evidence)
-        if any(not isinstance(value, str) for value in evidence.values()):
-            return self._answer_columns(evidence, undefined)
-        return self._answer_one(evidence)  # type: ignore[arg-type]
+        kinds = {str if isinstance(value, str) else type(value) for value in evidence.values()}
+        if kinds <= {str}:
+            return self._answer_one(evidence)  # type: ignore[arg-type]
+        if kinds <= {str, Likelihood}:
+            answers = self._run_pass(self._encoder.encode(evidence), evidence)  # type: ignore[arg-type]
+            return answers[self.queries[0]] if self.single else answers
+        return self._answer_columns(evidence, undefined)
 
     def _answer_one(self, evidence: Mapping[str, str]) -> Answer:
         encoder = self._encoder
         encoder.check_names(evidence)
         codes = {encoder.columns[name]: encoder.encode_value(name, value) for name, value in evidence.items()}
-        answers = self._look_up(codes, evidence) if self._has_table else self._run_pass(codes, evidence)
+        if self._has_table:
+            answers = self._look_up(codes, evidence)
+        else:
+            answers = self._run_pass(encoder.make_row(codes), evidence)
         answer: Answer = answers[self.queries[0]] if self.single else answers
         if len(self._partial_answers) + len(self._full_answers) >= self._max_cached:
             self._partial_answers.clear()
@@ -150,7 +161,9 @@ class Circuit:
     @property
     def _table(self) -> AnswerTable:  # a cached_property would slow down all attributes, as it needs __dict__
         if self._built_table is None:
-            self._built_table = AnswerTable(self._encoder.sizes, self._compute_weights)
+            self._built_table = AnswerTable(
+                self._encoder.sizes, lambda codes: self._compute_weights(EncodedEvidence(codes))
+            )
         return self._built_table
 
     def _look_up(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
@@ -160,19 +173,16 @@ class Circuit:
             return {q: Distribution.unchecked(self.values[q], rows[row]) for q, rows in table.answers.items()}
         return {query: self._read_row(query, rows[row], evidence) for query, rows in table.answers.items()}
 
-    def _run_pass(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
-        row = np.full((1, len(self.inputs)), -1, dtype=np.intp)
-        row[0, list(codes)] = list(codes.values())
+    def _run_pass(self, encoded: EncodedEvidence, evidence: Mapping[str, Label]) -> dict[str, Distribution]:
+        weights = self._compute_weights(encoded)
         return {
-            query: self._read_row(query, normalize_rows(weights)[0], evidence)
-            for query, weights in self._compute_weights(row).items()
+            query: self._read_row(query, normalize_rows(rows)[0], evidence) for query, rows in weights.items()
         }
 
-    def _read_row(self, query: str, row: Array, evidence: Mapping[str, str]) -> Distribution:
+    def _read_row(self, query: str, row: Array, evidence: Mapping[str, Label]) -> Distribution:
         """Convert probabilities (values + 1,), the last for no value, to a distribution."""
-        if np.isnan(row[-1]):  # impossible, or too improbable for floating point: fractions decide
-            exact = self._compute_fractions(query, evidence)
-            return Distribution(tuple(exact), np.array([float(p) for p in exact.values()]))
+        if np.isnan(row[-1]):
+            raise make_no_world_error(self.program, format_conditions(evidence, self.do))
         if row[-1]:
             raise make_no_value_error(self.program, query, row[-1])
         return Distribution(self.values[query], row[:-1])
@@ -188,25 +198,31 @@ class Circuit:
         Raises:
             ProgramError: an input or value is unknown, or the columns have different lengths.
         """
-        return self._encoder.encode(evidence)
+        encoded = self._encoder.encode(evidence)
+        if encoded.weights:
+            names = [self.inputs[i] for i in encoded.weights]
+            raise ProgramError(f"the likelihoods of {join_some(names)} have no codes")
+        return encoded.codes
 
-    def _answer_columns(self, evidence: Mapping[str, str | Sequence[str]], undefined: str) -> Answers:
-        columns = [c.tolist() if isinstance(c, np.ndarray) else c for c in evidence.values()]
+    def _answer_columns(self, evidence: Mapping[str, Column], undefined: str) -> Answers:
+        columns: list[Any] = [c.tolist() if isinstance(c, np.ndarray) else c for c in evidence.values()]
         if not self._has_table or any(not isinstance(c, list) or len(c) != len(columns[0]) for c in columns):
-            return self._answer_batch(self.encode(evidence), undefined)
+            return self._answer_encoded(self._encoder.encode(evidence), undefined)
         inputs = tuple([self._encoder.columns[name] for name in evidence])
         codes = [self._encoder.codes[name] for name in evidence]
         try:
             rows = self._table.find_rows_of_values(inputs, columns, codes)
         except (KeyError, TypeError):
-            return self._answer_batch(self.encode(evidence), undefined)  # names the value in its error
+            return self._answer_encoded(self._encoder.encode(evidence), undefined)
         return self._take_rows(rows, undefined)
 
     def _answer_batch(self, codes: Codes, undefined: str) -> Answers:
-        codes = self._encoder.check_codes(codes)
-        if self._has_table:
-            return self._take_rows(self._table.find_rows(codes), undefined)
-        weights = self._compute_weights(codes)
+        return self._answer_encoded(EncodedEvidence(self._encoder.check_codes(codes)), undefined)
+
+    def _answer_encoded(self, evidence: EncodedEvidence, undefined: str) -> Answers:
+        if self._has_table and not evidence.weights:
+            return self._take_rows(self._table.find_rows(evidence.codes), undefined)
+        weights = self._compute_weights(evidence)
         return self._finish({query: normalize_rows(rows) for query, rows in weights.items()}, undefined)
 
     def _take_rows(self, rows: Codes, undefined: str) -> Answers:
@@ -221,13 +237,25 @@ class Circuit:
             answers = {query: self._check_rows(query, rows, undefined) for query, rows in answers.items()}
         return answers[self.queries[0]] if self.single else answers
 
-    def _compute_weights(self, codes: Codes) -> dict[str, Array]:
-        """(B, outcomes) The joint weights of each query and the evidence."""
+    def _compute_weights(self, evidence: EncodedEvidence) -> dict[str, Array]:
+        """(B, outcomes) The joint weights of each query and the evidence; 0 for impossible evidence."""
+        codes = evidence.codes
         no_evidence = np.full((len(codes), len(self._variables) - len(self.inputs)), -1, dtype=np.intp)
-        observed = np.concatenate([codes, no_evidence], axis=1)
+        observed = replace(evidence, codes=np.concatenate([codes, no_evidence], axis=1))
         queries = {self._variables[query]: len(self.values[query]) + 1 for query in self.queries}
         weights = differentiate(self.layers, observed, queries)
-        return {query: weights[self._variables[query]] for query in self.queries}
+        by_query = {query: weights[self._variables[query]] for query in self.queries}
+        if not evidence.weights and any(not layer.smallest for layer in self.layers):
+            self._restore_lost(codes, by_query)
+        return by_query
+
+    def _restore_lost(self, codes: Codes, by_query: Mapping[str, Array]) -> None:
+        """Replace rows of 0 by sums of fractions, as the compiler lost weights to underflow."""
+        for query, weights in by_query.items():
+            for row in np.flatnonzero(~weights.any(axis=1)):
+                exact = self.world_queries.compute_exact_weights(query, self._encoder.decode(codes[row]))
+                total = sum(exact.values()) or 1
+                weights[row] = [float(exact.get(name, 0) / total) for name in (*self.values[query], "")]
 
     def _check_rows(self, query: str, rows: Array, undefined: str) -> Array:
         no_value = rows[:, -1]

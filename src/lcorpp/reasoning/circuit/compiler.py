@@ -123,6 +123,9 @@ class _LayerBuilder:
         diagram, variables = self._diagram, self._variables
         terms, arcs, n_nodes = diagram.system.tree.order[step], diagram.arcs[step], diagram.sizes[step]
         weights = [self._weights[outcome] for outcome in arcs.outcomes]
+        if not all(weights):  # pr-atoms of probability 0
+            kept = [i for i, weight in enumerate(weights) if weight]
+            weights, arcs = [weights[i] for i in kept], arcs.select(kept)
         observed = [i for i, term in enumerate(terms) if term in variables]
         if not observed and not any(child.sources for child in children):
             return _sum_numbers(arcs.sources, arcs.targets, weights, children, n_nodes)

@@ -48,6 +48,14 @@ class Arcs(NamedTuple):
     targets: tuple[list[int], ...]
     outcomes: list[int]
 
+    def select(self, kept: Sequence[int]) -> Arcs:
+        """Return some of the arcs."""
+        return Arcs(
+            [self.sources[i] for i in kept],
+            tuple([[branch[i] for i in kept] for branch in self.targets]),
+            [self.outcomes[i] for i in kept],
+        )
+
 
 _Choice = tuple[int, int, int, Mapping[int, int], int]
 """The effect of an outcome on the state (`transition.Effect`) and the index of the outcome."""
@@ -239,11 +247,7 @@ def _renumber_targets(diagram: DecisionDiagram, step: int, numbers: Sequence[lis
         for branch, new in zip(targets, own, strict=True)
     ]
     kept = [i for i, arc in enumerate(zip(*renumbered, strict=True)) if min(arc) >= 0]
-    diagram.arcs[step] = Arcs(
-        [sources[i] for i in kept],
-        tuple([[branch[i] for i in kept] for branch in renumbered]),
-        [outcomes[i] for i in kept],
-    )
+    diagram.arcs[step] = Arcs(sources, tuple(renumbered), outcomes).select(kept)
 
 
 def _keep(diagram: DecisionDiagram, step: int, nodes: set[int]) -> list[int] | None:
@@ -255,11 +259,8 @@ def _keep(diagram: DecisionDiagram, step: int, nodes: set[int]) -> list[int] | N
         numbers[node] = number
     sources, targets, outcomes = diagram.arcs[step]
     kept = [i for i, source in enumerate(sources) if numbers[source] >= 0]
-    diagram.arcs[step] = Arcs(
-        [numbers[sources[i]] for i in kept],
-        tuple([[branch[i] for i in kept] for branch in targets]),
-        [outcomes[i] for i in kept],
-    )
+    renumbered = [numbers[source] for source in sources]
+    diagram.arcs[step] = Arcs(renumbered, targets, outcomes).select(kept)
     diagram.sizes[step] = len(nodes)
     return numbers
 

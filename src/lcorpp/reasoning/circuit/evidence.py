@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TypeVar
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,8 +13,28 @@ from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_term
+from lcorpp.values import Array, Label, Likelihood
 
 _Column = TypeVar("_Column")
+
+Column = Label | Sequence[Label | None]
+"""The evidence of a batch about one input: of each row, or one value or likelihood for all rows."""
+
+
+@dataclass(frozen=True, eq=False)
+class EncodedEvidence:
+    """A batch of evidence.
+
+    codes: (B, terms) the outcome of each observed term, -1 for no evidence.
+    weights: index of a term -> (B, outcomes) likelihood of each outcome, in place of the codes.
+    """
+
+    codes: Codes
+    weights: Mapping[int, Array] = field(default_factory=dict)
+
+    def take(self, rows: Codes) -> EncodedEvidence:
+        """Return some of the rows."""
+        return EncodedEvidence(self.codes[rows], {i: own[rows] for i, own in self.weights.items()})
 
 
 class EvidenceEncoder:
@@ -68,29 +89,58 @@ class EvidenceEncoder:
             )
         return code
 
-    def encode(self, evidence: Mapping[str, str | Sequence[str]]) -> Codes:
-        """(B, inputs) Encode a batch of evidence, see `Circuit.encode`."""
+    def encode(self, evidence: Mapping[str, Column]) -> EncodedEvidence:
+        """Encode a batch of evidence, input -> column; a batch without sequences has one row."""
         self.check_names(evidence)
+        one = (str, Likelihood)
         for name, column in evidence.items():
-            if not hasattr(column, "__len__"):
+            if not (hasattr(column, "__len__") or isinstance(column, one)):
                 self.encode_value(name, column)
-        sizes = {len(column) for column in evidence.values() if not isinstance(column, str)}
+        sizes = {len(column) for column in evidence.values() if not isinstance(column, one)} or {1}
         if len(sizes) != 1:
-            raise ProgramError(f"the columns of a batch have one length, not {sorted(sizes) or 'none'}")
+            raise ProgramError(f"the columns of a batch have one length, not {sorted(sizes)}")
         size = sizes.pop()
         codes = np.full((size, len(self.names)), -1, dtype=np.intp)
+        weights: dict[int, Array] = {}
         for name, column in evidence.items():
-            values: list[str | None] = [column] * size if isinstance(column, str) else list(column)
+            values: list[Any] = [column] * size if isinstance(column, one) else list(column)
             code_of: dict[str | None, int] = {None: -1} | self.codes[name]
             try:
-                encoded = np.fromiter(map(code_of.__getitem__, values), np.intp, size)
+                codes[:, self.columns[name]] = np.fromiter(map(code_of.__getitem__, values), np.intp, size)
             except (KeyError, TypeError):
-                for row, value in enumerate(values):
-                    if value is not None:
-                        self.encode_value(name, value, f"row {row}: ")
-                raise
-            codes[:, self.columns[name]] = encoded
-        return codes
+                rows = [
+                    self._weigh(name, value, "" if isinstance(column, one) else f"row {row}: ")
+                    for row, value in enumerate(values)
+                ]
+                weights[self.columns[name]] = np.array(rows).reshape(size, self.sizes[self.columns[name]])
+        return EncodedEvidence(codes, weights)
+
+    def make_row(self, codes: Mapping[int, int]) -> EncodedEvidence:
+        """Encode one evidence, column -> code."""
+        row = np.full((1, len(self.names)), -1, dtype=np.intp)
+        row[0, list(codes)] = list(codes.values())
+        return EncodedEvidence(row)
+
+    def decode(self, row: Codes) -> dict[str, str]:
+        """Return the evidence of one row of codes, term -> value."""
+        return {n: self.values[n][i] for n, i in zip(self.names, row.tolist(), strict=True) if i >= 0}
+
+    def _weigh(self, name: str, value: object, where: str) -> list[float]:
+        """Return the weights of the outcomes of an input; the last one is for having no value."""
+        values = self.values[name]
+        if value is None:
+            return [1.0] * (len(values) + 1)
+        if not isinstance(value, Likelihood):
+            code = self.encode_value(name, value, where)
+            return [float(i == code) for i in range(len(values) + 1)]
+        if value.values == values:
+            return [*value.weights.tolist(), 0.0]
+        if set(value.values) != set(values):
+            raise ProgramError(
+                f"{where}a likelihood of {', '.join(value.values)} for {name}; {expected_one_of(values)}"
+            )
+        weight_of = dict(value)
+        return [*[weight_of[v] for v in values], 0.0]
 
     def check_codes(self, codes: Codes) -> Codes:
         """Check the shape, type and range of codes (B, inputs); return them with the index type."""

@@ -1,4 +1,4 @@
-"""Compilation, steps 4 and 5: the layered arithmetic circuit (a tree of sparse matrices) and its evaluation.
+"""Compilation, step 4: the layered arithmetic circuit, a tree of sparse matrices; `passes` evaluates it.
 
 Let t1, ..., tn be the terms that evidence may name or a query may read; all other terms are summed out. The
 circuit has a layer for each of them, with one matrix for each value. A layer multiplies a column of inputs by
@@ -8,8 +8,7 @@ factor for each independent branch of the program. So for a chain the probabilit
 
     M_1[v1] . M_2[v2] ... M_n[vn] . [1]
 
-An upward and a downward pass give the joint probability of the evidence and each value of any term: the
-derivatives with respect to the indicators.
+A likelihood replaces the matrix of a value by the weighted sum of the matrices.
 
 Source: Darwiche, "A differential approach to inference in Bayesian networks", J. ACM 50(3), 2003.
 """
@@ -18,21 +17,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.values import Array
 
 Index = npt.NDArray[np.intp]
 
+_Factor = TypeVar("_Factor")
+
 MAX_DENSE_ENTRIES = 4096
 """Matrices with at most this many entries, zeros included, are dense, which is faster."""
-
-MAX_CHUNK_NUMBERS = 4_000_000
-"""A pass over a batch keeps at most this many numbers in memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +41,7 @@ class Matrix:
     dense: (outputs, inputs), None if the matrix is sparse.
     source, weight: (entries,) the input and the weight of each entry, sorted by output.
     target, start: (rows,) the outputs with entries, and the index of the first entry of each.
+    smallest: the smallest weight, 1 without entries; it is 0 if the compiler lost a weight to underflow.
     """
 
     shape: tuple[int, int]
@@ -51,22 +50,24 @@ class Matrix:
     weight: Array
     target: Index
     start: Index
+    smallest: float
 
     @classmethod
     def from_entries(cls, shape: tuple[int, int], entries: Mapping[tuple[int, int], float]) -> Matrix:
         """Build a matrix from (output, input) -> weight."""
         none = np.zeros(0, dtype=np.intp)
+        smallest = min(entries.values(), default=1.0)
         if shape[0] * shape[1] <= MAX_DENSE_ENTRIES:
             dense = np.zeros(shape)
             for place, weight in entries.items():
                 dense[place] = weight
-            return cls(shape, dense, none, np.zeros(0), none, none)
+            return cls(shape, dense, none, np.zeros(0), none, none, smallest)
         keys = sorted(entries)
         outputs = np.array([key[0] for key in keys], dtype=np.intp)
         target, start = np.unique(outputs, return_index=True)
         source = np.array([key[1] for key in keys], dtype=np.intp)
         weights = np.array([entries[key] for key in keys])
-        return cls(shape, None, source, weights, target, start.astype(np.intp))
+        return cls(shape, None, source, weights, target, start.astype(np.intp), smallest)
 
     def __repr__(self) -> str:
         n_entries = np.count_nonzero(self.dense) if self.dense is not None else len(self.source)
@@ -74,13 +75,16 @@ class Matrix:
 
     def list_entries(self) -> dict[tuple[int, int], float]:
         """List the entries that are not zero: (output, input) -> weight."""
-        if self.dense is not None:
-            outputs, inputs = np.nonzero(self.dense)
-            weights = self.dense[outputs, inputs]
-        else:
-            outputs, inputs, weights = self._repeat_targets(), self.source, self.weight
+        outputs, inputs, weights = self.get_arrays()
         pairs = zip(outputs.tolist(), inputs.tolist(), strict=True)
         return dict(zip(pairs, weights.tolist(), strict=True))
+
+    def get_arrays(self) -> tuple[Index, Index, Array]:
+        """Return the output, the input and the weight of each entry."""
+        if self.dense is None:
+            return self._repeat_targets(), self.source, self.weight
+        outputs, inputs = np.nonzero(self.dense)
+        return outputs, inputs, self.dense[outputs, inputs]
 
     def forward(self, columns: Array) -> Array:
         """Multiply columns (inputs, B) by the matrix; return (outputs, B)."""
@@ -120,6 +124,11 @@ class Layer:
     matrices: Mapping[int, Matrix]
     total: Matrix
 
+    @cached_property
+    def smallest(self) -> float:
+        """The smallest weight of the matrices."""
+        return min([matrix.smallest for matrix in self.matrices.values()] or [self.total.smallest])
+
     @classmethod
     def from_entries(
         cls,
@@ -137,89 +146,17 @@ class Layer:
         return cls(variable, sources, matrices, Matrix.from_entries(shape, total))
 
 
-def differentiate(layers: Sequence[Layer], codes: Codes, queries: Mapping[int, int]) -> dict[int, Array]:
-    """Compute the joint weights of the evidence and each outcome of the queried terms.
-
-    Args:
-        layers: each after its sources; the last one has one output, the weight of the evidence.
-        codes: (B, observed terms) the outcome of each observed term, -1 for no evidence.
-        queries: index of a queried term -> the number of its outcomes.
-
-    Returns:
-        index -> (B, outcomes) weights; only the ratios within a row matter. A row is 0 for impossible
-        evidence.
-    """
-    width = sum(sum(layer.total.shape) for layer in layers)
-    size = max(1, MAX_CHUNK_NUMBERS // width)
-    chunks = [_run_passes(layers, codes[i : i + size], queries) for i in range(0, max(len(codes), 1), size)]
-    return {variable: np.concatenate([chunk[variable] for chunk in chunks]) for variable in queries}
-
-
-def _run_passes(layers: Sequence[Layer], codes: Codes, queries: Mapping[int, int]) -> dict[int, Array]:
-    """Run an upward and a downward pass over one chunk of a batch."""
-    inputs: list[Array] = []
-    outputs: list[Array] = []
-    for layer in layers:
-        inputs.append(_multiply_sources(layer, outputs, len(codes)))
-        outputs.append(_normalize_columns(_apply(layer, codes, inputs[-1], Matrix.forward)))
-    weights: dict[int, Array] = {}
-    derivatives: dict[int, Array] = {len(layers) - 1: np.ones((1, len(codes)))}
-    missing = set(queries)
-    for number in range(len(layers) - 1, -1, -1):
-        layer, derivative = layers[number], derivatives.pop(number)
-        if layer.variable in missing:
-            n_outcomes = queries[layer.variable]
-            weights[layer.variable] = _compute_joint(layer, codes, inputs[number], derivative, n_outcomes)
-            missing.discard(layer.variable)
-        if not missing:
-            break
-        if not layer.sources:
-            continue
-        own = _normalize_columns(_apply(layer, codes, derivative, Matrix.backward))
-        for source, nodes in layer.sources:
-            others = [outputs[other][places] for other, places in layer.sources if other != source]
-            part = np.zeros_like(outputs[source])
-            np.add.at(part, nodes, reduce(np.multiply, others, own))
-            derivatives[source] = part
-    return weights
-
-
-def _multiply_sources(layer: Layer, outputs: Sequence[Array], n_columns: int) -> Array:
-    """(inputs, B) Multiply the outputs of the branches before a layer."""
-    if not layer.sources:
-        return np.ones((1, n_columns))
-    return reduce(np.multiply, [outputs[source][nodes] for source, nodes in layer.sources])
-
-
-def _apply(layer: Layer, codes: Codes, columns: Array, multiply: Callable[[Matrix, Array], Array]) -> Array:
-    """Multiply each column by the matrix that its evidence selects."""
-    if layer.variable < 0:
-        return multiply(layer.total, columns)
-    own = codes[:, layer.variable]
-    values = np.unique(own) if len(own) > 1 else own
-    result = np.zeros((layer.total.shape[0 if multiply is Matrix.forward else 1], len(codes)))
-    for value in values.tolist():
-        matrix = layer.total if value < 0 else layer.matrices.get(value)
-        if matrix and len(values) == 1:
-            return multiply(matrix, columns)
-        if matrix:
-            result[:, own == value] = multiply(matrix, columns[:, own == value])
-    return result
-
-
-def _compute_joint(layer: Layer, codes: Codes, inputs: Array, derivative: Array, n_outcomes: int) -> Array:
-    own = codes[:, layer.variable]
-    weights = np.zeros((len(codes), n_outcomes))
-    for value, matrix in layer.matrices.items():
-        weights[:, value] = (matrix.forward(inputs) * derivative).sum(axis=0)
-    others = own[:, None] != np.arange(n_outcomes)
-    weights[(own >= 0)[:, None] & others] = 0.0
-    return weights
-
-
-def _normalize_columns(columns: Array) -> Array:
-    """Scale columns in place to a sum of 1, so that long products do not underflow; columns of zeros stay."""
-    total = columns.sum(axis=0)
-    total[total == 0] = 1.0
-    columns /= total
-    return columns
+def multiply_others(
+    own: _Factor, factors: Sequence[_Factor], multiply: Callable[[_Factor, _Factor], _Factor]
+) -> list[_Factor]:
+    """Multiply a number by all factors but one, for each of the factors."""
+    if len(factors) == 1:
+        return [own]
+    after = [factors[-1]]
+    for factor in reversed(factors[1:-1]):
+        after.append(multiply(factor, after[-1]))
+    before, products = own, []
+    for factor, rest in zip(factors, reversed(after), strict=False):
+        products.append(multiply(before, rest))
+        before = multiply(before, factor)
+    return [*products, before]

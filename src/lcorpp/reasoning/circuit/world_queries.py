@@ -68,13 +68,9 @@ class WorldQueries:
                 return None
             step, i = self._position_of[term]
             observed = system.program.values[term].index(value)
-            sources, targets, labels = arcs_of[step]
+            labels = arcs_of[step].outcomes
             kept = [k for k, label in enumerate(labels) if outcomes[label][0][i] == observed]
-            arcs_of[step] = Arcs(
-                [sources[k] for k in kept],
-                tuple([[branch[k] for k in kept] for branch in targets]),
-                [labels[k] for k in kept],
-            )
+            arcs_of[step] = arcs_of[step].select(kept)
         return arcs_of
 
     def compute_exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
