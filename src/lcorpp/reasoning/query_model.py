@@ -22,7 +22,6 @@ from lcorpp.reasoning.grounding.grounder import QUERY_TERM, ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
-from lcorpp.reasoning.transitions.likelihood_weighting import estimate
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
@@ -93,6 +92,8 @@ class QueryModel:
 
     def _estimate(self) -> QueryAnswer:
         """Estimate the answer by likelihood weighting; the numbers are `Estimate`s."""
+        from lcorpp.reasoning.transitions.likelihood_weighting import estimate  # few programs need it
+
         values = estimate(self.system, self.term, {}, self.samples).values
         estimates = {value: Estimate(p, error) for value, (p, error) in values.items()}
         if self.query.subject is None:

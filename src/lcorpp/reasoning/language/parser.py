@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lcorpp.errors import ParseError, ProgramError
 from lcorpp.files import read_text
@@ -23,6 +23,9 @@ from lcorpp.reasoning.language.queries import parse_question
 from lcorpp.reasoning.language.signature import check_record_names
 from lcorpp.reasoning.language.statements import parse_statements
 from lcorpp.reasoning.language.syntax import Expression, Query, Semantics
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: bool = True) -> Program:
