@@ -38,7 +38,7 @@ MAX_EXACT_DEGREE = 32
 class EliminationTree:
     """Steps in depth-first order: a step comes before its children, and a subtree is a range of steps.
 
-    order: step -> the terms that it decides.
+    order: step -> the terms that it decides; terms that no clause names have no value and no step.
     children: step -> the first steps of the independent parts that remain after it.
     roots: the first steps of the parts that are independent from the start.
     ends: step -> the end of the range of its subtree.
@@ -138,6 +138,9 @@ def build_elimination_tree(
     children, roots = _eliminate(
         component_needs, [group for group in constraints if len(group) > 1], sizes, ranks
     )
+    named = {clause.term for clause in clauses} | program.do.keys()
+    named.update([literal[0] for clause in clauses for literal in clause.body])
+    roots = [root for root in roots if children[root] or not named.isdisjoint(components[root])]
     return EliminationTree.from_nodes(components, children, roots, frozenset(linear))
 
 
