@@ -276,8 +276,8 @@ def _eliminate(
         if not own:
             roots.append(i)
             continue
-        children[i] = [origin[number] for number in own if origin[number] >= 0]
         number, scope = own[0], scopes[own[0]]
+        children[i] += [origin[other] for other in own if origin[other] >= 0]
         if len(own) > 1:
             number = len(scopes)
             scope = scope.union(*[scopes[other] for other in own])
@@ -293,6 +293,9 @@ def _eliminate(
         origin[number] = i
         if not scope:
             roots.append(i)
+        elif len(scope) == 1:  # the scope has done its work
+            merged[number] = True
+            children[next(iter(scope))].append(i)
         for need in needs[i]:
             n_users[need] -= 1
             if not n_users[need]:

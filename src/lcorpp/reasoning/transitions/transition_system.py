@@ -258,10 +258,9 @@ class _TransitionBuilder:
                     allocator.release(sum([bits[slot] for slot in parent.releases]), reader)
                     released.append((bits, parent.releases))
             branches = self._tree.list_branches(step)
-            allocators_after = allocator.split(branches)
-            for branch, other_allocator in zip(branches, allocators_after, strict=True):
-                allocators[branch.start] = other_allocator
-            live_masks = tuple([after.live_mask for after in allocators_after])
+            after = [allocator] if len(branches) == 1 else allocator.split(branches)
+            allocators.update({branch.start: own for branch, own in zip(branches, after, strict=True)})
+            live_masks = tuple([own.live_mask for own in after])
             key = None
             if is_shareable:
                 parts: list[object] = [template, live_masks, *own_bits]
