@@ -118,8 +118,7 @@ def _expand(system: TransitionSystem, limit: int) -> tuple[DecisionDiagram, dict
     known: dict[tuple[Transition, tuple[int, ...]], _Levels] = {}
     total = 0
     for step, transition in enumerate(system.transitions):
-        n_bits = max([mask.bit_length() for mask in transition.live_masks], default=0)
-        max_arcs = min(limit - total, MAX_LEVEL_BITS // max(n_bits, 1))
+        max_arcs = min(limit - total, MAX_LEVEL_BITS // max(transition.n_bits, 1))
         expanded = known.get((transition, states[step])) if transition.is_shared else None
         if expanded is None:
             expanded = expander.expand(transition, states[step], max_arcs)
