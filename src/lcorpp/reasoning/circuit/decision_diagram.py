@@ -24,6 +24,7 @@ from typing import NamedTuple
 from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.gc_pause import pause_gc
+from lcorpp.reasoning.grounding.ground_program import QUERY_TERM
 from lcorpp.reasoning.transitions.linear_recursion import derive_values
 from lcorpp.reasoning.transitions.local_distribution import ConditionViolation
 from lcorpp.reasoning.transitions.transition import Transition
@@ -295,7 +296,7 @@ def iterate_arcs(arcs: Arcs) -> Iterator[tuple[int, tuple[int, ...], int]]:
 
 
 def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
-    """Convert the outcomes of all steps to term -> value, sorted by term."""
+    """Convert the outcomes of all steps to term -> value, sorted by term, without `QUERY_TERM`."""
     program = system.program
     outcome_of = {
         term: value
@@ -309,4 +310,5 @@ def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) ->
         for term, value in outcome_of.items()
         if value < len(program.values[term])
     }
+    world.pop(QUERY_TERM, None)
     return dict(sorted(world.items()))
