@@ -42,6 +42,7 @@ pr(classifier(T)=one | intention(T)=interested) = 0.76.
 pr(classifier(T)=one | intention(T)=not_interested) = 0.29.
 :- location(N)=library, location(N-1)=classroom.
 """
+ROOM = "moments = {0, 1}. rooms = {1, 2}. at : moments -> rooms. random(at(0)). random(at(1))."
 CARRIED = {f"{name}(0)": f"{name}(1)" for name in ("identity", "location", "intention")}
 
 COIN = """
@@ -205,3 +206,15 @@ def test_programs_that_no_filter_serves() -> None:
         Reasoner(
             parse_plog("n = {1..40}. t = {0, 1}. x, y : t -> n. random(x(T)) :- t(T). random(y(T)) :- t(T).")
         ).filter({"x(0)": "x(1)", "y(0)": "y(1)"}, [], "x(1)")
+
+
+def test_arguments_of_a_wrong_type_are_refused() -> None:
+    filter = Reasoner(parse_plog(ROOM)).filter({"at(0)": "at(1)"}, ["at(1)"], "at(1)")
+    assert filter.step({"at(1)": 1})["1"] == 1  # type: ignore[dict-item]
+    for evidence in (None, [], {"at(1)": True}, {"at(1)": [1]}, {"at(1)": None}, {"at(1)": np.array([1, 2])}):
+        with pytest.raises(ProgramError):
+            filter.step(evidence)  # type: ignore[arg-type]
+    with pytest.raises(ProgramError, match="expected Mapping"):
+        Reasoner(parse_plog(ROOM)).filter(["at(0)"], [], "at(1)")  # type: ignore[arg-type]
+    with pytest.raises(ProgramError, match="a likelihood of a, b"):
+        filter.step({"at(1)": Likelihood(("a", "b"), np.ones(2))})

@@ -14,8 +14,7 @@ Source: Murphy, Dynamic Bayesian Networks, 2002, section 3.2 (the interface algo
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from itertools import product
 from math import prod
@@ -23,18 +22,18 @@ from math import prod
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, expected_one_of
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_type, expected_one_of
 from lcorpp.notebook import join_some
 from lcorpp.reasoning.answers import format_conditions, make_no_value_error, make_no_world_error
 from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
 from lcorpp.reasoning.circuit.joint_weights import JointWeights
 from lcorpp.reasoning.gc_pause import pause_gc
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
+from lcorpp.reasoning.grounding.slices import split_slices
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.resolve import resolve_evidence, resolve_term, resolve_terms
+from lcorpp.reasoning.resolve import resolve_evidence, resolve_inputs, resolve_queries, resolve_term
 from lcorpp.values import Array, Distribution, Label, Likelihood
 
 MAX_STATES = 1000
@@ -83,10 +82,8 @@ class Filter:
             )
         self.program, self.window = program, window
         self._old, self._new = _resolve_carried(program, carried)
-        self.inputs = tuple(dict.fromkeys(term for name in inputs for term in resolve_terms(program, name)))
-        self.single = isinstance(query, str)
-        names = [query] if isinstance(query, str) else query
-        self.queries = tuple(canonical_text(resolve_term(program, name)) for name in names)
+        self.inputs = tuple(resolve_inputs(program, inputs))
+        self.queries, self.single = resolve_queries(program, query), isinstance(query, str)
         self._encoder = EvidenceEncoder(program, self.inputs)
         ranges = [_get_values(program, term) for term in self._new]
         self._sizes = [len(values) for values in ranges]
@@ -108,7 +105,7 @@ class Filter:
 
         initial = resolve_evidence(program, initial)
         ground = ground_program(program, {})
-        past, step = _split(ground, self._old, initial)
+        past, step = split_slices(ground, self._old, initial)
         start = JointWeights(past, (*self._old, *initial))
         self._check_values(self._old, start.compute((self._old, self._codes)).sum(), float(start.compute()))
         self._weights = JointWeights(step, (*self._old, *self._new, *self.inputs, *self.queries))
@@ -143,10 +140,16 @@ class Filter:
             ProgramError: an input or a value is unknown, or a query may have no value under the evidence.
             UndefinedError: the evidence is impossible.
         """
-        key = tuple(map(evidence.get, self.inputs))
-        matrix = self._matrices.get(key)
-        if matrix is None or len(key) - key.count(None) != len(evidence):
-            matrix = self._find_matrix(self._encoder.canonicalize(evidence))
+        matrix = None
+        try:
+            key = tuple(map(evidence.get, self.inputs))
+            if len(key) - key.count(None) == len(evidence):
+                matrix = self._matrices.get(key)
+        except (AttributeError, TypeError, ValueError):
+            pass  # reported below
+        if matrix is None:
+            check_type(evidence, Mapping, "evidence", ProgramError)
+            matrix = self._find_matrix(self._encoder.name_values(self._encoder.canonicalize(evidence)))
         weights = self.belief @ matrix
         total = weights[-1]
         if not total > 0:
@@ -203,9 +206,9 @@ class Filter:
                     )
                 parts = [w * self._find_matrix({**evidence, name: value}) for value, w in label if w > 0]
                 return reduce(np.add, parts)
+        codes = [self._encoder.encode_value(name, value) for name, value in evidence.items()]
         key = tuple(map(evidence.get, self.inputs))
         if key not in self._matrices:
-            codes = [self._encoder.encode_value(name, value) for name, value in evidence.items()]
             if len(self._matrices) >= self._max_cached:
                 self._matrices.clear()
             self._matrices[key] = self._compute_matrix(tuple(evidence), codes)
@@ -229,7 +232,7 @@ class Filter:
         """(states, outcomes) P(outcomes of terms, evidence | state of slice 0)."""
         evidence = (observed, np.array([codes], dtype=np.intp))
         joint = self._weights.compute(evidence, (self._old, self._codes), (terms, outcomes))[0]
-        conditional: Array = joint * len(self.states)  # the states are equally probable, see `_split`
+        conditional: Array = joint * len(self.states)  # the states are equally probable, see `split_slices`
         return conditional
 
     def _find_reachable(self) -> npt.NDArray[np.bool_]:
@@ -259,6 +262,7 @@ class Filter:
 
 
 def _resolve_carried(program: Program, carried: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    check_type(carried, Mapping, "carried", ProgramError)
     old = tuple(canonical_text(resolve_term(program, name)) for name in carried)
     new = tuple(canonical_text(resolve_term(program, name)) for name in carried.values())
     if not old:
@@ -275,43 +279,3 @@ def _resolve_carried(program: Program, carried: Mapping[str, str]) -> tuple[tupl
 
 def _get_values(program: Program, term: str) -> tuple[str, ...]:
     return program.attributes[term.partition("(")[0]].values
-
-
-def _split(
-    ground: GroundProgram, carried: Sequence[str], initial: Iterable[str]
-) -> tuple[GroundProgram, GroundProgram]:
-    """Split a program into the past and a step.
-
-    The past has the terms on which the carried terms of slice 0 and the initial evidence depend. The step has
-    the other clauses; the carried terms of slice 0 are random in it, so that all states are equally probable.
-
-    Raises:
-        ProgramError: the step depends on a term of the past that is not carried.
-    """
-    causes: dict[int, set[int]] = {}
-    for clause in ground.clauses:
-        causes.setdefault(clause.term, set()).update(literal[0] for literal in clause.body)
-    numbers = {name: term for term, name in enumerate(ground.names)}
-    own = [numbers[name] for name in carried if name in numbers]
-    past: set[int] = set()
-    rest = [*own, *(numbers[name] for name in initial if name in numbers)]
-    while rest:
-        term = rest.pop()
-        if term not in past:
-            past.add(term)
-            rest.extend(causes.get(term, ()))
-    before: list[Clause] = []
-    step = [Clause(ClauseKind.SELECT, term, 0, ()) for term in own]
-    for clause in ground.clauses:
-        terms = [literal[0] for literal in clause.body]
-        if clause.term in past or (clause.term < 0 and past.issuperset(terms)):
-            before.append(clause)
-            continue
-        step.append(clause)
-        for term in past.intersection(terms).difference(own):
-            head = ground.names[clause.term] if clause.term >= 0 else "a constraint"
-            raise ProgramError(
-                f"{ground.source.file}: {head} depends on {ground.names[term]}, which is not carried from"
-                " step to step"
-            )
-    return replace(ground, clauses=before), replace(ground, clauses=step)
