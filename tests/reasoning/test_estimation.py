@@ -171,3 +171,10 @@ def test_estimates_can_be_printed_and_pickled():
     assert "<td>" in found._repr_html_()
     assert pickle.loads(pickle.dumps(asked)).interval == asked.interval
     assert asked.interval == Interval.from_count(round(400 * asked), 400)
+
+
+def test_a_query_that_no_world_satisfies():
+    program = parse_plog("p, q, r : boolean. random(p). r :- q, p.")
+    with pytest.warns(ReasoningWarning):
+        asked = Reasoner(program, samples=200).ask(parse_query("?{r, p}", program))
+    assert asked == asked.interval.low == 0 < asked.interval.high

@@ -84,7 +84,7 @@ def sample_worlds(
     """
     sampler = _WorldSampler(ground, system, evidence, Random(seed))
     queried = system.term_numbers.get(query)
-    values = ground.values[queried] if queried is not None else ()
+    values = next((own for name, own in zip(ground.names, ground.values, strict=True) if name == query), ())
     numbers: Counter[int] = Counter()
     drawn = accepted = 0
     while sampler.possible and (drawn < samples or _is_worth_drawing(drawn, accepted, samples)):
