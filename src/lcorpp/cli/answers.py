@@ -12,16 +12,13 @@ from typing import TYPE_CHECKING
 from lcorpp.cli.console import format_bar
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning.language.parser import parse_query, read_plog
-from lcorpp.reasoning.reasoner import Reasoner
+from lcorpp.reasoning.reasoner import DEFAULT_SAMPLES, Reasoner
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from lcorpp.reasoning.answers import Numeric, QueryAnswer
     from lcorpp.reasoning.explanation import Explanation
-
-Z95 = 1.96
-"""Half width of the 95 % interval of a normal estimate, in standard errors."""
 
 _BOLD, _CYAN = 1, 36
 """Codes of the terminal."""
@@ -34,6 +31,8 @@ def print_answers(
     exact: bool = False,
     lenient: bool = False,
     why: bool = False,
+    samples: int | None = None,
+    seed: int = 0,
 ) -> None:
     """Answer a query to a P-log program, or the program's own queries; the arguments are those of `ask`.
 
@@ -48,7 +47,9 @@ def print_answers(
         raise ProgramError(
             f"{file}: the program has no query of its own; give one, such as 'attribute=value'"
         )
-    reasoner = Reasoner(program)
+    if samples is not None and (exact or why):
+        raise ProgramError(f"--samples {samples}: --{'exact' if exact else 'why'} has exact answers only")
+    reasoner = Reasoner(program, samples=samples or DEFAULT_SAMPLES, seed=seed)
     for question in queries:
         _print(str(question), bold=True)
         with _warnings_to_stderr():
@@ -114,9 +115,9 @@ def _print_explanation(explanation: Explanation, exact: bool) -> None:
 
 def _format_number(probability: Numeric, exact: bool) -> str:
     """Return a probability as a fraction, a decimal number, or an estimate with its 95 % interval."""
-    standard_error = getattr(probability, "error", None)
-    if standard_error is not None:
-        return f"{float(probability):.6f} ± {Z95 * standard_error:.6f}"
+    interval = getattr(probability, "interval", None)
+    if interval is not None:
+        return f"{interval:.6f}"
     if exact:
         return str(probability)
     shown_as_zero = 0 < probability < 5e-7  # with six decimals

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from lcorpp.cli import options
+
 
 def ask(
     file: Annotated[Path, typer.Argument(metavar="FILE.plog", help="The program.")],
@@ -32,8 +34,17 @@ def ask(
             "--why", help="Also: the answer without each condition, the most probable worlds, their rules."
         ),
     ] = False,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Worlds drawn if the program is too large for an exact answer, 20000 by default; more if few"
+            " of them have the evidence.",
+        ),
+    ] = None,
+    seed: options.SeedOption = 0,
 ) -> None:
     """Answer a query to a P-log program."""
     from lcorpp.cli.answers import print_answers
 
-    print_answers(file, query, exact=exact, lenient=lenient, why=why)
+    print_answers(file, query, exact=exact, lenient=lenient, why=why, samples=samples, seed=seed)
