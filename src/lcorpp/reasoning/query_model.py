@@ -18,7 +18,8 @@ from lcorpp.reasoning.answers import (
 )
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.grounding.grounder import QUERY_TERM, ground_program
+from lcorpp.reasoning.grounding.ground_program import QUERY_TERM
+from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query

@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, TypeVar
 
-from lcorpp.errors import TooLargeError, UndefinedError
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_type
 from lcorpp.reasoning.answers import (
     QueryAnswer,
     format_conditions,
@@ -31,6 +31,7 @@ from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.query_model import EnumeratedQuery, QueryModel
 from lcorpp.reasoning.resolve import (
+    check_rng,
     resolve_evidence,
     resolve_interventions,
     resolve_query,
@@ -66,6 +67,7 @@ class Reasoner:
     """
 
     def __init__(self, program: Program, *, samples: int = DEFAULT_SAMPLES) -> None:
+        check_type(program, Program, "program", ProgramError)
         self.program, self.samples = program, samples
         self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}
@@ -85,7 +87,8 @@ class Reasoner:
 
         Args:
             attribute: an attribute or a term of one, such as ``roll(d1)``.
-            evidence: term -> value, or -> the likelihood of its values (see `soft_evidence`).
+            evidence: term -> value, or -> the likelihood of its values (see `soft_evidence`). Integers and
+                truth values may be given as such: 3 for ``3``, True for ``true``.
             do: term -> value.
 
         Raises:
@@ -93,16 +96,18 @@ class Reasoner:
                 violates a condition of the language.
             UndefinedError: no possible world satisfies the evidence.
         """
-        key = (attribute, tuple(evidence.items()), tuple(do.items()))
         try:
-            answer = self._answers.get(key)
-        except TypeError:  # an unhashable value; `resolve_evidence` reports it
+            answer = self._answers.get((attribute, tuple(evidence.items()), tuple(do.items())))
+        except (AttributeError, TypeError):  # no mapping, or an unhashable value
             answer = None
         if answer is None:
+            set_to = resolve_interventions(self.program, do)
+            check_type(evidence, Mapping, "evidence", ProgramError)
             if _contains_likelihood(evidence):  # likelihoods rarely repeat: a cache would only fill memory
-                return self._get_soft_evidence(do).posterior(attribute, evidence)
-            answer = self._compute_posterior(attribute, evidence, do)  # type: ignore[arg-type]
-            _store(self._answers, key, answer)
+                return self._get_soft_evidence(set_to).posterior(attribute, evidence)
+            answer = self._compute_posterior(attribute, evidence, set_to)  # type: ignore[arg-type]
+            if all(isinstance(value, str) for value in (*evidence.values(), *do.values())):  # as 1 == True
+                _store(self._answers, (attribute, tuple(evidence.items()), tuple(do.items())), answer)
         return answer
 
     def exact(
@@ -150,12 +155,13 @@ class Reasoner:
             ProgramError, UndefinedError: as `posterior`.
             TooLargeError: the program is too large to be compiled.
         """
+        check_rng(rng)
         if self.program.has_cr_rules:
             return self._enumeration.sample(rng, given)
         facts = resolve_evidence(self.program, given)
         world = self._get_world_queries({}, tuple(facts)).sample(rng, facts)
         if world is None:
-            raise UndefinedError(f"{self.program.file}: no possible world{format_conditions(given, {})}")
+            raise UndefinedError(f"{self.program.file}: no possible world{format_conditions(facts, {})}")
         return world
 
     def count(self) -> int:
@@ -187,6 +193,7 @@ class Reasoner:
             ProgramError, UndefinedError: as `posterior`.
             TooLargeError: `exact`, and the program is too large to be compiled.
         """
+        check_type(exact, bool, "exact", ProgramError)
         return self.build_query_model(query).answer(exact=exact)
 
     def build_query_model(self, query: Query) -> QueryModel | EnumeratedQuery:
@@ -206,19 +213,19 @@ class Reasoner:
         self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str]
     ) -> Distribution:
         term = canonical_text(resolve_term(self.program, attribute))
-        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
+        facts = resolve_evidence(self.program, evidence)
         if self.program.has_cr_rules:
-            return self._enumeration.posterior(term, facts, set_to)
-        key = (term, frozenset(facts), frozenset(set_to.items()))
+            return self._enumeration.posterior(term, facts, do)
+        key = (term, frozenset(facts), frozenset(do.items()))
         circuit = self._circuits.get(key)
         if circuit is None:
             try:
-                circuit = self.compile(sorted(facts), term, set_to)
+                circuit = self.compile(sorted(facts), term, do)
             except TooLargeError as error:
                 circuit = error  # cached, so that it is not compiled again
             _store(self._circuits, key, circuit)
         if isinstance(circuit, TooLargeError):
-            return self._estimate(circuit, term, facts, set_to)
+            return self._estimate(circuit, term, facts, do)
         return circuit(facts)  # type: ignore[return-value]
 
     def _get_soft_evidence(self, do: Mapping[str, str]) -> SoftEvidence:

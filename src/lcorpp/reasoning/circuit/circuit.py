@@ -9,7 +9,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.errors import ProgramError, UndefinedError, check_type
 from lcorpp.notebook import join_some
 from lcorpp.reasoning.answers import (
     PossibleWorld,
@@ -25,6 +25,7 @@ from lcorpp.reasoning.circuit.matrices import Layer, differentiate
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.resolve import check_rng
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array, Distribution
 
@@ -36,6 +37,9 @@ MAX_PRECOMPUTED = 1000
 
 MAX_WORLDS = 100_000
 """`Circuit.most_probable` returns at most this many worlds."""
+
+SINGLE_PASS_ROWS = 128
+"""A pass for one evidence costs about as much as this many rows of a batch."""
 
 Answer = Distribution | dict[str, Distribution]
 Answers = Array | dict[str, Array]
@@ -89,13 +93,14 @@ class Circuit:
         self._world_queries = world_queries
         self._has_table = AnswerTable.is_feasible(self._encoder.sizes)
         self._built_table: AnswerTable | None = None
+        self._n_computed = 0  # rows, see `_is_table_due`
 
     def __repr__(self) -> str:
         given, queries = join_some(self.inputs) or "nothing", join_some(self.queries) or "nothing"
         return f"Circuit({self.program.file}: {queries} given {given}; {len(self.layers)} layers)"
 
     def prepare(self) -> None:
-        """Precompute all answers if they are few; larger tables are built at the first call."""
+        """Precompute all answers if they are few; larger tables follow when they pay off."""
         if prod(self._encoder.sizes) <= MAX_PRECOMPUTED:
             _ = self._table
 
@@ -129,14 +134,17 @@ class Circuit:
         if not self._encoder.columns.keys() >= evidence.keys():
             evidence = self._encoder.canonicalize(evidence)
         if any(not isinstance(value, str) for value in evidence.values()):
-            return self._answer_columns(evidence, undefined)
+            evidence = self._encoder.name_values(evidence)
+            if any(not isinstance(value, str) for value in evidence.values()):
+                return self._answer_columns(evidence, undefined)
         return self._answer_one(evidence)  # type: ignore[arg-type]
 
     def _answer_one(self, evidence: Mapping[str, str]) -> Answer:
         encoder = self._encoder
         encoder.check_names(evidence)
         codes = {encoder.columns[name]: encoder.encode_value(name, value) for name, value in evidence.items()}
-        answers = self._look_up(codes, evidence) if self._has_table else self._run_pass(codes, evidence)
+        is_due = self._is_table_due(SINGLE_PASS_ROWS)
+        answers = self._look_up(codes, evidence) if is_due else self._run_pass(codes, evidence)
         answer: Answer = answers[self.queries[0]] if self.single else answers
         if len(self._partial_answers) + len(self._full_answers) >= self._max_cached:
             self._partial_answers.clear()
@@ -152,6 +160,16 @@ class Circuit:
         if self._built_table is None:
             self._built_table = AnswerTable(self._encoder.sizes, self._compute_weights)
         return self._built_table
+
+    def _is_table_due(self, n_rows: int) -> bool:
+        """Whether to use the table for as much work as `n_rows` more rows of a batch.
+
+        It is filled when passes have cost as much as filling it costs, so that no first call waits for it.
+        """
+        if self._built_table is None and self._has_table:
+            self._n_computed += n_rows
+            return self._n_computed >= prod(self._encoder.sizes)
+        return self._has_table
 
     def _look_up(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
         table = self._table
@@ -192,7 +210,8 @@ class Circuit:
 
     def _answer_columns(self, evidence: Mapping[str, str | Sequence[str]], undefined: str) -> Answers:
         columns = [c.tolist() if isinstance(c, np.ndarray) else c for c in evidence.values()]
-        if not self._has_table or any(not isinstance(c, list) or len(c) != len(columns[0]) for c in columns):
+        is_table = all(isinstance(c, list) and len(c) == len(columns[0]) for c in columns)
+        if not is_table or not self._is_table_due(len(columns[0])):
             return self._answer_batch(self.encode(evidence), undefined)
         inputs = tuple([self._encoder.columns[name] for name in evidence])
         codes = [self._encoder.codes[name] for name in evidence]
@@ -204,7 +223,7 @@ class Circuit:
 
     def _answer_batch(self, codes: Codes, undefined: str) -> Answers:
         codes = self._encoder.check_codes(codes)
-        if self._has_table:
+        if self._is_table_due(len(codes)):
             return self._take_rows(self._table.find_rows(codes), undefined)
         weights = self._compute_weights(codes)
         return self._finish({query: normalize_rows(rows) for query, rows in weights.items()}, undefined)
@@ -257,7 +276,7 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as a call.
         """
-        self._encoder.check(evidence)
+        evidence = self._encoder.resolve(evidence)
         answers = {query: self._compute_fractions(query, evidence) for query in self.queries}
         return answers[self.queries[0]] if self.single else answers
 
@@ -271,7 +290,8 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as a call.
         """
-        self._encoder.check(evidence)
+        evidence = self._encoder.resolve(evidence)
+        check_type(count, int, "count", ProgramError)
         if not 1 <= count <= MAX_WORLDS:
             raise ProgramError(f"expected 1 to {MAX_WORLDS} worlds, not {count}")
         worlds = self.world_queries.most_probable(evidence, count)
@@ -285,7 +305,8 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as a call.
         """
-        self._encoder.check(given)
+        check_rng(rng)
+        given = self._encoder.resolve(given)
         world = self.world_queries.sample(rng, given)
         if world is None:
             raise make_no_world_error(self.program, format_conditions(given, self.do))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from lcorpp.errors import ProgramError
+from lcorpp.errors import ProgramError, check_type
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
 from lcorpp.reasoning.circuit.matrices import Index, Layer, Matrix
@@ -44,6 +44,10 @@ def compile_program(
         ProgramError: a name is unknown, a world breaks a condition of the language, or there are cr-rules.
         TooLargeError: the program is too large to be compiled.
     """
+    check_type(inputs, Iterable, "inputs", ProgramError)
+    check_type(query, (str, Iterable), "query", ProgramError)
+    if isinstance(inputs, str):
+        raise ProgramError(f"inputs is {inputs!r}; expected a sequence of terms, such as [{inputs!r}]")
     if program.has_cr_rules:
         raise ProgramError(
             f"{program.file}: a program with cr-rules cannot be compiled: an observation may create worlds;"

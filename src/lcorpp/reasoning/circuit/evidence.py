@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import reprlib
+from collections.abc import Iterable, Mapping, Sequence, Set
 from typing import TypeVar
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, expected_one_of
+from lcorpp.errors import ProgramError, check_type, expected_one_of
 from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.resolve import resolve_term
+from lcorpp.reasoning.resolve import make_unknown_value_error, name_value, resolve_term
 
 _Column = TypeVar("_Column")
 
@@ -53,25 +54,38 @@ class EvidenceEncoder:
             if name not in self.codes:
                 raise ProgramError(f"{name!r} is not an input of the circuit; {expected_one_of(self.names)}")
 
-    def check(self, evidence: Mapping[str, object]) -> None:
-        """Check that all names are inputs, and each value is in the range of its input."""
+    def resolve(self, evidence: Mapping[str, object]) -> dict[str, str]:
+        """Return evidence with the names of values; check that all names are inputs, with values in range."""
+        check_type(evidence, Mapping, "evidence", ProgramError)
         self.check_names(evidence)
-        for name, value in evidence.items():
-            self.encode_value(name, value)
+        return {name: self.values[name][self.encode_value(name, value)] for name, value in evidence.items()}
+
+    def name_values(self, evidence: Mapping[str, _Column]) -> dict[str, _Column]:
+        """Replace integers and truth values that denote values of their inputs by names; see `name_value`."""
+        named = {name: name_value(value) for name, value in evidence.items()}
+        return {
+            name: own if isinstance(own := named[name], str) and own in self.codes[name] else value  # type: ignore[misc]
+            for name, value in evidence.items()
+        }
 
     def encode_value(self, name: str, value: object, where: str = "") -> int:
         """Return the code of a value of an input; `where` is the beginning of the message of an error."""
-        code = self.codes[name].get(value) if isinstance(value, str) else None
+        named = name_value(value)
+        code = self.codes[name].get(named) if isinstance(named, str) else None
         if code is None:
-            raise ProgramError(
-                f"{where}{value!r} is not a value of {name}; {expected_one_of(self.values[name])}"
-            )
+            raise make_unknown_value_error(value, name, self.values[name], where)
         return code
 
     def encode(self, evidence: Mapping[str, str | Sequence[str]]) -> Codes:
         """(B, inputs) Encode a batch of evidence, see `Circuit.encode`."""
+        check_type(evidence, Mapping, "evidence", ProgramError)
         self.check_names(evidence)
+        evidence = self.name_values(evidence)
         for name, column in evidence.items():
+            if isinstance(column, Mapping | Set):
+                raise ProgramError(
+                    f"the column of {name} is {reprlib.repr(column)}; expected a sequence of values"
+                )
             if not hasattr(column, "__len__"):
                 self.encode_value(name, column)
         sizes = {len(column) for column in evidence.values() if not isinstance(column, str)}
@@ -84,11 +98,13 @@ class EvidenceEncoder:
             code_of: dict[str | None, int] = {None: -1} | self.codes[name]
             try:
                 encoded = np.fromiter(map(code_of.__getitem__, values), np.intp, size)
-            except (KeyError, TypeError):
-                for row, value in enumerate(values):
-                    if value is not None:
-                        self.encode_value(name, value, f"row {row}: ")
-                raise
+            except (KeyError, TypeError):  # integers, truth values or unknown values
+                encoded = np.array(
+                    [
+                        -1 if value is None else self.encode_value(name, value, f"row {row}: ")
+                        for row, value in enumerate(values)
+                    ]
+                )
             codes[:, self.columns[name]] = encoded
         return codes
 

@@ -18,6 +18,9 @@ from fractions import Fraction
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Selection
 
+QUERY_TERM = "?"
+"""The name of the term that has the value `true` in the worlds in which all literals of a query are true."""
+
 
 class ClauseKind(Enum):
     """The consequence of a clause whose body is true."""

@@ -38,7 +38,7 @@ MAX_EXACT_DEGREE = 32
 class EliminationTree:
     """Steps in depth-first order: a step comes before its children, and a subtree is a range of steps.
 
-    order: step -> the terms that it decides.
+    order: step -> the terms that it decides; terms that no clause names have no value and no step.
     children: step -> the first steps of the independent parts that remain after it.
     roots: the first steps of the parts that are independent from the start.
     ends: step -> the end of the range of its subtree.
@@ -138,6 +138,9 @@ def build_elimination_tree(
     children, roots = _eliminate(
         component_needs, [group for group in constraints if len(group) > 1], sizes, ranks
     )
+    named = {clause.term for clause in clauses} | program.do.keys()
+    named.update([literal[0] for clause in clauses for literal in clause.body])
+    roots = [root for root in roots if children[root] or not named.isdisjoint(components[root])]
     return EliminationTree.from_nodes(components, children, roots, frozenset(linear))
 
 
@@ -273,8 +276,8 @@ def _eliminate(
         if not own:
             roots.append(i)
             continue
-        children[i] = [origin[number] for number in own if origin[number] >= 0]
         number, scope = own[0], scopes[own[0]]
+        children[i] += [origin[other] for other in own if origin[other] >= 0]
         if len(own) > 1:
             number = len(scopes)
             scope = scope.union(*[scopes[other] for other in own])
@@ -290,6 +293,9 @@ def _eliminate(
         origin[number] = i
         if not scope:
             roots.append(i)
+        elif len(scope) == 1:  # the scope has done its work
+            merged[number] = True
+            children[next(iter(scope))].append(i)
         for need in needs[i]:
             n_users[need] -= 1
             if not n_users[need]:

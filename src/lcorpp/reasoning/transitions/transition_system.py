@@ -59,7 +59,7 @@ class TransitionSystem:
     tree: the steps.
     transitions: step -> the outcomes of its terms and their effect on the state.
     consistent: False if a constraint without body shows that there is no world.
-    term_numbers: term as text -> its number in `program`.
+    term_numbers: term as text -> its number in `program`, for the terms that may have a value.
     recursions: the components with linear rules, (terms, clauses): their transitions decide only the terms
         that other rules or queries read, see `linear_recursion.derive_values`.
     probabilities: those computed so far by local distributions.
@@ -91,7 +91,7 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
         tree = build_elimination_tree(program, clauses, outcomes)
         merged = merge_deterministic_steps(program, clauses, tree)
-        term_numbers = {name: term for term, name in enumerate(program.names)}
+        term_numbers = {program.names[term]: term for terms in tree.order for term in terms}
         consistent = not any(c.term < 0 and not c.body for c in clauses)
         needed = {term_numbers[name] for name in queried if name in term_numbers}
         builder = _TransitionBuilder(program, clauses, outcomes, merged, needed)
@@ -262,10 +262,9 @@ class _TransitionBuilder:
                     allocator.release(sum([bits[slot] for slot in parent.releases]), reader)
                     released.append((bits, parent.releases))
             branches = self._tree.list_branches(step)
-            allocators_after = allocator.split(branches)
-            for branch, other_allocator in zip(branches, allocators_after, strict=True):
-                allocators[branch.start] = other_allocator
-            live_masks = tuple([after.live_mask for after in allocators_after])
+            after = [allocator] if len(branches) == 1 else allocator.split(branches)
+            allocators.update({branch.start: own for branch, own in zip(branches, after, strict=True)})
+            live_masks = tuple([own.live_mask for own in after])
             key = None
             if is_shareable:
                 parts: list[object] = [template, live_masks, *own_bits]
