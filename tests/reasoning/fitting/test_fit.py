@@ -291,7 +291,23 @@ def test_bad_input(text: str, records: list[dict[str, str]], error: type[Excepti
         fit(parse_plog(f"a : boolean. random(a). {text}"), records)
 
 
+def test_records_of_other_types() -> None:
+    program = parse_plog("n = {1, 2}. a : n. b : boolean. random(a). random(b). pr(a=1) = 0.5. pr(b) = 0.5.")
+    result = fit(program, [{"a": 1, "b": True}, {"a": "1"}, {"b": "false"}])  # type: ignore[dict-item]
+    assert [x.value for x in result.numbers] == [1, Fraction(1, 2)]
+    with pytest.raises(ProgramError, match="record 2: expected a mapping from terms to values"):
+        fit(program, [{"a": "1"}, {"a": ["1"]}])  # type: ignore[dict-item]
+    with pytest.raises(ProgramError, match="record 1 is 'a'; expected Mapping"):
+        fit(program, ["a"])  # type: ignore[list-item]
+    with pytest.raises(ProgramError, match="record 1: None is not a value of a"):
+        fit(program, [{"a": None}])  # type: ignore[dict-item]
+    with pytest.raises(ProgramError, match="record 1: the evidence gives a  two values"):
+        fit(program, [{"a": "1", "a ": "2"}])
+
+
 def test_bad_options() -> None:
+    with pytest.raises(ProgramError, match="expected Program"):
+        fit("a.plog", [{}])  # type: ignore[arg-type]
     program = parse_plog("a : boolean. random(a). pr(a) = 0.5.")
     with pytest.raises(DataError, match="at least 0, not -1"):
         fit(program, [{"a": "true"}], prior=-1)

@@ -10,10 +10,11 @@ import logging
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
-from lcorpp.errors import DataError, ProgramError, UndefinedError, expected_one_of
+from lcorpp.errors import DataError, ProgramError, UndefinedError, check_type, expected_one_of
 from lcorpp.reasoning.fitting.expectation import Expectation
 from lcorpp.reasoning.fitting.maximisation import (
     compute_prior_counts,
@@ -30,7 +31,7 @@ from lcorpp.reasoning.fitting.rewriting import replace_numbers
 from lcorpp.reasoning.fitting.uncertainty import compute_uncertainty
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Number, Probability
-from lcorpp.reasoning.resolve import resolve_evidence
+from lcorpp.reasoning.resolve import name_value, resolve_evidence
 from lcorpp.values import Array
 
 LOG = logging.getLogger(__name__)
@@ -160,6 +161,8 @@ def fit(
         UndefinedError: a record is impossible.
         TooLargeError: the program is too large to be compiled.
     """
+    check_type(program, Program, "program", ProgramError)
+    check_type(prior, (int, float), "prior", DataError)
     if not prior >= 0 or not np.isfinite(prior):
         raise DataError(f"expected a number of pseudo-counts that is at least 0, not {prior}")
     if program.has_cr_rules:
@@ -228,19 +231,34 @@ def _group_records(
     program: Program, records: Iterable[Mapping[str, str]]
 ) -> tuple[list[dict[str, str]], list[int], Array]:
     """Return the distinct records with canonical names, the number of the first of each, and their counts."""
-    numbers: dict[frozenset[tuple[str, str]], tuple[int, int]] = {}  # record -> (first, count)
+    numbers: dict[frozenset[tuple[str, Any]], tuple[int, int]] = {}  # record -> (first, count)
+    distinct: list[dict[str, str]] = []
+    resolved: dict[tuple[str, Any], tuple[str, str]] = {}  # a term and its value -> with canonical names
     for row, record in enumerate(records, start=1):
-        key = frozenset(record.items())
+        check_type(record, Mapping, f"record {row}", ProgramError)
+        try:
+            key: frozenset[tuple[str, Any]] = frozenset(
+                [(name, name_value(value)) for name, value in record.items()]
+            )
+        except TypeError:  # an unhashable value
+            raise ProgramError(
+                f"record {row}: expected a mapping from terms to values, not {record!r}"
+            ) from None
         first, count = numbers.get(key, (row, 0))
         numbers[key] = first, count + 1
-    if not numbers:
-        raise DataError("there are no records")
-    distinct = []
-    for key, (row, _) in numbers.items():
+        if count:
+            continue
         try:
-            distinct.append(resolve_evidence(program, dict(key)))
+            for item in key - resolved.keys():
+                (resolved[item],) = resolve_evidence(program, {item[0]: item[1]}).items()
+            facts = dict([resolved[item] for item in key])
+            if len(facts) < len(key):  # two names of a term
+                facts = resolve_evidence(program, record)
         except ProgramError as error:
             raise ProgramError(f"record {row}: {error}") from None
+        distinct.append(facts)
+    if not numbers:
+        raise DataError("there are no records")
     counts = np.array([float(count) for _, count in numbers.values()])
     return distinct, [first for first, _ in numbers.values()], counts
 
