@@ -212,6 +212,11 @@ def test_pseudo_counts() -> None:
     result = fit(program, records, prior=10)
     assert [x.value for x in result.numbers] == [Fraction(3 + 2, 20), Fraction(0 + 5, 20)]
     assert fit(program, records, prior=0).numbers[1].value == 0
+    lines = parse_plog("n = {1..4}. a : n. random(a).\npr(a=1) = 0.2.\npr(a=2) = 0.5.")
+    (number,) = fit(
+        lines, records, prior=10, fixed=[3]
+    ).numbers  # 10 records: 2 with a=1, 5 with a=2, 3 others
+    assert float(number.value) == pytest.approx(0.5 * (3 + 2) / (10 + 5), abs=1e-6)
     narrow, wide = (fit(program, records, prior=n).numbers[0].interval for n in (1000, 10))
     assert narrow is not None
     assert wide is not None

@@ -67,7 +67,7 @@ def compute_prior_counts(model: NumberModel, strength: float) -> Array:
     start = model.evaluate(model.start)
     for case in model.cases:
         for form, n_values in case.forms:
-            counts[form] += strength * n_values * start[form] / float(case.bound)
+            counts[form] += strength * n_values * start[form]
     return counts
 
 

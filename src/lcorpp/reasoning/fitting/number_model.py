@@ -39,8 +39,8 @@ class NumberModel:
 
     statements: the index of the statement of each parameter.
     start: (p,) the numbers of the program.
-    constants, coefficients: (f,) and (f, p); form i is ``constants[i] + coefficients[i] @ parameters``.
-    form_of: parameter -> the form that is the parameter itself.
+    constants, coefficients: (f,) and (f, p); form i is ``constants[i] + coefficients[i] @ parameters``,
+        and the first p forms are the parameters.
     factors: (outcomes, n) the forms whose product is the probability of an outcome; f is for 1.
     scales: (outcomes,) the constant factor of each outcome.
     cases: the sets of pr-atoms that apply together.
@@ -51,7 +51,6 @@ class NumberModel:
     start: Array
     constants: Array
     coefficients: Array
-    form_of: Sequence[int]
     factors: npt.NDArray[np.intp]
     scales: Array
     cases: Sequence[Case]
@@ -120,7 +119,6 @@ def build_number_model(program: Program, free: Sequence[int], observed: Collecti
         np.array([float(symbols[index]) for index in free]),
         np.array([float(constant) for constant, _ in forms]),
         coefficients,
-        range(len(free)),
         factors,
         np.array([float(scale) for _, scale in outcomes]),
         list(cases.values()),
