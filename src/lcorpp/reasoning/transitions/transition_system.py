@@ -261,10 +261,14 @@ class _TransitionBuilder:
                 if parent.releases:
                     allocator.release(sum([bits[slot] for slot in parent.releases]), reader)
                     released.append((bits, parent.releases))
-            branches = self._tree.list_branches(step)
-            after = [allocator] if len(branches) == 1 else allocator.split(branches)
-            allocators.update({branch.start: own for branch, own in zip(branches, after, strict=True)})
-            live_masks = tuple([own.live_mask for own in after])
+            following = self._tree.children[step]
+            if len(following) == 1:  # usual in chains, and faster
+                allocators[following[0]] = allocator
+                live_masks: tuple[int, ...] = (allocator.live_mask,)
+            else:
+                after = allocator.split(self._tree.list_branches(step))
+                allocators.update(zip(following, after, strict=True))
+                live_masks = tuple([own.live_mask for own in after])
             key = None
             if is_shareable:
                 parts: list[object] = [template, live_masks, *own_bits]
