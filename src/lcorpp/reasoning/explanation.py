@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from lcorpp.errors import LcorppError, UndefinedError
 from lcorpp.reasoning.answers import PossibleWorld, QueryAnswer
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
-from lcorpp.reasoning.grounding.grounder import QUERY_TERM
 from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.query_model import QueryModel
@@ -90,8 +89,7 @@ def _drop_conditions(query: Query) -> Iterator[tuple[str, Query]]:
 def _explain_worlds(model: QueryModel, count: int) -> tuple[tuple[PossibleWorld, tuple[FiredRule, ...]], ...]:
     worlds = []
     for world in model.worlds.most_probable({}, count):
-        values = {term: value for term, value in world.values.items() if term != QUERY_TERM}
-        worlds.append((PossibleWorld(values, world.measure), _find_fired(model.ground, values)))
+        worlds.append((world, _find_fired(model.ground, world.values)))
     return tuple(worlds)
 
 
@@ -115,7 +113,7 @@ def _find_fired(ground: GroundProgram, values: Mapping[str, str]) -> tuple[Fired
 def _format_effect(
     ground: GroundProgram, clause: Clause, outcomes: Sequence[int], selected: set[int]
 ) -> str | None:
-    if clause.statement < 0 or clause.term < 0 or ground.names[clause.term] == QUERY_TERM:
+    if clause.statement < 0 or clause.term < 0:
         return None
     name, values, outcome = ground.names[clause.term], ground.values[clause.term], outcomes[clause.term]
     if clause.kind is ClauseKind.DERIVE:

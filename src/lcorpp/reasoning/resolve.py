@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import reprlib
+from collections.abc import Collection, Iterable, Mapping
 from itertools import product
 from math import prod
+from numbers import Integral
 from typing import TYPE_CHECKING
 
-from lcorpp.errors import ParseError, ProgramError, TooLargeError, expected_one_of
+from lcorpp.errors import ParseError, ProgramError, TooLargeError, check_type, expected_one_of
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.parser import parse_term
@@ -60,18 +62,62 @@ def resolve_terms(program: Program, name: str) -> list[str]:
     return [f"{name}({','.join(arguments)})" for arguments in product(*sorts)]
 
 
+def resolve_inputs(program: Program, inputs: Iterable[str]) -> list[str]:
+    """List the terms that evidence may name, see `resolve_terms`, each once.
+
+    Raises:
+        ProgramError, TooLargeError: as `resolve_terms`.
+    """
+    check_type(inputs, Iterable, "inputs", ProgramError)
+    if isinstance(inputs, str):
+        raise ProgramError(f"inputs is {inputs!r}; expected a sequence of terms, such as [{inputs!r}]")
+    return list(dict.fromkeys(term for name in inputs for term in resolve_terms(program, name)))
+
+
+def resolve_queries(program: Program, query: str | Iterable[str]) -> tuple[str, ...]:
+    """Return the canonical names of a queried term, or several.
+
+    Raises:
+        ProgramError: the program has no such term.
+    """
+    check_type(query, (str, Iterable), "query", ProgramError)
+    names = [query] if isinstance(query, str) else query
+    return tuple(canonical_text(resolve_term(program, name)) for name in names)
+
+
+def name_value(value: object) -> object:
+    """Return the name of a value given as an integer or a truth value: ``3`` for 3, ``true`` for True."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return str(int(value)) if isinstance(value, Integral) else value
+
+
+def make_unknown_value_error(
+    value: object, term: str, values: Collection[str], where: str = ""
+) -> ProgramError:
+    """Make the error for evidence that is no value of a term; `where` is the beginning of the message."""
+    hint = "; leave out what is not observed" if value is None else ""
+    return ProgramError(
+        f"{where}{reprlib.repr(value)} is not a value of {term}; {expected_one_of(values)}{hint}"
+    )
+
+
 def resolve_evidence(program: Program, evidence: Mapping[str, str]) -> dict[str, str]:
-    """Return evidence with canonical names, term -> value.
+    """Return evidence with canonical names, term -> value; see `name_value`.
 
     Raises:
         ProgramError: a term or value is unknown, or a term has two values.
     """
+    check_type(evidence, Mapping, "evidence", ProgramError)
     facts: dict[str, str] = {}
-    for name, value in evidence.items():
+    for name, given in evidence.items():
         term = resolve_term(program, name)
         values = program.attributes[term.name].values
-        if value not in values:
-            raise ProgramError(f"{value!r} is not a value of {term}; {expected_one_of(values)}")
+        value = name_value(given)
+        if not isinstance(value, str) or value not in values:
+            raise make_unknown_value_error(given, str(term), values)
         key = canonical_text(term)
         if facts.setdefault(key, value) != value:
             raise ProgramError(f"the evidence gives {name} two values, {facts[key]} and {value}")
@@ -86,6 +132,7 @@ def resolve_labels(
     Raises:
         ProgramError: as `resolve_evidence`, or a term has a likelihood and another condition.
     """
+    check_type(evidence, Mapping, "evidence", ProgramError)
     if all(isinstance(value, str) for value in evidence.values()):
         return resolve_evidence(program, evidence), {}  # type: ignore[arg-type]
     from lcorpp.values import Likelihood  # imports numpy
@@ -108,6 +155,7 @@ def resolve_interventions(program: Program, do: Mapping[str, str]) -> dict[str, 
     Raises:
         ProgramError: as `resolve_evidence`, or a term has no random selection.
     """
+    check_type(do, Mapping, "do", ProgramError)
     for name in do:
         if not program.is_random(resolve_term(program, name)):
             raise ProgramError(f"do({name}=...): {name} has no random selection in {program.file}")
@@ -120,6 +168,7 @@ def resolve_query(program: Program, query: Query) -> Query:
     Raises:
         ProgramError: a name or value is unknown, or the query sets a term to two values.
     """
+    check_type(query, Query, "query", ProgramError)
     try:
         query = program.resolve_query(query)
     except SourceIssue as issue:
@@ -130,3 +179,10 @@ def resolve_query(program: Program, query: Query) -> Query:
         if do.setdefault(term, value) != value:
             raise ProgramError(f"{item.at}: do({term}) sets two values, {do[term]} and {value}")
     return query
+
+
+def check_rng(rng: object) -> None:
+    """Check that an argument is a numpy random generator."""
+    from numpy.random import Generator
+
+    check_type(rng, Generator, "rng", ProgramError)

@@ -10,6 +10,7 @@ from itertools import islice, product
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
+from tests.reasoning.circuit.maps import maps
 from tests.reasoning.circuit.programs import Case, cases
 
 from lcorpp.errors import ProgramError, UndefinedError
@@ -126,8 +127,14 @@ def test_circuit_and_enumeration_agree(case: Case) -> None:
     check(case)
 
 
+@given(case=maps())
+@SUITE
+def test_circuit_and_enumeration_agree_on_maps(case: Case) -> None:
+    check(case)
+
+
 @pytest.mark.slow
-@given(case=cases())
-@settings(SUITE, max_examples=10_000)
-def test_circuit_and_enumeration_agree_on_ten_thousand_programs(case: Case) -> None:
+@given(case=cases() | maps())
+@settings(SUITE, max_examples=20_000)
+def test_circuit_and_enumeration_agree_on_twenty_thousand_programs(case: Case) -> None:
     check(case)

@@ -132,9 +132,9 @@ def test_improbable_hidden_values_in_batches():
         " pr(b | -a) = 0. c :- b. c=false :- not b."
     )
     circuit = Reasoner(rare).compile(["c", "b"], "a")
-    assert circuit({"c": ["true", "false"]}).tolist() == [[1, 0], [0, 1]]
+    assert circuit({"c": ["true", "false"]}).tolist() == [[1, 0], [pytest.approx(1e-299), 1]]
     assert np.isnan(circuit({"c": ["true"], "b": ["false"]}, undefined="nan")).all()
-    assert circuit.exact({"c": "true"})["a"] == Fraction(1)
+    assert circuit.exact({"c": "true"})["true"] == Fraction(1)
 
 
 def test_impossible_evidence_is_never_improbable():

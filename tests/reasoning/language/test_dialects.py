@@ -197,8 +197,13 @@ def test_attributes_may_share_names_with_sorts_and_compound_values() -> None:
 def test_lenient_parsing_drops_ill_sorted_rules() -> None:
     text = """s={a,b}. f : s -> boolean. x : s. random(x).
         f(c). x=d :- f(a). f(a) :- f(a,b). f(X) :- x=X. ?{f(a)}."""
-    with pytest.raises(ProgramError, match="'c' is not a member of the sort s"):
+    hint = r"'c' is not a member of the sort s; .*; strict=False \(lcorpp ask --lenient\) reads the program$"
+    with pytest.raises(ProgramError, match=hint):
         parse_plog(text)
+    with pytest.raises(ProgramError, match=r"a record in a sort; .*--lenient"):
+        parse_plog("sorts #t = {a}. #s = f(#t). attributes f : #t -> #boolean. statements f(a).")
+    with pytest.raises(ProgramError, match=r"'z' is not declared; expected one of x$"):
+        parse_plog("s={a,b}. x : s. random(x). z.")  # not in the lenient mode, either
     lenient = parse_plog(text, strict=False)
     assert lenient == parse_plog("s={a,b}. f : s -> boolean. x : s. random(x). f(X) :- x=X. ?{f(a)}.")
     # to leave these out would change the answer

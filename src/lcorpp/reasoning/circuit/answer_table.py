@@ -8,6 +8,9 @@ from math import prod
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.errors import UndefinedError
+from lcorpp.reasoning.answers import make_no_value_error
+from lcorpp.reasoning.language.program import Program
 from lcorpp.values import Array
 
 Codes = npt.NDArray[np.intp]
@@ -101,3 +104,16 @@ def normalize_rows(weights: Array) -> Array:
     with np.errstate(invalid="ignore"):
         rows: Array = weights / total
     return rows
+
+
+def check_rows(program: Program, query: str, rows: Array, undefined: str) -> Array:
+    """Return the probabilities of the values of a batch; raise for rows without answer, see `Circuit`."""
+    no_value = rows[:, -1]
+    if no_value.any() or np.isnan(no_value).any():
+        bad = np.flatnonzero(no_value > 0)
+        if len(bad):
+            raise make_no_value_error(program, query, no_value[bad[0]], f"row {bad[0]}: ")
+        if undefined == "raise":
+            row = int(np.flatnonzero(np.isnan(no_value))[0])
+            raise UndefinedError(f"{program.file}: row {row}: no possible world has this evidence")
+    return rows[:, :-1]

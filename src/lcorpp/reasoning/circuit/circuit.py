@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.errors import ProgramError, check_type
 from lcorpp.notebook import join_some
 from lcorpp.reasoning.answers import (
     PossibleWorld,
@@ -20,7 +20,7 @@ from lcorpp.reasoning.answers import (
     make_no_world_error,
     normalise_marginal,
 )
-from lcorpp.reasoning.circuit.answer_table import AnswerTable, Codes, normalize_rows
+from lcorpp.reasoning.circuit.answer_table import AnswerTable, Codes, check_rows, normalize_rows
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.evidence import Column, EncodedEvidence, EvidenceEncoder
 from lcorpp.reasoning.circuit.matrices import Layer
@@ -28,6 +28,7 @@ from lcorpp.reasoning.circuit.passes import differentiate
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.resolve import check_rng
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array, Distribution, Label, Likelihood
 
@@ -39,6 +40,9 @@ MAX_PRECOMPUTED = 1000
 
 MAX_WORLDS = 100_000
 """`Circuit.most_probable` returns at most this many worlds."""
+
+SINGLE_PASS_ROWS = 128
+"""A pass for one evidence costs about as much as this many rows of a batch."""
 
 Answer = Distribution | dict[str, Distribution]
 Answers = Array | dict[str, Array]
@@ -92,13 +96,14 @@ class Circuit:
         self._world_queries = world_queries
         self._has_table = AnswerTable.is_feasible(self._encoder.sizes)
         self._built_table: AnswerTable | None = None
+        self._n_computed = 0  # rows, see `_is_table_due`
 
     def __repr__(self) -> str:
         given, queries = join_some(self.inputs) or "nothing", join_some(self.queries) or "nothing"
         return f"Circuit({self.program.file}: {queries} given {given}; {len(self.layers)} layers)"
 
     def prepare(self) -> None:
-        """Precompute all answers if they are few; larger tables are built at the first call."""
+        """Precompute all answers if they are few; larger tables follow when they pay off."""
         if prod(self._encoder.sizes) <= MAX_PRECOMPUTED:
             _ = self._table
 
@@ -132,19 +137,21 @@ class Circuit:
             raise ProgramError(f"expected a mapping from inputs to values, or codes, not {evidence!r}")
         if not self._encoder.columns.keys() >= evidence.keys():
             evidence = self._encoder.canonicalize(evidence)
-        kinds = {str if isinstance(value, str) else type(value) for value in evidence.values()}
-        if kinds <= {str}:
-            return self._answer_one(evidence)  # type: ignore[arg-type]
-        if kinds <= {str, Likelihood}:
-            answers = self._run_pass(self._encoder.encode(evidence), evidence)  # type: ignore[arg-type]
-            return answers[self.queries[0]] if self.single else answers
-        return self._answer_columns(evidence, undefined)
+        if any(not isinstance(value, str) for value in evidence.values()):
+            evidence = self._encoder.name_values(evidence)
+            kinds = {str if isinstance(value, str) else type(value) for value in evidence.values()}
+            if kinds <= {str, Likelihood} and Likelihood in kinds:
+                answers = self._run_pass(self._encoder.encode(evidence), evidence)  # type: ignore[arg-type]
+                return answers[self.queries[0]] if self.single else answers
+            if kinds != {str}:
+                return self._answer_columns(evidence, undefined)
+        return self._answer_one(evidence)  # type: ignore[arg-type]
 
     def _answer_one(self, evidence: Mapping[str, str]) -> Answer:
         encoder = self._encoder
         encoder.check_names(evidence)
         codes = {encoder.columns[name]: encoder.encode_value(name, value) for name, value in evidence.items()}
-        if self._has_table:
+        if self._is_table_due(SINGLE_PASS_ROWS):
             answers = self._look_up(codes, evidence)
         else:
             answers = self._run_pass(encoder.make_row(codes), evidence)
@@ -165,6 +172,16 @@ class Circuit:
                 self._encoder.sizes, lambda codes: self._compute_weights(EncodedEvidence(codes))
             )
         return self._built_table
+
+    def _is_table_due(self, n_rows: int) -> bool:
+        """Whether to use the table for as much work as `n_rows` more rows of a batch.
+
+        It is filled when passes have cost as much as filling it costs, so that no first call waits for it.
+        """
+        if self._built_table is None and self._has_table:
+            self._n_computed += n_rows
+            return self._n_computed >= prod(self._encoder.sizes)
+        return self._has_table
 
     def _look_up(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
         table = self._table
@@ -198,15 +215,12 @@ class Circuit:
         Raises:
             ProgramError: an input or value is unknown, or the columns have different lengths.
         """
-        encoded = self._encoder.encode(evidence)
-        if encoded.weights:
-            names = [self.inputs[i] for i in encoded.weights]
-            raise ProgramError(f"the likelihoods of {join_some(names)} have no codes")
-        return encoded.codes
+        return self._encoder.encode_values(evidence)
 
     def _answer_columns(self, evidence: Mapping[str, Column], undefined: str) -> Answers:
         columns: list[Any] = [c.tolist() if isinstance(c, np.ndarray) else c for c in evidence.values()]
-        if not self._has_table or any(not isinstance(c, list) or len(c) != len(columns[0]) for c in columns):
+        is_table = all(isinstance(c, list) and len(c) == len(columns[0]) for c in columns)
+        if not is_table or not self._is_table_due(len(columns[0])):
             return self._answer_encoded(self._encoder.encode(evidence), undefined)
         inputs = tuple([self._encoder.columns[name] for name in evidence])
         codes = [self._encoder.codes[name] for name in evidence]
@@ -220,7 +234,7 @@ class Circuit:
         return self._answer_encoded(EncodedEvidence(self._encoder.check_codes(codes)), undefined)
 
     def _answer_encoded(self, evidence: EncodedEvidence, undefined: str) -> Answers:
-        if self._has_table and not evidence.weights:
+        if not evidence.weights and self._is_table_due(len(evidence.codes)):
             return self._take_rows(self._table.find_rows(evidence.codes), undefined)
         weights = self._compute_weights(evidence)
         return self._finish({query: normalize_rows(rows) for query, rows in weights.items()}, undefined)
@@ -234,7 +248,9 @@ class Circuit:
         if undefined not in ("raise", "nan"):
             raise ProgramError(f"undefined={undefined!r}; expected 'raise' or 'nan'")
         if not is_complete:
-            answers = {query: self._check_rows(query, rows, undefined) for query, rows in answers.items()}
+            answers = {
+                query: check_rows(self.program, query, rows, undefined) for query, rows in answers.items()
+            }
         return answers[self.queries[0]] if self.single else answers
 
     def _compute_weights(self, evidence: EncodedEvidence) -> dict[str, Array]:
@@ -246,27 +262,9 @@ class Circuit:
         weights = differentiate(self.layers, observed, queries)
         by_query = {query: weights[self._variables[query]] for query in self.queries}
         if not evidence.weights and any(not layer.smallest for layer in self.layers):
-            self._restore_lost(codes, by_query)
+            names = [self._encoder.decode(row) for row in codes]
+            self.world_queries.restore_lost(names, {q: (self.values[q], by_query[q]) for q in by_query})
         return by_query
-
-    def _restore_lost(self, codes: Codes, by_query: Mapping[str, Array]) -> None:
-        """Replace rows of 0 by sums of fractions, as the compiler lost weights to underflow."""
-        for query, weights in by_query.items():
-            for row in np.flatnonzero(~weights.any(axis=1)):
-                exact = self.world_queries.compute_exact_weights(query, self._encoder.decode(codes[row]))
-                total = sum(exact.values()) or 1
-                weights[row] = [float(exact.get(name, 0) / total) for name in (*self.values[query], "")]
-
-    def _check_rows(self, query: str, rows: Array, undefined: str) -> Array:
-        no_value = rows[:, -1]
-        if no_value.any() or np.isnan(no_value).any():
-            bad = np.flatnonzero(no_value > 0)
-            if len(bad):
-                raise make_no_value_error(self.program, query, no_value[bad[0]], f"row {bad[0]}: ")
-            if undefined == "raise":
-                row = int(np.flatnonzero(np.isnan(no_value))[0])
-                raise UndefinedError(f"{self.program.file}: row {row}: no possible world has this evidence")
-        return rows[:, :-1]
 
     # worlds
 
@@ -285,7 +283,7 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as a call.
         """
-        self._encoder.check(evidence)
+        evidence = self._encoder.resolve(evidence)
         answers = {query: self._compute_fractions(query, evidence) for query in self.queries}
         return answers[self.queries[0]] if self.single else answers
 
@@ -299,7 +297,8 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as a call.
         """
-        self._encoder.check(evidence)
+        evidence = self._encoder.resolve(evidence)
+        check_type(count, int, "count", ProgramError)
         if not 1 <= count <= MAX_WORLDS:
             raise ProgramError(f"expected 1 to {MAX_WORLDS} worlds, not {count}")
         worlds = self.world_queries.most_probable(evidence, count)
@@ -313,7 +312,8 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as a call.
         """
-        self._encoder.check(given)
+        check_rng(rng)
+        given = self._encoder.resolve(given)
         world = self.world_queries.sample(rng, given)
         if world is None:
             raise make_no_world_error(self.program, format_conditions(given, self.do))

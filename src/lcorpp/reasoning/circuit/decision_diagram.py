@@ -24,6 +24,7 @@ from typing import NamedTuple
 from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.gc_pause import pause_gc
+from lcorpp.reasoning.grounding.ground_program import QUERY_TERM
 from lcorpp.reasoning.transitions.linear_recursion import derive_values
 from lcorpp.reasoning.transitions.local_distribution import ConditionViolation
 from lcorpp.reasoning.transitions.transition import Transition
@@ -125,8 +126,7 @@ def _expand(system: TransitionSystem, limit: int) -> tuple[DecisionDiagram, dict
     known: dict[tuple[Transition, tuple[int, ...]], _Levels] = {}
     total = 0
     for step, transition in enumerate(system.transitions):
-        n_bits = max([mask.bit_length() for mask in transition.live_masks], default=0)
-        max_arcs = min(limit - total, MAX_LEVEL_BITS // max(n_bits, 1))
+        max_arcs = min(limit - total, MAX_LEVEL_BITS // max(transition.n_bits, 1))
         expanded = known.get((transition, states[step])) if transition.is_shared else None
         if expanded is None:
             expanded = expander.expand(transition, states[step], max_arcs)
@@ -297,7 +297,7 @@ def iterate_arcs(arcs: Arcs) -> Iterator[tuple[int, tuple[int, ...], int]]:
 
 
 def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
-    """Convert the outcomes of all steps to term -> value, sorted by term."""
+    """Convert the outcomes of all steps to term -> value, sorted by term, without `QUERY_TERM`."""
     program = system.program
     outcome_of = {
         term: value
@@ -311,4 +311,5 @@ def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) ->
         for term, value in outcome_of.items()
         if value < len(program.values[term])
     }
+    world.pop(QUERY_TERM, None)
     return dict(sorted(world.items()))

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import reprlib
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, expected_one_of
+from lcorpp.errors import ProgramError, check_type, expected_one_of
 from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.resolve import resolve_term
+from lcorpp.reasoning.resolve import make_unknown_value_error, name_value, resolve_term
 from lcorpp.values import Array, Label, Likelihood
 
 _Column = TypeVar("_Column")
@@ -74,26 +75,39 @@ class EvidenceEncoder:
             if name not in self.codes:
                 raise ProgramError(f"{name!r} is not an input of the circuit; {expected_one_of(self.names)}")
 
-    def check(self, evidence: Mapping[str, object]) -> None:
-        """Check that all names are inputs, and each value is in the range of its input."""
+    def resolve(self, evidence: Mapping[str, object]) -> dict[str, str]:
+        """Return evidence with the names of values; check that all names are inputs, with values in range."""
+        check_type(evidence, Mapping, "evidence", ProgramError)
         self.check_names(evidence)
-        for name, value in evidence.items():
-            self.encode_value(name, value)
+        return {name: self.values[name][self.encode_value(name, value)] for name, value in evidence.items()}
+
+    def name_values(self, evidence: Mapping[str, _Column]) -> dict[str, _Column]:
+        """Replace integers and truth values that denote values of their inputs by names; see `name_value`."""
+        named = {name: name_value(value) for name, value in evidence.items()}
+        return {
+            name: own if isinstance(own := named[name], str) and own in self.codes[name] else value  # type: ignore[misc]
+            for name, value in evidence.items()
+        }
 
     def encode_value(self, name: str, value: object, where: str = "") -> int:
         """Return the code of a value of an input; `where` is the beginning of the message of an error."""
-        code = self.codes[name].get(value) if isinstance(value, str) else None
+        named = name_value(value)
+        code = self.codes[name].get(named) if isinstance(named, str) else None
         if code is None:
-            raise ProgramError(
-                f"{where}{value!r} is not a value of {name}; {expected_one_of(self.values[name])}"
-            )
+            raise make_unknown_value_error(value, name, self.values[name], where)
         return code
 
     def encode(self, evidence: Mapping[str, Column]) -> EncodedEvidence:
         """Encode a batch of evidence, input -> column; a batch without sequences has one row."""
+        check_type(evidence, Mapping, "evidence", ProgramError)
         self.check_names(evidence)
+        evidence = self.name_values(evidence)
         one = (str, Likelihood)
         for name, column in evidence.items():
+            if isinstance(column, Mapping | Set):
+                raise ProgramError(
+                    f"the column of {name} is {reprlib.repr(column)}; expected a sequence of values"
+                )
             if not (hasattr(column, "__len__") or isinstance(column, one)):
                 self.encode_value(name, column)
         sizes = {len(column) for column in evidence.values() if not isinstance(column, one)} or {1}
@@ -106,14 +120,31 @@ class EvidenceEncoder:
             values: list[Any] = [column] * size if isinstance(column, one) else list(column)
             code_of: dict[str | None, int] = {None: -1} | self.codes[name]
             try:
-                codes[:, self.columns[name]] = np.fromiter(map(code_of.__getitem__, values), np.intp, size)
-            except (KeyError, TypeError):
-                rows = [
-                    self._weigh(name, value, "" if isinstance(column, one) else f"row {row}: ")
-                    for row, value in enumerate(values)
-                ]
-                weights[self.columns[name]] = np.array(rows).reshape(size, self.sizes[self.columns[name]])
+                encoded = np.fromiter(map(code_of.__getitem__, values), np.intp, size)
+            except (KeyError, TypeError):  # likelihoods, integers, truth values or unknown values
+                places = (
+                    [f"row {row}: " for row in range(size)] if not isinstance(column, one) else [""] * size
+                )
+                if any(isinstance(value, Likelihood) for value in values):
+                    rows = [self._weigh(name, *own) for own in zip(values, places, strict=True)]
+                    weights[self.columns[name]] = np.array(rows).reshape(size, self.sizes[self.columns[name]])
+                    continue
+                encoded = np.array(
+                    [
+                        -1 if value is None else self.encode_value(name, value, where)
+                        for value, where in zip(values, places, strict=True)
+                    ]
+                )
+            codes[:, self.columns[name]] = encoded
         return EncodedEvidence(codes, weights)
+
+    def encode_values(self, evidence: Mapping[str, Column]) -> Codes:
+        """(B, inputs) Encode a batch of evidence without likelihoods, see `Circuit.encode`."""
+        encoded = self.encode(evidence)
+        if encoded.weights:
+            names = ", ".join([self.names[i] for i in encoded.weights])
+            raise ProgramError(f"the likelihoods of {names} have no codes")
+        return encoded.codes
 
     def make_row(self, codes: Mapping[int, int]) -> EncodedEvidence:
         """Encode one evidence, column -> code."""

@@ -16,6 +16,7 @@ from functools import reduce
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.reasoning.circuit.evidence import EncodedEvidence
 from lcorpp.reasoning.circuit.extended_range import differentiate_extended
 from lcorpp.reasoning.circuit.matrices import Layer, Matrix, multiply_others
@@ -63,6 +64,25 @@ def differentiate(
             for variable, own in differentiate_extended(layers, evidence.take(part), queries).items():
                 result[variable][part] = own
     return result
+
+
+def evaluate(layers: Sequence[Layer], codes: Codes) -> Array:
+    """(B,) Compute the joint weights of outcomes of observed terms, up to one factor for all rows.
+
+    Args:
+        codes: (B, observed terms) the outcome of each observed term, -1 for no evidence.
+    """
+    size = max(1, MAX_CHUNK_NUMBERS // sum(sum(layer.total.shape) for layer in layers))
+    chunks = []
+    for start in range(0, len(codes), size):
+        evidence = EncodedEvidence(codes[start : start + size])
+        outputs: list[Array] = []
+        for layer in layers:
+            factors = [outputs[source][nodes] for source, nodes in layer.sources]
+            inputs = reduce(np.multiply, factors) if factors else np.ones((1, len(evidence.codes)))
+            outputs.append(_select(layer, evidence, inputs, Matrix.forward))
+        chunks.append(outputs[-1][0])
+    return np.concatenate(chunks)
 
 
 class _Passes:
@@ -126,31 +146,13 @@ class _Passes:
 
     def _apply(self, layer: Layer, columns: Array, multiply: Callable[[Matrix, Array], Array]) -> Array:
         """Multiply each column by the matrix that its evidence selects, and scale it to a sum of 1."""
-        result = self._select(layer, columns, multiply)
+        result = _select(layer, self._evidence, columns, multiply)
         total = result.sum(axis=0)
         total[total == 0] = 1.0
         result /= total
         self._check(result)
         if layer.smallest < MIN_NUMBER:
             self._is_extreme[:] = True
-        return result
-
-    def _select(self, layer: Layer, columns: Array, multiply: Callable[[Matrix, Array], Array]) -> Array:
-        if layer.variable < 0:
-            return multiply(layer.total, columns)
-        own, weights = self._evidence.codes[:, layer.variable], self._evidence.weights.get(layer.variable)
-        shape = layer.total.shape[0 if multiply is Matrix.forward else 1], self._n_columns
-        if weights is not None:
-            parts = [multiply(matrix, columns) * weights[:, o] for o, matrix in layer.matrices.items()]
-            return reduce(np.add, parts, np.zeros(shape))
-        values = np.unique(own) if len(own) > 1 else own
-        result = np.zeros(shape)
-        for value in values.tolist():
-            matrix = layer.total if value < 0 else layer.matrices.get(value)
-            if matrix and len(values) == 1:
-                return multiply(matrix, columns)
-            if matrix:
-                result[:, own == value] = multiply(matrix, columns[:, own == value])
         return result
 
     def _check(self, numbers: Array) -> None:
@@ -167,6 +169,28 @@ class _Passes:
         if bits.size and bits.min() < _MIN_BITS:
             self._is_extreme |= (bits < _MIN_BITS).any(axis=0)
         self._unchecked, self._n_unchecked = [], 0
+
+
+def _select(
+    layer: Layer, evidence: EncodedEvidence, columns: Array, multiply: Callable[[Matrix, Array], Array]
+) -> Array:
+    """Multiply each column by the matrix that its evidence selects."""
+    if layer.variable < 0:
+        return multiply(layer.total, columns)
+    own, weights = evidence.codes[:, layer.variable], evidence.weights.get(layer.variable)
+    shape = layer.total.shape[0 if multiply is Matrix.forward else 1], len(own)
+    if weights is not None:
+        parts = [multiply(matrix, columns) * weights[:, o] for o, matrix in layer.matrices.items()]
+        return reduce(np.add, parts, np.zeros(shape))
+    values = np.unique(own) if len(own) > 1 else own
+    result = np.zeros(shape)
+    for value in values.tolist():
+        matrix = layer.total if value < 0 else layer.matrices.get(value)
+        if matrix and len(values) == 1:
+            return multiply(matrix, columns)
+        if matrix:
+            result[:, own == value] = multiply(matrix, columns[:, own == value])
+    return result
 
 
 def _compute_joint(

@@ -135,8 +135,6 @@ def _transpose(matrix: Matrix) -> Matrix:
 
 def _parse_program(head: dict[str, Any]) -> Program:
     """Parse the program and check that it knows all terms of the circuit."""
-    if head["semantics"] not in ("2009", "2018") or not isinstance(head["file"], str):
-        raise DataError(f"its program is {head['file']!r} of {head['semantics']!r}")
     program = parse_plog(head["program"], file=head["file"], semantics=head["semantics"])
     for key in ("inputs", "queries"):
         terms = [canonical_text(resolve_term(program, name)) for name in head[key]]

@@ -21,6 +21,8 @@ from lcorpp.reasoning.circuit.decision_diagram import Arcs, DecisionDiagram, dec
 if TYPE_CHECKING:
     import numpy as np
 
+    from lcorpp.values import Array
+
 _Number = TypeVar("_Number", float, Fraction, int)
 
 SAMPLER_CACHE_SIZE = 100
@@ -76,6 +78,21 @@ class WorldQueries:
     def compute_exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
         """Sum the measures of the worlds with the evidence, by the value of a term; "" is for no value."""
         return self._sum_measures(query, evidence, [number for _, number in self.diagram.outcomes])
+
+    def restore_lost(
+        self, evidence: Sequence[Mapping[str, str]], by_query: Mapping[str, tuple[Sequence[str], Array]]
+    ) -> None:
+        """Replace rows of 0 by sums of fractions, if the compiler lost weights to underflow.
+
+        Args:
+            evidence: of each row.
+            by_query: query -> (values, (B, outcomes) weights).
+        """
+        for query, (values, weights) in by_query.items():
+            for row in [i for i, own in enumerate(weights.tolist()) if not any(own)]:
+                exact = self.compute_exact_weights(query, evidence[row])
+                total = sum(exact.values()) or 1
+                weights[row] = [float(exact.get(name, 0) / total) for name in (*values, "")]
 
     def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, float]:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.errors import ProgramError, UndefinedError, check_type
 from lcorpp.reasoning.answers import PossibleWorld, make_no_value_error
 from lcorpp.reasoning.enumeration.measures import measure_worlds, satisfies
 from lcorpp.reasoning.language.arithmetic import canonical_text
@@ -22,6 +22,7 @@ from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Query, Term
 from lcorpp.reasoning.resolve import (
+    check_rng,
     resolve_evidence,
     resolve_interventions,
     resolve_query,
@@ -74,6 +75,7 @@ class Enumeration:
     """
 
     def __init__(self, program: Program, *, limit: int = 200_000) -> None:
+        check_type(program, Program, "program", ProgramError)
         self.program = program
         self.limit = limit
         self._tables: dict[object, _WorldTable] = {}
@@ -100,10 +102,14 @@ class Enumeration:
                 or a world breaks a condition of the language.
             UndefinedError: no possible world has the evidence.
         """
-        key = (attribute, frozenset(evidence.items()), frozenset(do.items()))
+        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
+        key = (
+            canonical_text(resolve_term(self.program, attribute)),
+            *map(frozenset, (facts.items(), set_to.items())),
+        )
         answer = self._answers.get(key)
         if answer is None:
-            marginal = self.exact(attribute, evidence, do)
+            marginal = self.exact(attribute, facts, set_to)
             answer = Distribution(tuple(marginal), np.array([float(p) for p in marginal.values()]))
             _store(self._answers, key, answer, ANSWER_CACHE_SIZE)
         return answer
@@ -169,10 +175,12 @@ class Enumeration:
         Raises:
             ProgramError, UndefinedError: as `exact`.
         """
-        key = frozenset(given.items())
+        check_rng(rng)
+        facts = resolve_evidence(self.program, given)
+        key = frozenset(facts.items())
         sampler = self._samplers.get(key)
         if sampler is None:
-            table = self._filter_by_evidence(resolve_evidence(self.program, given), {})
+            table = self._filter_by_evidence(facts, {})
             sampler = ([weight / table.total for weight in accumulate(table.weights)], table.values)
             _store(self._samplers, key, sampler, TABLE_CACHE_SIZE)
         cumulative, worlds = sampler  # the last cumulative probability is exactly 1, above each draw

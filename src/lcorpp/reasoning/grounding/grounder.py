@@ -17,6 +17,7 @@ from lcorpp.errors import ProgramError
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.generated_function import Part, Source
 from lcorpp.reasoning.grounding.ground_program import (
+    QUERY_TERM,
     Clause,
     ClauseKind,
     GroundLiteral,
@@ -49,9 +50,6 @@ from lcorpp.reasoning.language.syntax import (
 from lcorpp.reasoning.language.traversal import get_body, iter_expressions, list_expressions
 
 _EMPTY_TUPLE = Source("()")
-
-QUERY_TERM = "?"
-"""The name of the term that has the value `true` in the worlds in which all literals of a query are true."""
 
 
 def ground_program(

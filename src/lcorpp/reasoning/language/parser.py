@@ -9,9 +9,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from os import PathLike
+from typing import TYPE_CHECKING
 
-from lcorpp.errors import ParseError, ProgramError
+from lcorpp.errors import ParseError, ProgramError, check_type
 from lcorpp.files import read_text
 from lcorpp.reasoning.language.checker import drop_ill_sorted
 from lcorpp.reasoning.language.desugar import desugar
@@ -22,7 +23,10 @@ from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.queries import parse_question
 from lcorpp.reasoning.language.signature import check_record_names
 from lcorpp.reasoning.language.statements import parse_statements
-from lcorpp.reasoning.language.syntax import Expression, Query, Semantics
+from lcorpp.reasoning.language.syntax import Expression, Query, Semantics, Statement
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: bool = True) -> Program:
@@ -36,6 +40,7 @@ def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: b
         ParseError: the text does not follow the grammar.
         ProgramError: a name, sort, arity or probability in it is wrong.
     """
+    check_type(path, (str, PathLike), "path", ProgramError)
     return parse_plog(read_text(path), file=str(path), semantics=semantics, strict=strict)
 
 
@@ -60,18 +65,44 @@ def parse_plog(
     Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 2; Balai, Gelfond and Zhang, 2019, section 3;
     the manual of plog 2.0.
     """
+    check_type(text, str, "text", ProgramError)
+    check_type(file, str, "file", ProgramError)
+    check_type(strict, bool, "strict", ProgramError)
     with _open_cursor(text, file) as cursor:
         statements = tuple(parse_statements(cursor))
     dialect: Semantics = "2018" if cursor.uses_plog2 else "2009"
+    chosen = (cursor.semantics or dialect) if semantics is None else semantics
     try:
         statements = desugar(statements, dialect)
+    except SourceIssue as issue:
+        raise ProgramError(str(issue)) from None
+    try:
+        return _make_program(file, statements, chosen, strict)
+    except ProgramError as error:
+        hint = _suggest_lenient(file, statements, chosen) if strict else ""
+        raise ProgramError(f"{error}{hint}") from None
+
+
+def _make_program(
+    file: str, statements: tuple[Statement, ...], semantics: Semantics, strict: bool
+) -> Program:
+    try:
         if strict:
             check_record_names(statements)
         else:
             statements = drop_ill_sorted(statements)
     except SourceIssue as issue:
         raise ProgramError(str(issue)) from None
-    return Program(file, statements, semantics or cursor.semantics or dialect)
+    return Program(file, statements, semantics)
+
+
+def _suggest_lenient(file: str, statements: tuple[Statement, ...], semantics: Semantics) -> str:
+    """Return the end of the message of a strict refusal if the lenient mode reads the program."""
+    try:
+        _make_program(file, statements, semantics, False)
+    except ProgramError:
+        return ""
+    return "; strict=False (lcorpp ask --lenient) reads the program"
 
 
 def parse_query(text: str, program: Program) -> Query:
@@ -82,6 +113,8 @@ def parse_query(text: str, program: Program) -> Query:
     Raises:
         ParseError: the text is not a query, or contains a name unknown to `program`. The file is ``<query>``.
     """
+    check_type(text, str, "query", ProgramError)
+    check_type(program, Program, "program", ProgramError)
     with _open_cursor(text, "<query>") as cursor:
         query = parse_question(cursor)
         cursor.accept(".")

@@ -10,7 +10,15 @@ from lcorpp.reasoning.language.checker import check_statements
 from lcorpp.reasoning.language.conformance import check_query
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import Attribute, Signature
-from lcorpp.reasoning.language.syntax import CrRule, Query, Semantics, SortDefinition, Statement, Term
+from lcorpp.reasoning.language.syntax import (
+    SEMANTICS,
+    CrRule,
+    Query,
+    Semantics,
+    SortDefinition,
+    Statement,
+    Term,
+)
 from lcorpp.reasoning.language.traversal import map_literals
 
 SHOWN_STATEMENTS = 100
@@ -36,6 +44,8 @@ class Program:
     signature: Signature = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
+        if self.semantics not in SEMANTICS:
+            raise ProgramError(f"semantics is {self.semantics!r}; expected {' or '.join(SEMANTICS)}")
         try:
             object.__setattr__(self, "signature", check_statements(self.statements))
         except SourceIssue as issue:

@@ -28,6 +28,7 @@ from lcorpp.reasoning.language.queries import (
     require_assignment,
 )
 from lcorpp.reasoning.language.syntax import (
+    SEMANTICS,
     Body,
     BodyLiteral,
     CrRule,
@@ -137,8 +138,8 @@ def _parse_semantics(cursor: Cursor) -> None:
     """Parse `#semantics 2009.` or `#semantics 2018.`, which overrides the dialect."""
     cursor.take()
     at, given = cursor.at, cursor.expect(INTEGER)
-    if given not in ("2009", "2018"):
-        raise SourceIssue(at, f"unknown semantics {given}; expected 2009 or 2018")
+    if given not in SEMANTICS:
+        raise SourceIssue(at, f"unknown semantics {given}; expected {' or '.join(SEMANTICS)}")
     if cursor.semantics not in (None, given):
         raise SourceIssue(at, f"the semantics {cursor.semantics} is already chosen")
     cursor.semantics = given  # type: ignore[assignment]  # mypy does not see the test above

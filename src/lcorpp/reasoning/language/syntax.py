@@ -6,7 +6,7 @@ Each node prints as text that parses to an equal node; equality ignores places.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal as OneOf
+from typing import Literal as OneOf, get_args
 
 from lcorpp.reasoning.language.terms import (
     Arithmetic as Arithmetic,
@@ -29,6 +29,8 @@ from lcorpp.reasoning.language.terms import (
 
 Semantics = OneOf["2009", "2018"]
 """Semantics of `do` and Condition 1: TPLP 9(1), 2009, or P-log 2, 2018."""
+
+SEMANTICS: tuple[str, ...] = get_args(Semantics)
 
 Body = tuple[BodyLiteral, ...]
 

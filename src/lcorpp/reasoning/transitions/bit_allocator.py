@@ -38,8 +38,6 @@ class BitAllocator:
         Args:
             branches: the steps of each.
         """
-        if len(branches) == 1:
-            return [self]
         largest = max(branches, key=len, default=None)
         allocators = []
         for branch in branches:

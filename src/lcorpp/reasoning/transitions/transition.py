@@ -49,10 +49,11 @@ class Transition:
     absorptions: pairs (satisfied, pending bits): once a body of a group is satisfied, the others are
         irrelevant.
     is_shared: whether several steps of the system have this transition.
+    n_bits: the largest number of bits of a state after it.
     """
 
     __slots__ = ("_conditional_updates", "_effects", "_relevant", "_updates_of", "absorptions", "closures",
-                 "distribution", "input_mask", "is_shared", "live_masks")  # fmt: skip
+                 "distribution", "input_mask", "is_shared", "live_masks", "n_bits")  # fmt: skip
 
     def __init__(
         self,
@@ -65,6 +66,7 @@ class Transition:
     ) -> None:
         self.distribution, self.is_shared = distribution, False
         self.input_mask, self.live_masks, self.closures = input_mask, live_masks, closures
+        self.n_bits = max([mask.bit_length() for mask in live_masks], default=0)
         self.absorptions = _find_absorptions(children)
         self._effects: dict[object, Effect | None] = {}
         # one term: outcome -> the bodies of which it satisfies a part; several: all, with their conditions

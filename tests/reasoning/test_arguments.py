@@ -1,0 +1,127 @@
+"""Arguments of public methods: wrong types are refused, values may be integers or truth values."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lcorpp.errors import ProgramError
+from lcorpp.reasoning import Enumeration, Reasoner, parse_plog, parse_query, read_plog
+from lcorpp.reasoning.language.program import Program
+
+PROGRAM = parse_plog(
+    "d = {1..3}. c = {x, y}. a : d. b : c. ok : boolean. random(a). random(b). random(ok)."
+    " pr(b=x | a=1, ok) = 1/4. pr(b=x | a=3) = 1."
+)
+REASONER = Reasoner(PROGRAM)
+CIRCUIT = REASONER.compile(["a", "ok"], "b")
+RNG = np.random.default_rng(1)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: Reasoner("x"), "program is 'x'; expected Program"),
+        (lambda: Reasoner(None), "program is None; expected Program"),
+        (lambda: Enumeration(None), "program is None; expected Program"),
+        (lambda: REASONER.posterior(["b"]), "expected the name of an attribute, not"),
+        (lambda: REASONER.posterior("b", None), "evidence is None; expected Mapping"),
+        (lambda: REASONER.posterior("b", ["a"]), "evidence is .*; expected Mapping"),
+        (lambda: REASONER.posterior("b", {}, 3), "do is 3; expected Mapping"),
+        (lambda: REASONER.posterior("b", {"a": [1]}), r"\[1\] is not a value of a; expected one of 1, 2, 3"),
+        (lambda: REASONER.posterior("b", {"a": None}), "None is not a value of a; .*leave out"),
+        (lambda: REASONER.posterior("b", {"a": 4}), "4 is not a value of a; expected one of 1, 2, 3"),
+        (lambda: REASONER.posterior("b", {"a": True}), "True is not a value of a; expected one of 1, 2, 3"),
+        (lambda: REASONER.posterior("b", {"a": 1.0}), "1.0 is not a value of a; expected one of 1, 2, 3"),
+        (lambda: REASONER.exact("b", None), "evidence is None; expected Mapping"),
+        (lambda: REASONER.compile("ab", "b"), r"inputs is 'ab'; expected a sequence of terms"),
+        (lambda: REASONER.compile(3, "b"), "inputs is 3; expected Iterable"),
+        (lambda: REASONER.compile(["a"], 3), "query is 3; expected str or Iterable"),
+        (lambda: REASONER.compile(["a"], "b", 3), "do is 3; expected Mapping"),
+        (lambda: REASONER.sample(3), "rng is 3; expected Generator"),
+        (lambda: REASONER.sample(RNG, None), "evidence is None; expected Mapping"),
+        (lambda: REASONER.ask("a=1"), "query is 'a=1'; expected Query"),
+        (lambda: REASONER.ask(parse_query("b", PROGRAM), exact="no"), "exact is 'no'; expected bool"),
+        (lambda: REASONER.build_query_model(None), "query is None; expected Query"),
+        (lambda: Enumeration(PROGRAM).ask("a=1"), "query is 'a=1'; expected Query"),
+        (lambda: Enumeration(PROGRAM).posterior("b", None), "evidence is None; expected Mapping"),
+        (lambda: CIRCUIT(None), "expected a mapping from inputs to values, or codes, not None"),
+        (lambda: CIRCUIT({"a": {}}), "the column of a is {}; expected a sequence of values"),
+        (lambda: CIRCUIT({"a": {1, 2}}), "the column of a is {1, 2}; expected a sequence of values"),
+        (lambda: CIRCUIT({"a": [1, 4]}), "row 1: 4 is not a value of a; expected one of 1, 2, 3"),
+        (lambda: CIRCUIT.encode(None), "evidence is None; expected Mapping"),
+        (lambda: CIRCUIT.exact(None), "evidence is None; expected Mapping"),
+        (lambda: CIRCUIT.sample(None, {}), "rng is None; expected Generator"),
+        (lambda: CIRCUIT.most_probable({}, "x"), "count is 'x'; expected int"),
+        (lambda: parse_plog(None), "text is None; expected str"),
+        (lambda: parse_plog("", file=3), "file is 3; expected str"),
+        (lambda: parse_plog("", strict="no"), "strict is 'no'; expected bool"),
+        (lambda: parse_plog("", semantics="2042"), "semantics is '2042'; expected 2009 or 2018"),
+        (lambda: parse_plog("", semantics=2009), "semantics is 2009; expected 2009 or 2018"),
+        (lambda: Program("x", (), "2042"), "semantics is '2042'; expected 2009 or 2018"),
+        (lambda: read_plog(3), "path is 3; expected str or PathLike"),
+        (lambda: parse_query(3, PROGRAM), "query is 3; expected str"),
+        (lambda: parse_query("a", "x"), "program is 'x'; expected Program"),
+    ],
+)  # fmt: skip
+def test_wrong_types_are_refused(call, words):
+    with pytest.raises(ProgramError, match=words):
+        call()
+
+
+@pytest.mark.parametrize("ok", [True, False])
+@pytest.mark.parametrize("a", [1, 2, np.int64(3)])
+def test_integers_and_truth_values_as_evidence(a, ok):
+    given, named = {"a": a, "ok": ok}, {"a": str(a), "ok": str(ok).lower()}
+    expected = Enumeration(PROGRAM).exact("b", named)
+    assert REASONER.exact("b", given) == Enumeration(PROGRAM).exact("b", given) == expected
+    assert CIRCUIT.exact(given) == expected
+    for answer in (
+        REASONER.posterior("b", given),
+        CIRCUIT(given),
+        Enumeration(PROGRAM).posterior("b", given),
+    ):
+        assert answer.probabilities == pytest.approx([float(p) for p in expected.values()])
+    assert CIRCUIT({"a": [a, None], "ok": ok}) == pytest.approx(
+        CIRCUIT({"a": [str(a), None], "ok": named["ok"]})
+    )
+    assert CIRCUIT.most_probable(given)[0].values["a"] == str(a)
+    assert REASONER.sample(RNG, given)["ok"] == CIRCUIT.sample(RNG, given)["ok"] == named["ok"]
+    assert REASONER.posterior("a", {}, {"a": a})[str(a)] == 1
+
+
+def test_a_cached_answer_for_1_is_none_for_true():
+    reasoner = Reasoner(PROGRAM)
+    reasoner.posterior("b", {"a": 1})
+    with pytest.raises(ProgramError, match="True is not a value of a"):
+        reasoner.posterior("b", {"a": True})
+
+
+def test_messages_do_not_show_the_term_of_the_query():
+    program = parse_plog(
+        "c = {x, y}. a : c. b : c. random(a). [r] random(b) :- a=x. [q] random(b) :- a=x. ?{a=x}."
+    )
+    with pytest.raises(ProgramError, match=r"Condition 1: .* in the world \{a=x, b=x\}$"):
+        Reasoner(program).ask(program.queries[0])
+
+
+def test_the_table_of_a_circuit_is_filled_when_it_pays_off():
+    """The first calls compute their own answers only; all answers agree with those of the table."""
+    names = [f"a{i}" for i in range(8)]
+    rules = " ".join(
+        f"{name} : boolean. random({name}). pr({name} | q) = 1/{i + 3}." for i, name in enumerate(names)
+    )
+    reasoner = Reasoner(parse_plog(f"q : boolean. random(q). {rules}"))
+    circuit = reasoner.compile(names, "q")
+    first = circuit(dict.fromkeys(names, "true"))
+    assert circuit._built_table is None
+    rows = RNG.integers(-1, 2, size=(3**8, 8))
+    batch = circuit(rows)
+    assert circuit._built_table is not None
+    single = reasoner.compile(names, "q")
+    for row, expected in zip(rows[:20], batch, strict=False):
+        evidence = {
+            name: single.values[name][code] for name, code in zip(names, row, strict=True) if code >= 0
+        }
+        assert single(evidence).probabilities == pytest.approx(expected, abs=1e-12)
+    assert circuit(dict.fromkeys(names, True)).probabilities == pytest.approx(first.probabilities, abs=1e-12)
