@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from itertools import chain
 from typing import Any
 
 from lcorpp.errors import TooLargeError
@@ -77,14 +78,19 @@ class TermTable:
             else:
                 result.append(self.number_term(term.name, make_key(parts)))  # type: ignore[arg-type]
         new = [
-            (self._numbers[name], self._make_adder(name), keys)
-            for _, name, keys in columns
-            if not all(map(self._numbers[name].__contains__, keys))
+            (name, keys) for _, name, keys in columns if not all(map(self._numbers[name].__contains__, keys))
         ]
-        for row in zip(*(keys for _, _, keys in new), strict=True):
-            for (known, add, _), key in zip(new, row, strict=True):
-                if key not in known:
-                    known[key] = add(key)
+        rows = zip(*(keys for _, keys in new), strict=True)
+        if len({name for name, _ in new}) == 1:  # the same order as below, faster
+            name, numbers = new[0][0], self._numbers[new[0][0]]
+            add = self._make_adder(name)
+            for key in dict.fromkeys(chain.from_iterable(rows)):
+                if key not in numbers:
+                    numbers[key] = add(key)
+        else:
+            for row in rows:
+                for (name, _), key in zip(new, row, strict=True):
+                    self.number_term(name, key)
         for i, name, keys in columns:
             result[i] = list(map(self._numbers[name].__getitem__, keys))
         return result
@@ -99,7 +105,8 @@ class TermTable:
         parts = [table.evaluate(argument) for argument in label.arguments] if label else []
         if not any(isinstance(part, list) for part in parts):
             return ",".join(map(str, parts))
-        return [",".join(map(str, row)) for row in table.list_rows(parts)]
+        texts = [list(map(str, table.iterate(part))) for part in parts]
+        return texts[0] if len(texts) == 1 else list(map(",".join, zip(*texts, strict=True)))
 
     def make_mask(self, table: BindingTable, literal: Literal) -> Part[int]:
         """Return the mask of the outcomes that satisfy a literal in each binding."""
