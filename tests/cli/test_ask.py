@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -83,13 +84,24 @@ def test_a_program_too_large_to_compile_is_estimated_with_a_warning(lcorpp, monk
     assert (
         "more than 1 arcs in the decision diagram: estimated from 20000 worlds drawn at random" in ended.err
     )
-    line = next(line for line in ended.out.splitlines() if "±" in line)
-    estimate, error = (float(word) for word in line.split() if word[0] == "0")
-    assert abs(estimate - 0.4) < 3 * error < 0.04
+    assert "effective sample size 20000" in ended.err
+    line = next(line for line in ended.out.splitlines() if "[" in line)
+    estimate, low, high = (float(number) for number in re.findall(r"0\.\d{6}", line))
+    assert low < estimate < high < low + 0.02
+    assert abs(estimate - 0.4) < 0.02
+    other = lcorpp("ask", PLOG / "lcorpp.plog", query, "--samples", "500", "--seed", "3")
+    assert "estimated from 500 worlds drawn at random, effective sample size 500" in other.err
+    assert other.out != lcorpp("ask", PLOG / "lcorpp.plog", query, "--samples", "500", "--seed", "4").out
     for option in ("--exact", "--why"):
         ended = lcorpp("ask", PLOG / "lcorpp.plog", query, option)
         assert ended.code == 2
         assert "more than 1 arcs in the decision diagram" in ended.err
+        ended = lcorpp("ask", PLOG / "lcorpp.plog", query, option, "--samples", "500")
+        assert ended.code == 2
+        assert f"--samples 500: {option} has exact answers only" in ended.err
+    ended = lcorpp("ask", PLOG / "lcorpp.plog", query, "--samples", "-5")
+    assert ended.code == 2
+    assert "--samples" in ended.err
 
 
 def test_a_condition_that_is_broken(lcorpp, coin):

@@ -7,10 +7,10 @@ from scipy.stats import binomtest
 
 from lcorpp.experiments.metrics import (
     compute_mean_interval,
-    compute_wilson_interval,
     score_decisions,
     score_probabilities,
 )
+from lcorpp.values import Interval
 
 VALUES = ("yes", "no")
 
@@ -57,10 +57,10 @@ def test_average_over_all_values():
 def test_wilson_is_scipys(hits, misses):
     total = hits + misses
     if total == 0:
-        assert compute_wilson_interval(0, 0).high == 1
+        assert Interval.from_count(0, 0).high == 1
         return
     expected = binomtest(hits, total).proportion_ci(method="wilson")
-    found = compute_wilson_interval(hits, total)
+    found = Interval.from_count(hits, total)
     assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=1e-12)
 
 

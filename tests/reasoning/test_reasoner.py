@@ -155,21 +155,21 @@ def test_too_large_warns_and_estimates(small):
         ReasoningWarning, match=r"more than 1 arcs in the decision diagram: estimated from 4000 worlds"
     ):
         found = reasoner.posterior("intention", GOLDEN)
-    assert found.samples == 4000
+    assert 400 < found.effective < 4000
     exact = Enumeration(LCORPP).exact("intention", GOLDEN)
-    for p, (value, estimated), error in zip(exact.values(), found, found.errors, strict=True):
-        assert abs(estimated - float(p)) < 5 * error, value
+    for p, interval in zip(exact.values(), found.intervals, strict=True):
+        assert abs(interval.estimate - float(p)) < 1.3 * (interval.high - interval.low)
     assert found.probabilities.sum() == pytest.approx(1)
     with pytest.warns(ReasoningWarning):
         asked = reasoner.ask(parse_query("intention | obs(time=morning)", LCORPP))
     exact = Enumeration(LCORPP).exact("intention", {"time": "morning"})
     for value, estimate in asked.items():
-        assert 0 < estimate.error < 0.02
-        assert abs(estimate - float(exact[value])) < 5 * estimate.error
+        assert 0 < estimate.interval.high - estimate.interval.low < 0.08
+        assert abs(estimate - float(exact[value])) < 0.08
     with pytest.warns(ReasoningWarning):
         asked = reasoner.ask(parse_query("?{intention=interested, time=morning}", LCORPP))
     assert isinstance(asked, float)
-    assert 0 < asked.error < 0.02
+    assert 0 < asked.interval.high - asked.interval.low < 0.08
 
 
 def test_exact_methods_of_a_too_large_program_are_errors(small):
@@ -188,10 +188,12 @@ def test_estimates_of_undefined_answers_are_errors(small):
     program = parse_plog("p, q : boolean. random(p). random(q) :- p.")
     with (
         pytest.warns(ReasoningWarning),
-        pytest.raises(ProgramError, match=r"q has no value with probability 0\.\d+;"),
+        pytest.raises(ProgramError, match=r"q has no value with probability 0\.\d+ \[0\.\d+, 0\.\d+\];"),
     ):
         Reasoner(program, samples=1000).posterior("q", {})
-    with pytest.warns(ReasoningWarning), pytest.raises(UndefinedError, match="none of 10 worlds"):
+    with pytest.raises(
+        TooLargeError, match="no sample met the evidence, which is improbable or impossible, in 10 w"
+    ):
         Reasoner(program, samples=10).posterior("p", {"q": "true", "p": "false"})
 
 

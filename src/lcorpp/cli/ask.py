@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lcorpp.cli import options
 from lcorpp.cli.console import format_bar
 from lcorpp.errors import ProgramError, UndefinedError
 
 if TYPE_CHECKING:
     from lcorpp.reasoning.answers import Numeric, QueryAnswer
     from lcorpp.reasoning.explanation import Explanation
-
-Z95 = 1.96
-"""Half width of the 95 % interval of a normal estimate, in standard errors."""
 
 
 def ask(
@@ -46,11 +44,21 @@ def ask(
             "--why", help="Also: the answer without each condition, the most probable worlds, their rules."
         ),
     ] = False,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Worlds drawn if the program is too large for an exact answer, 20000 by default; more if few"
+            " of them have the evidence.",
+        ),
+    ] = None,
+    seed: options.SeedOption = 0,
 ) -> None:
     """Answer a query to a P-log program."""
     from lcorpp.reasoning.explanation import explain
     from lcorpp.reasoning.language.parser import parse_query, read_plog
     from lcorpp.reasoning.reasoner import Reasoner
+    from lcorpp.reasoning.transitions.rejection_sampling import DEFAULT_SAMPLES
 
     _log_to_stderr()
     program = read_plog(file, strict=not lenient)
@@ -59,7 +67,9 @@ def ask(
         raise ProgramError(
             f"{file}: the program has no query of its own; give one, such as 'attribute=value'"
         )
-    reasoner = Reasoner(program)
+    if samples is not None and (exact or why):
+        raise ProgramError(f"--samples {samples}: --{'exact' if exact else 'why'} has exact answers only")
+    reasoner = Reasoner(program, samples=samples or DEFAULT_SAMPLES, seed=seed)
     for question in queries:
         _print(str(question), bold=True)
         with _warnings_to_stderr():
@@ -123,9 +133,9 @@ def _print_explanation(explanation: Explanation, exact: bool) -> None:
 
 def _format_number(probability: Numeric, exact: bool) -> str:
     """Return a probability as a fraction, a decimal number, or an estimate with its 95 % interval."""
-    standard_error = getattr(probability, "error", None)
-    if standard_error is not None:
-        return f"{float(probability):.6f} ± {Z95 * standard_error:.6f}"
+    interval = getattr(probability, "interval", None)
+    if interval is not None:
+        return f"{interval:.6f}"
     if exact:
         return str(probability)
     shown_as_zero = 0 < probability < 5e-7  # with six decimals

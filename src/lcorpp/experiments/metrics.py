@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 
 from lcorpp.notebook import html_table
-from lcorpp.values import Array, Interval
-
-Z95 = NormalDist().inv_cdf(0.975)
-"""The 95 % interval of a standard normal variable is [-Z95, Z95]."""
+from lcorpp.values import Z95, Array, Interval
 
 METRICS = ("f1", "precision", "recall", "accuracy", "cost", "return")
 """The names of the scores in tables and files."""
@@ -71,7 +67,7 @@ def score_decisions(
     positives among all decisions that are positive or reported as positive, so its interval is the
     transformed Wilson interval of p. Cost and return have normal intervals of the mean.
     """
-    shares = _score_classification(counts, values, positive, compute_wilson_interval)
+    shares = _score_classification(counts, values, positive, Interval.from_count)
     means = compute_mean_interval(cost), compute_mean_interval(return_)
     return Scores(strategy, counts, *shares, *means, _compute_sd(cost))
 
@@ -95,16 +91,6 @@ def score_probabilities(
         joint, values, positive, lambda hits, total: Interval.exact(hits / total if total else 0.0)
     )
     return Scores(strategy, joint, *shares, Interval.exact(cost), Interval.exact(return_), cost_sd)
-
-
-def compute_wilson_interval(hits: float, total: float) -> Interval:
-    """Return the proportion hits / total with its Wilson interval; 0 with [0, 1] if the total is 0."""
-    if total == 0:
-        return Interval(0.0, 0.0, 1.0)
-    p, z2 = hits / total, Z95**2 / total
-    middle = (p + z2 / 2) / (1 + z2)
-    half = float(np.sqrt(z2 * (p * (1 - p) + z2 / 4))) / (1 + z2)
-    return Interval(p, min(p, max(0.0, middle - half)), max(p, min(1.0, middle + half)))
 
 
 def compute_mean_interval(numbers: Array) -> Interval:

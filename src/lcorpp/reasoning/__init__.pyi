@@ -1,14 +1,18 @@
 from .answers import (
-    Estimate as Estimate,
     PossibleWorld as PossibleWorld,
-    ReasoningWarning as ReasoningWarning,
 )
 from .circuit.circuit import Circuit as Circuit
 from .circuit.storage import load_circuit as load_circuit, save_circuit as save_circuit
 from .classifier_rules import with_classifier as with_classifier
-from .distributions import EstimatedDistribution as EstimatedDistribution
 from .enumeration.reasoner import Enumeration as Enumeration
+from .estimation import (
+    Estimate as Estimate,
+    EstimatedDistribution as EstimatedDistribution,
+    ReasoningWarning as ReasoningWarning,
+)
 from .explanation import Explanation as Explanation, FiredRule as FiredRule, explain as explain
+from .fitting.fit import Fit as Fit, FittedNumber as FittedNumber, fit as fit
+from .fitting.records import read_records as read_records
 from .language.parser import parse_plog as parse_plog, parse_query as parse_query, read_plog as read_plog
 from .language.program import Program as Program, program_text as program_text
 from .language.signature import Attribute as Attribute

@@ -1,14 +1,13 @@
-"""Answers: estimates, marginals, possible worlds, and the errors of questions without an answer."""
+"""Answers: marginals, possible worlds, and the errors of questions without an answer."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeVar
 
-from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
+from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning.language.program import Program
 
 Numeric = Fraction | float
@@ -20,24 +19,6 @@ MAX_SHOWN_TERMS = 8
 """The `repr` of a world shows at most this many terms."""
 
 _Number = TypeVar("_Number", Fraction, float)
-
-
-class ReasoningWarning(UserWarning):
-    """An answer is an estimate, as the program is too large to be compiled."""
-
-
-class Estimate(float):
-    """An estimated probability.
-
-    error: its standard error.
-    """
-
-    error: float
-
-    def __new__(cls, value: float, error: float) -> Estimate:
-        estimate = super().__new__(cls, value)
-        estimate.error = error
-        return estimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +64,6 @@ def normalise_marginal(
         raise make_no_value_error(program, term, weights[""] / total)
     zero = 0 * total
     return {v: weights.get(v, zero) / total for v in program.attributes[term.partition("(")[0]].values}
-
-
-def warn_of_estimate(reason: TooLargeError, samples: int) -> None:
-    """Warn that an answer is estimated from samples, and why."""
-    warnings.warn(
-        f"{reason}: estimated from {samples} worlds drawn at random", ReasoningWarning, stacklevel=5
-    )
 
 
 def format_conditions(facts: Mapping[str, str], do: Mapping[str, str]) -> str:

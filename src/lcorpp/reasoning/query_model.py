@@ -9,12 +9,9 @@ from typing import TYPE_CHECKING
 
 from lcorpp.errors import TooLargeError
 from lcorpp.reasoning.answers import (
-    Estimate,
     QueryAnswer,
-    make_no_value_error,
     make_no_world_error,
     normalise_marginal,
-    warn_of_estimate,
 )
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
@@ -23,7 +20,6 @@ from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
-from lcorpp.reasoning.transitions.likelihood_weighting import estimate
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
@@ -39,14 +35,14 @@ class QueryModel:
     Args:
         program: a program without cr-rules.
         query: a query resolved by `resolve_query`.
-        samples: the number of worlds sampled if the program is too large to be compiled.
+        samples, seed: as in `Reasoner`.
 
     Raises:
         ProgramError: arithmetic is undefined.
     """
 
-    def __init__(self, program: Program, query: Query, *, samples: int) -> None:
-        self.program, self.query, self.samples = program, query, samples
+    def __init__(self, program: Program, query: Query, *, samples: int, seed: int) -> None:
+        self.program, self.query, self.samples, self.seed = program, query, samples, seed
         do = {canonical_text(item.term): canonical_text(item.value) for item in query.interventions}
         observed = [observation.literal for observation in query.observations]
         self.term = canonical_text(query.subject) if query.subject else QUERY_TERM
@@ -67,7 +63,8 @@ class QueryModel:
         """Compute the answer, in fractions if `exact`; estimate it if the program is too large to compile.
 
         Raises:
-            TooLargeError: `exact`, and the program is too large to be compiled.
+            TooLargeError: the program is too large to be compiled, and `exact`, or its evidence is too
+                improbable for sampling.
             ProgramError: as `worlds`; or the subject may have no value.
             UndefinedError: no possible world satisfies the conditions.
         """
@@ -76,8 +73,7 @@ class QueryModel:
         except TooLargeError as error:
             if exact:
                 raise
-            warn_of_estimate(error, self.samples)
-            return self._estimate()
+            return self._estimate(error)
 
     def _compute(self, *, exact: bool) -> QueryAnswer:
         parts = [str(part)[:-1] for part in (*self.query.observations, *self.query.interventions)]
@@ -92,16 +88,16 @@ class QueryModel:
             raise make_no_world_error(self.program, conditions)
         return weights.get("true", 0 * total) / total
 
-    def _estimate(self) -> QueryAnswer:
-        """Estimate the answer by likelihood weighting; the numbers are `Estimate`s."""
-        values = estimate(self.system, self.term, {}, self.samples).values
-        estimates = {value: Estimate(p, error) for value, (p, error) in values.items()}
+    def _estimate(self, reason: TooLargeError) -> QueryAnswer:
+        """Estimate the answer from sampled worlds; the numbers are `Estimate`s."""
+        from lcorpp.reasoning.estimation import drop_no_value, estimate_probabilities  # imports numpy
+
+        estimates = estimate_probabilities(
+            self.ground, self.system, self.term, {}, samples=self.samples, seed=self.seed, reason=reason
+        )
         if self.query.subject is None:
-            return estimates.get("true", Estimate(0.0, 0.0))
-        share = estimates.pop("")
-        if share:
-            raise make_no_value_error(self.program, self.term, share)
-        return dict(estimates)
+            return estimates["true"]
+        return dict(drop_no_value(self.ground, self.term, estimates))
 
 
 class EnumeratedQuery:

@@ -2,8 +2,8 @@
 
 It compiles one circuit for each kind of question and caches circuits and answers. Two kinds of programs need
 another method: programs with cr-rules are enumerated, as an observation can create worlds (the log reports
-it); programs that are too large to be compiled are sampled by likelihood weighting (a `ReasoningWarning`
-reports it, and the answer has standard errors).
+it); programs that are too large to be compiled are sampled (a `ReasoningWarning` reports it, and the answer
+has confidence intervals), unless their evidence is too improbable for sampling.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from lcorpp.reasoning.answers import (
     format_conditions,
     make_no_world_error,
     normalise_marginal,
-    warn_of_estimate,
 )
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
@@ -37,7 +36,7 @@ from lcorpp.reasoning.resolve import (
     resolve_query,
     resolve_term,
 )
-from lcorpp.reasoning.transitions.likelihood_weighting import DEFAULT_SAMPLES
+from lcorpp.reasoning.transitions.rejection_sampling import DEFAULT_SAMPLES
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
@@ -63,12 +62,21 @@ class Reasoner:
 
     Args:
         program: the program.
-        samples: the number of worlds sampled if the program is too large to be compiled.
+        samples: the number of worlds sampled if the program is too large to be compiled; up to 16 times as
+            many if few of them have the evidence.
+        seed: of the samples; each answer starts with it.
+
+    Raises:
+        ProgramError: `samples` is not positive, or `seed` negative.
     """
 
-    def __init__(self, program: Program, *, samples: int = DEFAULT_SAMPLES) -> None:
+    def __init__(self, program: Program, *, samples: int = DEFAULT_SAMPLES, seed: int = 0) -> None:
         check_type(program, Program, "program", ProgramError)
-        self.program, self.samples = program, samples
+        for name, number, lowest in (("samples", samples, 1), ("seed", seed, 0)):
+            check_type(number, int, name, ProgramError)
+            if number < lowest:
+                raise ProgramError(f"{name} is {number}; expected at least {lowest}")
+        self.program, self.samples, self.seed = program, samples, seed
         self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}
         self._worlds: dict[Hashable, WorldQueries] = {}
@@ -78,7 +86,7 @@ class Reasoner:
         return f"Reasoner({self.program!r})"
 
     def __reduce__(self) -> tuple[partial[Reasoner], tuple[Program]]:
-        return partial(Reasoner, samples=self.samples), (self.program,)  # without caches
+        return partial(Reasoner, samples=self.samples, seed=self.seed), (self.program,)  # without caches
 
     def posterior(
         self, attribute: str, evidence: Mapping[str, Label] = NO_EVIDENCE, do: Mapping[str, str] = NO_EVIDENCE
@@ -95,6 +103,8 @@ class Reasoner:
             ProgramError: a name is unknown, `attribute` may have no value under the evidence, or a world
                 violates a condition of the language.
             UndefinedError: no possible world satisfies the evidence.
+            TooLargeError: the program is too large to be compiled, and the evidence too improbable for
+                sampling.
         """
         try:
             answer = self._answers.get((attribute, tuple(evidence.items()), tuple(do.items())))
@@ -191,7 +201,8 @@ class Reasoner:
 
         Raises:
             ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: `exact`, and the program is too large to be compiled.
+            TooLargeError: the program is too large to be compiled, and `exact`, or the evidence is too
+                improbable for sampling.
         """
         check_type(exact, bool, "exact", ProgramError)
         return self.build_query_model(query).answer(exact=exact)
@@ -205,7 +216,7 @@ class Reasoner:
         query = resolve_query(self.program, query)
         if self.program.has_cr_rules:
             return EnumeratedQuery(self._enumeration, query)
-        return QueryModel(self.program, query, samples=self.samples)
+        return QueryModel(self.program, query, samples=self.samples, seed=self.seed)
 
     # methods of answering
 
@@ -254,11 +265,14 @@ class Reasoner:
     def _estimate(
         self, reason: TooLargeError, term: str, facts: Mapping[str, str], do: Mapping[str, str]
     ) -> Distribution:
-        from lcorpp.reasoning.distributions import estimate_marginal  # imports numpy
+        from lcorpp.reasoning.estimation import EstimatedDistribution, drop_no_value, estimate_probabilities
 
-        system = build_transition_system(ground_program(self.program, do), (term, *facts))
-        warn_of_estimate(reason, self.samples)
-        return estimate_marginal(system, term, facts, self.samples)
+        ground = ground_program(self.program, do)
+        system = build_transition_system(ground, (term, *facts))
+        estimates = estimate_probabilities(
+            ground, system, term, facts, samples=self.samples, seed=self.seed, reason=reason
+        )
+        return EstimatedDistribution.from_estimates(drop_no_value(ground, term, estimates))
 
 
 def ask(program: Program, query: Query) -> QueryAnswer:

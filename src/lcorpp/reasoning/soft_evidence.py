@@ -8,7 +8,7 @@ import numpy as np
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, expected_one_of
 from lcorpp.reasoning.answers import format_conditions
-from lcorpp.reasoning.distributions import EstimatedDistribution
+from lcorpp.reasoning.estimation import EstimatedDistribution
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_term

@@ -1,6 +1,12 @@
 """Values shared by all packages: frozen, and checked once at construction."""
 
-from lcorpp.values.arrays import Array as Array, Belief as Belief, Interval as Interval, freeze as freeze
+from lcorpp.values.arrays import (
+    Z95 as Z95,
+    Array as Array,
+    Belief as Belief,
+    Interval as Interval,
+    freeze as freeze,
+)
 from lcorpp.values.confusion import (
     JEFFREYS as JEFFREYS,
     LAPLACE as LAPLACE,

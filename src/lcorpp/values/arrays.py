@@ -10,6 +10,9 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 """Array of floats; each use documents the shape."""
 
+Z95 = 1.9599639845400536
+"""The 95 % interval of a standard normal variable is [-Z95, Z95]."""
+
 Belief = npt.NDArray[np.float64]
 """(S,) distribution over the states of a POMDP."""
 
@@ -39,6 +42,19 @@ class Interval:
     def exact(cls, value: float) -> Interval:
         """Return the interval of width 0 of a value that is known exactly."""
         return cls(value, value, value)
+
+    @classmethod
+    def from_count(cls, hits: float, total: float) -> Interval:
+        """Return the proportion hits / total with its 95 % Wilson interval; 0 with [0, 1] if the total is 0.
+
+        Source: Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22, 1927.
+        """
+        if total == 0:
+            return cls(0.0, 0.0, 1.0)
+        p, z2 = hits / total, Z95**2 / total
+        middle = (p + z2 / 2) / (1 + z2)
+        half = float(np.sqrt(z2 * (p * (1 - p) + z2 / 4))) / (1 + z2)
+        return cls(p, min(p, max(0.0, middle - half)), max(p, min(1.0, middle + half)))
 
     def __str__(self) -> str:
         return f"{self:.3f}"

@@ -4,6 +4,6 @@ A component is a set of terms that depend on each other in a cycle, or (usually)
 arranges the components; each step decides the terms of one. `transition_system` shows with an example how
 the bodies of rules become the bits of a state, through which steps communicate. `local_distribution`,
 `recursive_components` and `stratified` define the outcomes of a step, `transition` their effect on the state.
-`circuit.decision_diagram` expands the system; `likelihood_weighting` samples from the system if
+`circuit.decision_diagram` expands the system; `rejection_sampling` samples from the system if
 the program is too large to be compiled.
 """

@@ -57,12 +57,7 @@ class EliminationTree:
 
     def find_path(self, step: int) -> list[int]:
         """Return the steps from a root to a step."""
-        path: list[int] = []
-        following = self.roots
-        while not path or path[-1] != step:
-            path.append(next(first for first in following if first <= step < self.ends[first]))
-            following = self.children[path[-1]]
-        return path
+        return [above for above in range(step + 1) if self.ends[above] > step]
 
     @classmethod
     def from_nodes(
@@ -78,17 +73,17 @@ class EliminationTree:
             terms: node -> the terms that it decides.
             children, roots: the tree over the nodes.
         """
+        ordered = [own if len(own) < 2 else sorted(own) for own in children]
         preorder: list[int] = []
         stack = sorted(roots, reverse=True)
         while stack:
             node = stack.pop()
             preorder.append(node)
-            own = children[node]
-            stack.extend(own if len(own) < 2 else sorted(own, reverse=True))
+            stack.extend(ordered[node][::-1])
         number = [0] * len(terms)
         for new, node in enumerate(preorder):
             number[node] = new
-        numbered = [tuple(sorted([number[child] for child in children[node]])) for node in preorder]
+        numbered = [tuple([number[child] for child in ordered[node]]) for node in preorder]
         ends = list(range(1, len(preorder) + 1))
         for step in range(len(preorder) - 1, -1, -1):
             if numbered[step]:
@@ -138,9 +133,13 @@ def build_elimination_tree(
     children, roots = _eliminate(
         component_needs, [group for group in constraints if len(group) > 1], sizes, ranks
     )
-    named = {clause.term for clause in clauses} | program.do.keys()
-    named.update([literal[0] for clause in clauses for literal in clause.body])
-    roots = [root for root in roots if children[root] or not named.isdisjoint(components[root])]
+    void = {
+        root for root in roots if not children[root] and components[root] not in linear and not sizes[root]
+    }
+    if void:  # terms with one outcome; those that no clause names need no step
+        named = {clause.term for clause in clauses} | program.do.keys()
+        named.update([literal[0] for clause in clauses for literal in clause.body])
+        roots = [root for root in roots if root not in void or not named.isdisjoint(components[root])]
     return EliminationTree.from_nodes(components, children, roots, frozenset(linear))
 
 
@@ -149,11 +148,19 @@ def _find_linear_components(
 ) -> dict[tuple[int, ...], list[Clause]]:
     """Find the components of several terms with linear rules; return them with their rules."""
     component_of = {term: terms for terms in components if len(terms) > 1 for term in terms}
-    own: dict[tuple[int, ...], list[Clause]] = {}
+    linear: dict[tuple[int, ...], list[Clause]] = {terms: [] for terms in component_of.values()}
     for clause in clauses if component_of else ():
-        if clause.term in component_of:
-            own.setdefault(component_of[clause.term], []).append(clause)
-    return {terms: rules for terms, rules in own.items() if is_linear(program, terms, rules)}
+        terms = component_of.get(clause.term)
+        if terms not in linear:
+            continue
+        n_own = 0
+        for literal in clause.body:
+            n_own += component_of.get(literal[0]) is terms
+        if n_own > 1 and len({literal[0] for literal in clause.body}) > 1:  # most are rejected here
+            del linear[terms]
+        else:
+            linear[terms].append(clause)
+    return {terms: rules for terms, rules in linear.items() if is_linear(program, terms, rules)}
 
 
 def _rank_components(

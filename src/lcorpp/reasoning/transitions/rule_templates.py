@@ -185,20 +185,20 @@ class RuleTemplate:
         """
         slot_of: dict[RankedBody, int] = {}  # rest of a body -> slot
         first: dict[int, int] = {}  # slot -> the rank of the first step that may set its bit
-        updates: dict[tuple[int, BodyUpdate], None] = {}
         for body in bodies:
             pending = NO_SLOT
             for i, (rank, conditions) in enumerate(body):
                 rest, target = body[i + 1 :], satisfied_slot
+                is_known = rest in slot_of
                 if rest:
-                    if rest not in slot_of:
+                    if not is_known:
                         slot_of[rest] = self._add_slot()
                     target = slot_of[rest]
                     first[target] = min(first.get(target, rank), rank)
-                updates[rank, BodyUpdate(conditions, pending, target)] = None
+                self.parents[rank].updates.append(BodyUpdate(conditions, pending, target))
+                if is_known:
+                    break  # the updates of the rest are there
                 pending = target
-        for rank, update in updates:
-            self.parents[rank].updates.append(update)
         spans = [(slot, first[slot], rest[0][0]) for rest, slot in slot_of.items()]
         for slot, start, end in spans:
             self.parents[start].allocates.append(slot)

@@ -1,0 +1,128 @@
+"""Estimates from sampled worlds, for programs that are too large to be compiled."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcorpp.errors import TooLargeError
+from lcorpp.notebook import html_table, join_some
+from lcorpp.reasoning.answers import format_conditions, make_no_value_error, make_no_world_error
+from lcorpp.reasoning.grounding.ground_program import GroundProgram
+from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, sample_worlds
+from lcorpp.reasoning.transitions.transition_system import TransitionSystem
+from lcorpp.values import Distribution, Interval
+
+
+class ReasoningWarning(UserWarning):
+    """An answer is an estimate, as the program is too large to be compiled."""
+
+
+class Estimate(float):
+    """An estimated probability.
+
+    interval: the probability with its 95 % confidence interval.
+    effective: the effective sample size.
+    """
+
+    interval: Interval
+    effective: int
+
+    def __new__(cls, interval: Interval, effective: int) -> Estimate:
+        estimate = super().__new__(cls, interval.estimate)
+        estimate.interval, estimate.effective = interval, effective
+        return estimate
+
+    def __reduce__(self) -> tuple[type[Estimate], tuple[Interval, int]]:
+        return Estimate, (self.interval, self.effective)
+
+    def __repr__(self) -> str:
+        return f"Estimate({self.interval:.4g}; effective sample size {self.effective})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EstimatedDistribution(Distribution):
+    """A distribution estimated from sampled worlds.
+
+    intervals: (n,) each probability with its 95 % confidence interval.
+    effective: the effective sample size.
+    """
+
+    intervals: tuple[Interval, ...]
+    effective: int
+
+    @classmethod
+    def from_estimates(cls, estimates: Mapping[str, Estimate]) -> EstimatedDistribution:
+        """Return the distribution of estimates of all values: value -> estimate."""
+        p = np.array(list(estimates.values()), dtype=np.float64)
+        intervals = tuple(estimate.interval for estimate in estimates.values())
+        return cls(tuple(estimates), p / p.sum(), intervals, next(iter(estimates.values())).effective)
+
+    def __repr__(self) -> str:
+        shown = [
+            f"{value}: {interval:.4g}" for value, interval in zip(self.values, self.intervals, strict=True)
+        ]
+        return f"EstimatedDistribution({join_some(shown)}; effective sample size {self.effective})"
+
+    def _repr_html_(self) -> str:
+        rows = [(v, f"{interval:.4g}") for v, interval in zip(self.values, self.intervals, strict=True)]
+        return html_table(("value", "probability"), rows)
+
+
+def estimate_probabilities(
+    ground: GroundProgram,
+    system: TransitionSystem,
+    term: str,
+    facts: Mapping[str, str],
+    *,
+    samples: int,
+    seed: int,
+    reason: TooLargeError,
+) -> dict[str, Estimate]:
+    """Estimate the probability of each value of a term; "" is for no value.
+
+    Warns that the probabilities are estimates.
+
+    Args:
+        ground, system: the program.
+        facts: term -> observed value.
+        samples: the number of worlds drawn; more, if too few of them have the facts.
+        reason: why the probabilities are not computed.
+
+    Raises:
+        ProgramError: a world violates a condition of the language.
+        UndefinedError: it is certain that no world has the facts.
+        TooLargeError: too few sampled worlds have the facts.
+    """
+    found = sample_worlds(ground, system, term, facts, samples, seed)
+    if not found.possible:
+        raise make_no_world_error(ground.source, format_conditions(facts, {}))
+    if found.accepted < MIN_EFFECTIVE_SAMPLES:
+        worlds = f"{found.drawn} worlds drawn at random"
+        raise TooLargeError(
+            f"{reason}, and its evidence is too improbable for sampling: an effective sample size of"
+            f" {found.accepted} in {worlds}; expected at least {MIN_EFFECTIVE_SAMPLES}"
+            if found.accepted
+            else f"{reason}, and no sample met the evidence, which is improbable or impossible, in {worlds}"
+        )
+    message = f"{reason}: estimated from {found.drawn} worlds drawn at random, effective sample size"
+    warnings.warn(f"{message} {found.accepted}", ReasoningWarning, stacklevel=6)
+    return {
+        value: Estimate(Interval.from_count(count, found.accepted), found.accepted)
+        for value, count in found.counts.items()
+    }
+
+
+def drop_no_value(ground: GroundProgram, term: str, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Return the estimates without that of no value.
+
+    Raises:
+        ProgramError: the term has no value in a sampled world.
+    """
+    share = estimates.pop("")
+    if share:
+        raise make_no_value_error(ground.source, term, f"{share.interval:.4g}")
+    return estimates
