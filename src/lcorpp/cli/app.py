@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lcorpp.cli import ask, check, data, explain, learn, run, show, simulate, solve
+from lcorpp.cli import ask, check, data, explain, fit, learn, run, show, simulate, solve
 
 app = typer.Typer(
     name="lcorpp",
@@ -18,6 +18,7 @@ app = typer.Typer(
 app.command()(run.run)
 app.command()(explain.explain)
 app.command()(ask.ask)
+app.command()(fit.fit)
 app.command()(solve.solve)
 app.command()(simulate.simulate)
 app.command()(show.show)

@@ -82,6 +82,7 @@ def _erase_block_comments(text: str) -> str:
 class Cursor:
     """A position in the tokens of a text, and the state of the parser.
 
+    kinds, texts, starts: the kind, the text and the offset of each token.
     constants: the values of `#const`.
     uses_plog2: whether a construct of plog 2.0 occurred.
     semantics: the argument of the `#semantics` directive, None without one.
@@ -92,14 +93,14 @@ class Cursor:
         self.file, self.text = file, text
         self.kinds: list[str] = []
         self.texts: list[str] = []
-        self._starts: list[int] = []
+        self.starts: list[int] = []
         for token_match in _TOKEN.finditer(_erase_block_comments(text)):
             group = token_match.lastgroup
             if group is not None:
                 token = token_match.group()
                 self.kinds.append(_KINDS.get(group, token))
                 self.texts.append(token)
-                self._starts.append(token_match.start())
+                self.starts.append(token_match.start())
         self.kinds += [END, END]  # two: `second_kind` looks ahead
         self.texts += ["", ""]
         self._lines = [0, *(line_end.end() for line_end in _LINE_END.finditer(text))]
@@ -129,7 +130,7 @@ class Cursor:
     @property
     def at(self) -> Place:
         """The place of the next token; at the end of the text, the place after its last visible character."""
-        offset = len(self.text.rstrip()) if self.kind == END else self._starts[self.index]
+        offset = len(self.text.rstrip()) if self.kind == END else self.starts[self.index]
         line = bisect_right(self._lines, offset)
         return Place(self.file, line, offset - self._lines[line - 1] + 1)
 

@@ -62,6 +62,7 @@ class TransitionSystem:
     term_numbers: term as text -> its number in `program`, for the terms that may have a value.
     recursions: the components with linear rules, (terms, clauses): their transitions decide only the terms
         that other rules or queries read, see `linear_recursion.derive_values`.
+    probabilities: those computed so far by local distributions.
     """
 
     program: GroundProgram
@@ -70,6 +71,7 @@ class TransitionSystem:
     consistent: bool
     term_numbers: dict[str, int]
     recursions: Sequence[tuple[tuple[int, ...], Sequence[Clause]]]
+    probabilities: ProbabilityCache
 
     def __repr__(self) -> str:
         return (
@@ -100,7 +102,9 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
             merged = tree  # a merged component is not stratified
             builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
             transitions = builder.build()
-        return TransitionSystem(program, merged, transitions, consistent, term_numbers, builder.recursions)
+        return TransitionSystem(
+            program, merged, transitions, consistent, term_numbers, builder.recursions, builder.probabilities
+        )
 
 
 class _TransitionBuilder:
@@ -132,7 +136,7 @@ class _TransitionBuilder:
         self._template_of: dict[object, RuleTemplate] = {}  # description of the structure -> template
         self._children: list[list[Child]] = [[] for _ in order]  # of each step
         self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
-        self._probabilities: ProbabilityCache = {}
+        self.probabilities: ProbabilityCache = {}
         own_clauses: list[list[Clause]] = [[] for _ in order]
         constraints: dict[int, list[Clause]] = {}  # the last step of the body -> clauses
         for clause in clauses:
@@ -291,7 +295,7 @@ class _TransitionBuilder:
     ) -> LocalDistribution:
         if not template.recursive:
             cache = self._outcomes_of.setdefault(template, {})
-            return AcyclicTermDistribution(self._program, template, bits, cache, self._probabilities)
+            return AcyclicTermDistribution(self._program, template, bits, cache, self.probabilities)
         # a single term always counts, as others share its distribution
         read_terms = self._find_read_terms(template, step) if len(terms) > 1 else set(template.terms)
         recursion = self._recursion_of.get(template)
@@ -302,4 +306,4 @@ class _TransitionBuilder:
                 (bits[group.satisfied_slot], group.clause, group.own_literals)
                 for group in template.clause_groups
             ]
-        return build_component(self._program, template.terms, clauses, self._probabilities, read_terms)
+        return build_component(self._program, template.terms, clauses, self.probabilities, read_terms)

@@ -1,0 +1,56 @@
+"""`lcorpp fit`: estimate the numbers of a P-log program from records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lcorpp.errors import FileError
+
+
+def fit(
+    file: Annotated[Path, typer.Argument(metavar="FILE.plog", help="The program.")],
+    data: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DATA.csv",
+            help="The records: a column for each observed term; empty cells and ? are not observed.",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE.plog", help="Write the fitted program to this file."),
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option("--fix", metavar="ATTRIBUTE|LINE", help="Keep these numbers; may be repeated."),
+    ] = None,
+    prior: Annotated[
+        float,
+        typer.Option("--prior", metavar="N", help="The program's numbers count as N records in each case."),
+    ] = 0.0,
+) -> None:
+    """Estimate the numbers of pr-atoms from records.
+
+    Prints the program with the new numbers, comments and layout kept, and on standard error the numbers with
+    their 95 % intervals. With -o, prints the numbers only.
+    """
+    from lcorpp.cli.output_files import check_writable
+    from lcorpp.files import read_text, write_atomically
+    from lcorpp.reasoning import fit as fit_numbers, parse_plog, read_records
+
+    if output is not None:
+        check_writable(output)
+        if output.suffix.lower() != ".plog":
+            raise FileError(f"{output}: expected a file name that ends with .plog")
+    text = read_text(file)
+    fixed = [int(name) if name.isdecimal() else name for name in fix or ()]
+    result = fit_numbers(parse_plog(text, file=str(file)), read_records(data), fixed=fixed, prior=prior)
+    fitted = result.rewrite(text)
+    if output is None:
+        typer.echo(fitted, nl=False)
+    else:
+        write_atomically(output, fitted)
+    typer.echo(result, err=output is None)

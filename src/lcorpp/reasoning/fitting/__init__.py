@@ -1,0 +1,1 @@
+"""Numbers from data: maximum-likelihood estimates of the numbers of pr-atoms."""
