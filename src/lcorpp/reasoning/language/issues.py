@@ -5,11 +5,10 @@ A `SourceIssue` is internal: `Program` converts it to ProgramError, the parser t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """A place in a text: file, line and column, the last two counted from 1."""
 
     file: str

@@ -29,9 +29,6 @@ from lcorpp.reasoning.transitions.local_distribution import Outcome
 from lcorpp.reasoning.transitions.transition import Effect
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 
-DEFAULT_SAMPLES = 20_000
-"""The default number of worlds drawn."""
-
 MIN_EFFECTIVE_SAMPLES = 100
 """An estimate needs at least this many worlds that agree with the evidence."""
 
