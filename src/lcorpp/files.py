@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import BinaryIO, TextIO
+from typing import TYPE_CHECKING, BinaryIO, TextIO
 
 from lcorpp.errors import FileError
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 """Supported formats of figures."""
@@ -36,7 +37,8 @@ def read_bytes(path: str | Path) -> bytes:
         FileError: the file is missing, unreadable or a folder.
     """
     try:
-        return Path(path).read_bytes()
+        with open(path, "rb") as file:
+            return file.read()
     except (OSError, ValueError) as error:
         raise FileError(f"{_make_printable(path)}: cannot be read: {_describe_reason(error)}") from None
 
@@ -73,6 +75,9 @@ def open_atomically(path: str | Path) -> Iterator[BinaryIO]:
     Raises:
         FileError: the folder is missing or cannot be written, or `path` is a folder.
     """
+    import tempfile  # this and pathlib take longer to load than to read a file
+    from pathlib import Path
+
     try:
         target = Path(os.path.realpath(path))
         special = target.exists() and not target.is_file()
@@ -111,7 +116,7 @@ def sync_folder(path: str | Path) -> None:
     Does nothing if the system cannot open folders (Windows), which needs no such flush.
     """
     try:
-        folder = os.open(Path(os.path.realpath(path)).parent, os.O_RDONLY)
+        folder = os.open(os.path.dirname(os.path.realpath(path)), os.O_RDONLY)
     except OSError:
         return
     try:
@@ -128,6 +133,8 @@ def make_folder(path: str | Path) -> Path:
     Raises:
         FileError: the folder cannot be created, e.g. because a file has its name.
     """
+    from pathlib import Path
+
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -112,3 +115,24 @@ def test_a_condition_that_is_broken(lcorpp, coin):
         f"{coin}:7:1: Condition 2: q=true also has a pr-atom at {coin}:5:1, in the world {{p=true"
         in ended.err
     )
+
+
+def test_ask_without_options_loads_only_what_it_needs(coin):
+    code = (
+        "import sys; from lcorpp.cli.main import main; sys.argv = ['lcorpp', 'ask', sys.argv[1]]; main();"
+        "print(*sorted({'typer', 'rich', 'numpy', 'clingo', 'pathlib', 'tempfile'} & set(sys.modules)))"
+    )
+    ended = subprocess.run([sys.executable, "-c", code, coin], capture_output=True, text=True, check=True)
+    assert (
+        ended.stdout
+        == "?q | obs(p=true).\n  true   0.750000  ██████████████████████▌\n  false  0.250000  ███████▌\n\n"
+    )
+
+
+def test_a_reader_that_ends_early_is_no_error(coin):
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-c", "from lcorpp.cli.main import main; main()", "ask", coin]
+    ended = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True)
+    os.close(write)
+    assert (ended.returncode, ended.stderr) == (1, "")

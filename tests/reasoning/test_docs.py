@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shutil
 from fractions import Fraction
@@ -51,11 +52,21 @@ def test_examples_have_the_answers_in_their_comments(text: str) -> None:
             assert answer == Fraction(value), query
 
 
-def test_the_python_block_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (block,) = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+def test_the_python_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    blocks = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
     shutil.copy(load_domain("intention").folder / "knowledge.plog", tmp_path)
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    exec(compile(block, "docs/plog.md", "exec"), names)
+    distributions = 0
+    for block in blocks:
+        for statement in ast.parse(block).body:
+            source = ast.get_source_segment(block, statement)
+            shown = re.search(r"  # (Distribution\(.*)", block.splitlines()[statement.lineno - 1])
+            if shown:
+                assert repr(eval(source, names)) == shown[1]
+                distributions += 1
+            else:
+                exec(compile(source, "docs/plog.md", "exec"), names)
+    assert distributions == 4
     assert (tmp_path / "intention.npz").exists()
     assert str(names["reasoner"]).startswith("Reasoner(<Program knowledge.plog: ")

@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-import logging
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from lcorpp.cli import options
-from lcorpp.cli.console import format_bar
-from lcorpp.errors import ProgramError, UndefinedError
-
-if TYPE_CHECKING:
-    from lcorpp.reasoning.answers import Numeric, QueryAnswer
-    from lcorpp.reasoning.explanation import Explanation
 
 
 def ask(
@@ -55,92 +45,6 @@ def ask(
     seed: options.SeedOption = 0,
 ) -> None:
     """Answer a query to a P-log program."""
-    from lcorpp.reasoning.explanation import explain
-    from lcorpp.reasoning.language.parser import parse_query, read_plog
-    from lcorpp.reasoning.reasoner import Reasoner
-    from lcorpp.reasoning.transitions.rejection_sampling import DEFAULT_SAMPLES
+    from lcorpp.cli.answers import print_answers
 
-    _log_to_stderr()
-    program = read_plog(file, strict=not lenient)
-    queries = [parse_query(query, program)] if query is not None else program.queries
-    if not queries:
-        raise ProgramError(
-            f"{file}: the program has no query of its own; give one, such as 'attribute=value'"
-        )
-    if samples is not None and (exact or why):
-        raise ProgramError(f"--samples {samples}: --{'exact' if exact else 'why'} has exact answers only")
-    reasoner = Reasoner(program, samples=samples or DEFAULT_SAMPLES, seed=seed)
-    for question in queries:
-        _print(str(question), bold=True)
-        with _warnings_to_stderr():
-            if why:
-                explanation = explain(reasoner, question)
-                _print_explanation(explanation, exact)
-                if explanation.answer is None:
-                    raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
-            else:
-                _print_answer(reasoner.ask(question, exact=exact), exact)
-
-
-@contextmanager
-def _warnings_to_stderr() -> Iterator[None]:
-    """Print warnings after the answer, also if an error follows them."""
-    with warnings.catch_warnings(record=True) as issued:
-        warnings.simplefilter("always")
-        try:
-            yield
-        finally:
-            for warning in issued:
-                typer.echo(f"lcorpp: {warning.message}", err=True)
-
-
-def _log_to_stderr() -> None:
-    """Print the reasoner's log, e.g. which engine answers, on standard error."""
-    log = logging.getLogger("lcorpp.reasoning")
-    if not log.handlers:
-        handler = logging.StreamHandler()
-        handler.setFormatter(logging.Formatter("lcorpp: %(message)s"))
-        log.addHandler(handler)
-        log.setLevel(logging.INFO)
-
-
-def _print_answer(answer: QueryAnswer, exact: bool) -> None:
-    if not isinstance(answer, dict):
-        _print(f"  {_format_number(answer, exact)}")
-        return
-    width = max(map(len, answer))
-    for value, probability in answer.items():
-        bar = typer.style(format_bar(float(probability)), fg="cyan")  # rich takes longer than the answer
-        _print(f"  {value:<{width}}  {_format_number(probability, exact)}  {bar}")
-
-
-def _print_explanation(explanation: Explanation, exact: bool) -> None:
-    if explanation.answer is not None:
-        _print_answer(explanation.answer, exact)
-    for condition, answer in explanation.without:
-        _print(f"\n  without {condition}:")
-        if isinstance(answer, str):
-            _print(f"  {answer}")
-        else:
-            _print_answer(answer, exact)
-    for number, (world, fired) in enumerate(explanation.worlds, start=1):
-        _print(f"\n  world {number}, probability {_format_number(world.measure, exact)}:", bold=True)
-        _print(f"  {', '.join(f'{term}={value}' for term, value in world.values.items())}")
-        width = max((len(rule.effect) for rule in fired), default=0)
-        for rule in fired:
-            _print(f"    line {rule.at.line:<4} {rule.effect:<{width}}  {rule.statement}")
-
-
-def _format_number(probability: Numeric, exact: bool) -> str:
-    """Return a probability as a fraction, a decimal number, or an estimate with its 95 % interval."""
-    interval = getattr(probability, "interval", None)
-    if interval is not None:
-        return f"{interval:.6f}"
-    if exact:
-        return str(probability)
-    shown_as_zero = 0 < probability < 5e-7  # with six decimals
-    return f"{float(probability):.6g}" if shown_as_zero else f"{float(probability):.6f}"
-
-
-def _print(text: str, *, bold: bool = False) -> None:
-    typer.echo(typer.style(text, bold=True) if bold else text)
+    print_answers(file, query, exact=exact, lenient=lenient, why=why, samples=samples, seed=seed)

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
+import os
 import sys
+from collections.abc import Sequence
 
 from lcorpp.errors import LcorppError
+from lcorpp.reasoning.gc_pause import pause_gc
 
 
 def main() -> None:
     """Run a command; bad input ends in one message on standard error and exit code 2."""
     try:
-        from lcorpp.cli.app import app
-
-        app(prog_name="lcorpp")
+        _run_command(sys.argv[1:])
     except LcorppError as error:
         print(f"lcorpp: {error}", file=sys.stderr)
         sys.exit(2)
-    except OSError as error:  # the output cannot be written: a full disk, a closed pipe
+    except BrokenPipeError:  # the reader has ended, e.g. `head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python writes the rest at its end
+        sys.exit(1)
+    except OSError as error:  # the output cannot be written, e.g. to a full disk
         print(f"lcorpp: {error.strerror or error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:  # while the commands are loaded; typer turns later ones into an exit
@@ -27,6 +33,19 @@ def main() -> None:
         if interrupt is not None:
             print(f"lcorpp: {interrupt or 'interrupted'}", file=sys.stderr)
         raise
+
+
+def _run_command(arguments: Sequence[str]) -> None:
+    """Run a command; `ask FILE QUERY` without options does not load typer, which takes longer."""
+    if arguments[:1] == ["ask"] and len(arguments) in (2, 3) and not any(a[:1] == "-" for a in arguments):
+        with pause_gc():  # modules are no garbage, neither here nor at the end
+            from lcorpp.cli.answers import print_answers
+        atexit.register(gc.freeze)
+        print_answers(*arguments[1:])
+    else:
+        from lcorpp.cli.app import app
+
+        app(prog_name="lcorpp")
 
 
 def _find_interrupt(ended: SystemExit) -> str | None:

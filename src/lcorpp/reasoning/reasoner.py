@@ -36,7 +36,6 @@ from lcorpp.reasoning.resolve import (
     resolve_query,
     resolve_term,
 )
-from lcorpp.reasoning.transitions.rejection_sampling import DEFAULT_SAMPLES
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
@@ -44,10 +43,14 @@ if TYPE_CHECKING:
 
     from lcorpp.reasoning.circuit.circuit import Circuit
     from lcorpp.reasoning.enumeration.reasoner import Enumeration
+    from lcorpp.reasoning.filtering import Filter
     from lcorpp.reasoning.soft_evidence import SoftEvidence
     from lcorpp.values import Distribution, Label
 
 LOG = logging.getLogger("lcorpp.reasoning")
+
+DEFAULT_SAMPLES = 20_000
+"""The default number of worlds sampled if a program is too large to be compiled."""
 
 CACHE_SIZE = 1000
 """Maximal number of entries of each cache of a reasoner; a full cache is cleared."""
@@ -154,6 +157,20 @@ class Reasoner:
         from lcorpp.reasoning.circuit.compiler import compile_program  # imports numpy
 
         return compile_program(self.program, inputs, query, do)
+
+    def filter(
+        self,
+        carried: Mapping[str, str],
+        inputs: Sequence[str],
+        query: str | Sequence[str],
+        *,
+        initial: Mapping[str, str] = NO_EVIDENCE,
+        window: int = 0,
+    ) -> Filter:
+        """Compile a two-slice program into a filter, whose belief steps carry on; see `Filter`."""
+        from lcorpp.reasoning.filtering import Filter  # imports numpy
+
+        return Filter(self.program, carried, inputs, query, initial=initial, window=window)
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NO_EVIDENCE) -> dict[str, str]:
         """Sample a possible world given evidence.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from itertools import product
 from math import prod
 from numbers import Integral
@@ -56,6 +56,29 @@ def resolve_terms(program: Program, name: str) -> list[str]:
             " so name those that are needed"
         )
     return [f"{name}({','.join(arguments)})" for arguments in product(*sorts)]
+
+
+def resolve_inputs(program: Program, inputs: Iterable[str]) -> list[str]:
+    """List the terms that evidence may name, see `resolve_terms`, each once.
+
+    Raises:
+        ProgramError, TooLargeError: as `resolve_terms`.
+    """
+    check_type(inputs, Iterable, "inputs", ProgramError)
+    if isinstance(inputs, str):
+        raise ProgramError(f"inputs is {inputs!r}; expected a sequence of terms, such as [{inputs!r}]")
+    return list(dict.fromkeys(term for name in inputs for term in resolve_terms(program, name)))
+
+
+def resolve_queries(program: Program, query: str | Iterable[str]) -> tuple[str, ...]:
+    """Return the canonical names of a queried term, or several.
+
+    Raises:
+        ProgramError: the program has no such term.
+    """
+    check_type(query, (str, Iterable), "query", ProgramError)
+    names = [query] if isinstance(query, str) else query
+    return tuple(canonical_text(resolve_term(program, name)) for name in names)
 
 
 def name_value(value: object) -> object:

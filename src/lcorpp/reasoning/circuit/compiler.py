@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, check_type
+from lcorpp.errors import ProgramError
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
 from lcorpp.reasoning.circuit.matrices import Index, Layer, Matrix
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.resolve import resolve_interventions, resolve_term, resolve_terms
+from lcorpp.reasoning.resolve import resolve_inputs, resolve_interventions, resolve_queries
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 MIN_WEIGHT = 1e-30
@@ -44,24 +43,18 @@ def compile_program(
         ProgramError: a name is unknown, a world breaks a condition of the language, or there are cr-rules.
         TooLargeError: the program is too large to be compiled.
     """
-    check_type(inputs, Iterable, "inputs", ProgramError)
-    check_type(query, (str, Iterable), "query", ProgramError)
-    if isinstance(inputs, str):
-        raise ProgramError(f"inputs is {inputs!r}; expected a sequence of terms, such as [{inputs!r}]")
+    names, queries = resolve_inputs(program, inputs), resolve_queries(program, query)
     if program.has_cr_rules:
         raise ProgramError(
             f"{program.file}: a program with cr-rules cannot be compiled: an observation may create worlds;"
             " ask for one posterior at a time"
         )
-    names = list(dict.fromkeys(term for name in inputs for term in resolve_terms(program, name)))
-    queries = canonical_text(resolve_term(program, query)) if isinstance(query, str) else [
-        canonical_text(resolve_term(program, name)) for name in query
-    ]  # fmt: skip
     do = resolve_interventions(program, do)
-    observed = dict.fromkeys((*names, *((queries,) if isinstance(queries, str) else queries)))
+    observed = dict.fromkeys((*names, *queries))
     diagram = build_decision_diagram(build_transition_system(ground_program(program, do), observed))
     layers = build_layers(diagram, list(observed))
-    circuit = Circuit(program, names, queries, do, layers, WorldQueries(diagram))
+    query = queries[0] if isinstance(query, str) else queries
+    circuit = Circuit(program, names, query, do, layers, WorldQueries(diagram))
     circuit.prepare()
     return circuit
 

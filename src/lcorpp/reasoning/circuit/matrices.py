@@ -137,6 +137,25 @@ class Layer:
         return cls(variable, sources, matrices, Matrix.from_entries(shape, total))
 
 
+def evaluate(layers: Sequence[Layer], codes: Codes) -> Array:
+    """(B,) Compute the joint weights of outcomes of observed terms, up to one factor for all rows.
+
+    Args:
+        layers, codes: as in `differentiate`.
+    """
+    size = max(1, MAX_CHUNK_NUMBERS // sum(sum(layer.total.shape) for layer in layers))
+    chunks = []
+    for start in range(0, len(codes), size):
+        chunk = codes[start : start + size]
+        outputs: list[Array] = []
+        for layer in layers:
+            outputs.append(
+                _apply(layer, chunk, _multiply_sources(layer, outputs, len(chunk)), Matrix.forward)
+            )
+        chunks.append(outputs[-1][0])
+    return np.concatenate(chunks)
+
+
 def differentiate(layers: Sequence[Layer], codes: Codes, queries: Mapping[int, int]) -> dict[int, Array]:
     """Compute the joint weights of the evidence and each outcome of the queried terms.
 

@@ -50,7 +50,7 @@ class Clause:
     term: the term in the head, -1 for FORBID.
     value: the value in the head (DERIVE, RANGE, ASSIGN), an index into the range of the term.
     body: the literals, all of which must be true.
-    statement: the index of the statement in the program, -1 if the clause comes from a query.
+    statement: the index of the statement in the program, -1 if the clause comes from a query or a filter.
     label: the arguments of the rule's label as text.
     instance: the values of the statement's variables; they distinguish the instances of a selection.
     number: the probability that a pr-atom assigns.
@@ -94,5 +94,7 @@ class GroundProgram:
 
     def has_dynamic_range(self, statement: int) -> bool:
         """Whether the selection at this index of the program has a dynamic range."""
+        if statement < 0:
+            return False
         selection = self.source.statements[statement]
         return isinstance(selection, Selection) and selection.range is not None

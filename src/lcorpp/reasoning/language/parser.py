@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lcorpp.errors import ParseError, ProgramError, check_type
 from lcorpp.files import read_text
@@ -24,6 +24,9 @@ from lcorpp.reasoning.language.queries import parse_question
 from lcorpp.reasoning.language.signature import check_record_names
 from lcorpp.reasoning.language.statements import parse_statements
 from lcorpp.reasoning.language.syntax import Expression, Query, Semantics, Statement
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: bool = True) -> Program:

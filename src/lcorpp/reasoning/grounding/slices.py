@@ -1,0 +1,49 @@
+"""Two-slice programs: the past of a step, and the step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from lcorpp.errors import ProgramError
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
+
+
+def split_slices(
+    ground: GroundProgram, carried: Sequence[str], initial: Iterable[str]
+) -> tuple[GroundProgram, GroundProgram]:
+    """Split a program into the past and a step.
+
+    The past has the terms on which the carried terms of slice 0 and the initial evidence depend. The step has
+    the other clauses; the carried terms of slice 0 are random in it, so that all states are equally probable.
+
+    Raises:
+        ProgramError: the step depends on a term of the past that is not carried.
+    """
+    causes: dict[int, set[int]] = {}
+    for clause in ground.clauses:
+        causes.setdefault(clause.term, set()).update(literal[0] for literal in clause.body)
+    numbers = {name: term for term, name in enumerate(ground.names)}
+    own = [numbers[name] for name in carried if name in numbers]
+    past: set[int] = set()
+    rest = [*own, *(numbers[name] for name in initial if name in numbers)]
+    while rest:
+        term = rest.pop()
+        if term not in past:
+            past.add(term)
+            rest.extend(causes.get(term, ()))
+    before: list[Clause] = []
+    step = [Clause(ClauseKind.SELECT, term, 0, ()) for term in own]
+    for clause in ground.clauses:
+        terms = [literal[0] for literal in clause.body]
+        if clause.term in past or (clause.term < 0 and past.issuperset(terms)):
+            before.append(clause)
+            continue
+        step.append(clause)
+        for term in past.intersection(terms).difference(own):
+            head = ground.names[clause.term] if clause.term >= 0 else "a constraint"
+            raise ProgramError(
+                f"{ground.source.file}: {head} depends on {ground.names[term]}, which is not carried from"
+                " step to step"
+            )
+    return replace(ground, clauses=before), replace(ground, clauses=step)
