@@ -23,12 +23,14 @@ from statistics import median
 from typing import Any
 
 import plog_families
+import plog_structures
 from plog_families import Case
 from plog_lcorpp import lcorpp
 
 FAMILIES: Mapping[str, Callable[..., Case]] = {
     "lcorpp": lcorpp,
     **{f: getattr(plog_families, f) for f in ("chain", "dice", "dice_sum", "squirrel", "robot", "blocks")},
+    **{f: getattr(plog_structures, f) for f in ("tree", "noisy_or", "corridor", "rooms", "assignment")},
 }
 EXACT, ROUNDED, PRINTED = 1e-9, 2e-3, 1e-5
 """Relative tolerances for floating point and for plingo, which rounds the logarithms of its weights; absolute

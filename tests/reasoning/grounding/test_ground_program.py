@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from lcorpp.reasoning import parse_plog
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
-from lcorpp.reasoning.grounding.grounder import QUERY_TERM, ground_program
+import itertools
+from fractions import Fraction
+
+import pytest
+
+from lcorpp.errors import TooLargeError
+from lcorpp.reasoning import Enumeration, Reasoner, parse_plog
+from lcorpp.reasoning.grounding.ground_program import QUERY_TERM, Clause, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.language.parser import parse_query
 
@@ -49,3 +55,58 @@ def test_simplification_drops_what_is_decided():
     assert by_name["r"] == 0b101  # true, or no value
     assert by_name["s"] == 0b100  # no rule derives r=false, so the rule for s is dropped
     assert not any(isinstance(c, Clause) and program.names[c.term] == "s" for c in clauses if c.term >= 0)
+
+
+def test_a_rule_with_many_variables():
+    """Python allows at most twenty nested loops; a table of bindings has no such limit."""
+    names = [f"X{i}" for i in range(30)]
+    steps = ", ".join(f"next({x}, {y})" for x, y in itertools.pairwise(names))
+    records = ", ".join(f"wrap(f({name}))" for name in names)
+    program = parse_plog(
+        "n = {1}. r = {f(1)}. next : n, n -> boolean. wrap : r -> boolean. b, q, p : boolean. random(b)."
+        f" next(1, 1). wrap(f(1)). p :- b, {steps}. q :- b, {records}."
+    )
+    for query in ("p=true", "q=true"):
+        question = parse_query(query, program)
+        assert (
+            Reasoner(program).ask(question, exact=True)
+            == Enumeration(program).ask(question)
+            == Fraction(1, 2)
+        )
+
+
+def test_too_many_bindings_of_records_are_refused():
+    arguments = ", ".join(f"f(X{i})" for i in range(30))
+    sorts = ", ".join(["r"] * 30)
+    program = parse_plog(
+        f"r = {{f(1), f(2)}}. b : boolean. random(b). p : {sorts} -> boolean. ok : boolean."
+        f" p({', '.join(['f(1)'] * 30)}). ok :- b, p({arguments})."
+    )
+    with pytest.raises(TooLargeError, match=r"<text>:1:.*bindings of 22 variables to test; expected at most"):
+        ground_program(program, {})
+
+
+def test_facts_are_read_directly_or_evaluated_with_the_same_result():
+    """Facts of integers and names need no table of bindings; sums and records do."""
+    text = (
+        "n = {1..3}. r = {f(1), f(2)}. c = {x, y}. e : n, c -> c. g : n -> n. h : n -> r. a : n. random(a)."
+        " m : boolean. b : c. b = C :- e(N, x) = C, a = N, g(N) = M, h(M) = f(1). random(m) :- b = x."
+    )
+    plain = "e(1, x) = y. e(2, x) = x. g(1) = 2. g(2) = 1. g(3) = 3. h(1) = f(1). h(2) = f(1)."
+    sums = "e(0+1, x) = y. e(3-1, x) = x. g(1) = 1+1. g(2) = 2-1. g(1+2) = 3. h(1) = f(2-1). h(2) = f(1)."
+    first, second = ground(text + plain), ground(text + sums)
+    assert first.names == second.names
+    assert [str(clause) for clause in first.clauses] == [str(clause) for clause in second.clauses]
+    program = parse_plog(text + plain)
+    question = parse_query("b=x", program)
+    assert Reasoner(program).ask(question, exact=True) == Enumeration(program).ask(question) == Fraction(1, 3)
+
+
+def test_a_table_of_many_facts():
+    facts = "".join(f"next({i}, {i + 1}). " for i in range(5000))
+    program = parse_plog(
+        f"n = {{0..5000}}. c = {{x, y}}. next : n, n -> boolean. a : c. random(a). b : n."
+        f" b = M :- a = x, next(N, M), N = 4000. b = 0 :- a = y. {facts}"
+    )
+    answer = Reasoner(program).ask(parse_query("b", program), exact=True)
+    assert {value: p for value, p in answer.items() if p} == {"0": Fraction(1, 2), "4001": Fraction(1, 2)}

@@ -12,10 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+from typing import Any
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.gc_pause import pause_gc
-from lcorpp.reasoning.grounding.generated_function import Part, Source
+from lcorpp.reasoning.grounding.binding_table import BindingTable, Part
 from lcorpp.reasoning.grounding.ground_program import (
     QUERY_TERM,
     Clause,
@@ -46,10 +47,9 @@ from lcorpp.reasoning.language.syntax import (
     Probability,
     Rule,
     Selection,
+    Term,
 )
-from lcorpp.reasoning.language.traversal import get_body, iter_expressions, list_expressions
-
-_EMPTY_TUPLE = Source("()")
+from lcorpp.reasoning.language.traversal import get_body, iter_expressions, list_expressions, list_fact_values
 
 
 def ground_program(
@@ -142,22 +142,23 @@ class _Grounder:
         return facts
 
     def _evaluate_fact(self, fact: Rule, table: dict[tuple[Value, ...], Value]) -> None:
-        assert fact.head
-        code = self._instantiate(fact, {})
-        arguments = [code.translate(argument) for argument in fact.head.term.arguments]
-        value = code.translate(fact.head.value)
-        if code.is_ground:
-            table[tuple(arguments)] = value
+        values = list_fact_values(fact)
+        if values:
+            table[values[:-1]] = values[-1]
             return
-        key = "".join(f"{code.quote(argument)}, " for argument in arguments)
-        code.add_line(f"table[({key})] = {code.quote(value)}")
-        code.compile(table=table)()
+        assert fact.head
+        bindings = self._instantiate(fact, {})
+        keys = bindings.list_rows([bindings.evaluate(argument) for argument in fact.head.term.arguments])
+        table.update(zip(keys, bindings.iterate(bindings.evaluate(fact.head.value)), strict=True))
 
     # statements
 
-    def _instantiate(self, statement: Rule | Selection | Probability, facts: Facts) -> RuleInstantiator:
+    def _instantiate(self, statement: Rule | Selection | Probability, facts: Facts) -> BindingTable:
         slots, scope = list(self.signature.iter_slots(statement)), list_expressions(statement)
-        return RuleInstantiator(self.signature, self._list_members, slots, scope, get_body(statement), facts)
+        body = get_body(statement)
+        return RuleInstantiator(
+            self.signature, self._list_members, slots, scope, body, facts, statement.at
+        ).table
 
     def _list_members(self, sort: str) -> Mapping[Value, None]:
         if sort not in self._sorts:
@@ -165,13 +166,17 @@ class _Grounder:
         return self._sorts[sort]
 
     def _ground_rule(self, index: int, rule: Rule) -> None:
-        code = self._instantiate(rule, self._facts)
+        values = list_fact_values(rule)
+        if values and rule.head:
+            number, outcome = self.terms.number_fact(rule.head.term.name, values)
+            self._add(Clause(ClauseKind.DERIVE, number, outcome, (), index))
+            return
+        table = self._instantiate(rule, self._facts)
         if rule.head:
-            term = self.terms.translate_term(code, rule.head.term)
-            value = self.terms.translate_value(code, rule.head.term, rule.head.value)
-            self._emit(code, ClauseKind.DERIVE, term, value, rule.body, index)
+            value = self.terms.index_value(table, rule.head.term, rule.head.value)
+            self._emit(table, ClauseKind.DERIVE, rule.head.term, value, rule.body, index)
         else:
-            self._emit(code, ClauseKind.FORBID, -1, 0, rule.body, index)
+            self._emit(table, ClauseKind.FORBID, -1, 0, rule.body, index)
 
     def _ground_selection(self, index: int, selection: Selection) -> None:
         """Add the clauses of a selection, and those of its dynamic range for each of its instances.
@@ -179,40 +184,35 @@ class _Grounder:
         An instance is a binding of the variables that the body shares with term, label and dynamic range:
         that of X for ``random(f(X) : {Y : p(X,Y)}) :- q(X,Z).``
         """
-        code, dynamic_range = self._instantiate(selection, self._facts), selection.range
+        table, dynamic_range = self._instantiate(selection, self._facts), selection.range
         condition = dynamic_range.condition if dynamic_range else ()
         used = [selection.term, *(selection.label.arguments if selection.label else ())]
         used.extend(iter_expressions(condition))
         shared = sorted(find_variables(*used) & find_variables(*list_expressions(selection)))
-        instance = _write_tuple(shared)
-        instances: dict[tuple[Value, ...], int] = {}  # instance -> number of the selected term
-        term = self.terms.translate_term(code, selection.term)
-        if dynamic_range:
-            code.add_line(f"instances[{instance}] = {code.quote(term)}")
-        label = self.terms.translate_label(code, selection.label)
-        self._emit(
-            code, ClauseKind.SELECT, term, 0, selection.body, index, label, instance, instances=instances
+        label = self.terms.format_label(table, selection.label)
+        instances = table.list_rows([table.columns[name] for name in shared])
+        term = self._emit(
+            table, ClauseKind.SELECT, selection.term, 0, selection.body, index, label, instances
         )
         if dynamic_range:
+            term_of = dict(zip(instances, table.iterate(term), strict=True))
             slots = list(self.signature.iter_range_slots(selection))
             scope = [dynamic_range.variable, *iter_expressions(condition)]
-            code = RuleInstantiator(
-                self.signature, self._list_members, slots, scope, condition, self._facts, shared
-            )
-            term = Source(f"instances[{instance}]")
-            value = self.terms.translate_value(code, selection.term, dynamic_range.variable)
-            self._emit(
-                code, ClauseKind.RANGE, term, value, condition, index, "", instance,
-                instances=instances, calls=list(instances),
-            )  # fmt: skip
+            table = RuleInstantiator(
+                self.signature, self._list_members, slots, scope, condition, self._facts, selection.at,
+                shared, list(term_of),
+            ).table  # fmt: skip
+            instances = table.list_rows([table.columns[name] for name in shared])
+            terms = [term_of[instance] for instance in instances]
+            value = self.terms.index_value(table, selection.term, dynamic_range.variable)
+            self._emit(table, ClauseKind.RANGE, terms, value, condition, index, "", instances)
 
     def _ground_pr_atom(self, index: int, atom: Probability) -> None:
-        code = self._instantiate(atom, self._facts)
-        term = self.terms.translate_term(code, atom.term)
-        value = self.terms.translate_value(code, atom.term, atom.value)
-        number = atom.number.value if isinstance(atom.number, Number) else _write_number(code, atom.number)
-        label = self.terms.translate_label(code, atom.label)
-        self._emit(code, ClauseKind.ASSIGN, term, value, atom.condition, index, label, number=number)
+        table = self._instantiate(atom, self._facts)
+        value = self.terms.index_value(table, atom.term, atom.value)
+        label = self.terms.format_label(table, atom.label)
+        number = _evaluate_numbers(table, atom.number)
+        self._emit(table, ClauseKind.ASSIGN, atom.term, value, atom.condition, index, label, number=number)
 
     def _observe(self, literal: Literal) -> None:
         """Forbid the worlds in which a ground literal is false."""
@@ -227,59 +227,57 @@ class _Grounder:
 
     def _emit(
         self,
-        code: RuleInstantiator,
+        table: BindingTable,
         kind: ClauseKind,
-        term: Part,
-        value: Part,
+        term: Term | Part[int],
+        value: Part[int],
         body: Body,
         index: int,
-        label: Part = "",
-        instance: Source = _EMPTY_TUPLE,
-        number: Source | Fraction | None = None,
-        instances: Mapping[tuple[Value, ...], int] | None = None,
-        calls: Iterable[tuple[Value, ...]] = ((),),
-    ) -> None:
+        label: Part[str] = "",
+        instance: Part[tuple[Value, ...]] = (),
+        number: Part[Fraction] | None = None,
+    ) -> Part[int]:
         """Add one clause for each binding of the variables of a statement.
 
         Args:
             term, value, label, instance, number: the parts of the clauses, see `Clause`.
             body: its literals of neither sorts nor facts become literals of the clauses.
-            instances: values of the shared variables -> term, for the source that names `instances`.
-            calls: the arguments of each call of the generated function.
+
+        Returns:
+            The numbers of the term.
         """
         literals = [
-            self.terms.translate_literal(code, literal)
+            literal
             for literal in body
             if isinstance(literal, Literal)
             and not self.signature.is_sort(literal)
             and literal.term.name not in self._facts
         ]
-        parts = (term, value, label, number, *(part for literal in literals for part in literal))
-        if code.is_ground and not any(isinstance(part, Source) for part in parts):
-            self._add(Clause(kind, term, value, tuple(literals), index, label, (), number))  # type: ignore[arg-type]
-            return
-        quoted = "".join(
-            f"({code.quote(t)}, {code.quote(mask)}, {negated}), " for t, mask, negated in literals
-        )
-        number_source = number if isinstance(number, Source) else code.name_constant(number)
-        code.add_line(
-            f"add(Clause({code.name_constant(kind)}, {code.quote(term)}, {code.quote(value)}, ({quoted}),"
-            f" {index}, {code.quote(label)}, {instance}, {number_source}))"
-        )
-        run = code.compile(add=self._add, Clause=Clause, instances=instances)
-        for arguments in calls:
-            run(*arguments)
+        heads = [term] if isinstance(term, Term) else []
+        numbers = self.terms.number_terms(table, (*heads, *(literal.term for literal in literals)))
+        head = numbers.pop(0) if isinstance(term, Term) else term
+        body_parts: list[list[Any]] = [
+            [number, self.terms.make_mask(table, literal), literal.negated]
+            for number, literal in zip(numbers, literals, strict=True)
+        ]
+        if table.is_ground:
+            parts: Any = (kind, head, value, tuple(map(tuple, body_parts)), index, label, (), number)
+            self._add(Clause(*parts))
+            return head
+        bodies = table.list_rows([table.list_rows(part) for part in body_parts])
+        parts = (kind, head, value, bodies, index, label, instance, number)
+        self.result.clauses.extend(map(Clause, *map(table.iterate, parts)))
+        return head
 
 
-def _write_tuple(names: Iterable[str]) -> Source:
-    return Source("(" + "".join(f"v_{name}, " for name in names) + ")")
-
-
-def _write_number(code: RuleInstantiator, number: Expression) -> Source:
-    """Write the source of a pr-atom's number that depends on variables; equal values share one fraction."""
+def _evaluate_numbers(table: BindingTable, number: Expression) -> Part[Fraction]:
+    """Evaluate the number of a pr-atom in each binding; equal values share one fraction."""
+    if isinstance(number, Number):
+        return number.value
     names = sorted(find_variables(number))
 
     def compute(values: tuple[Value, ...]) -> Fraction:
         return evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
 
-    return code.add_lookup({}, _write_tuple(names), compute)
+    results: dict[tuple[Value, ...], Fraction] = {}
+    return table.look_up(results, table.list_rows([table.columns[name] for name in names]), compute)

@@ -4,6 +4,7 @@
 2. Turn rules that contradict an observation into constraints, which cut worlds off earlier.
 3. Compute the possible outcomes of each term; drop literals that are true for all of them and clauses with a
    literal that is true for none; repeat until nothing changes.
+4. Drop the pr-atoms and dynamic ranges of terms without a selection.
 """
 
 from __future__ import annotations
@@ -29,15 +30,17 @@ def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
     possible = _compute_possible_values(program)
     clauses = _propagate_observations(program, _drop_unsupported(program.clauses, possible))
     outcomes = _compute_outcomes(program, clauses, possible)
-    while True:
+    narrowed: list[int] | None = None
+    while narrowed != outcomes:
+        outcomes = narrowed or outcomes
         shorter = _drop_decided_literals(clauses, outcomes)
         if shorter is None:
-            return clauses, outcomes
+            break
         clauses = shorter
         narrowed = _compute_outcomes(program, clauses, outcomes)
-        if narrowed == outcomes:
-            return clauses, outcomes
-        outcomes = narrowed
+    random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT}
+    plain = (ClauseKind.DERIVE, ClauseKind.SELECT, ClauseKind.FORBID)
+    return [clause for clause in clauses if clause.kind in plain or clause.term in random], outcomes
 
 
 def _compute_possible_values(program: GroundProgram) -> list[int]:

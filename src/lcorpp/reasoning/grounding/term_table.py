@@ -1,16 +1,17 @@
-"""The table of ground terms, and the translation of terms, values and literals into parts of generated code.
+"""The table of ground terms, and the numbers of terms, values and literals in the bindings of a statement.
 
-A statement's instantiator (`rule_instantiator`) is generated Python; for each part of a clause, `TermTable`
-returns its number if the part has no variables, otherwise the source that computes the number at run time.
+A part of a clause is a number if it has no variables, otherwise a column: its number in each binding.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from itertools import chain
+from typing import Any
 
 from lcorpp.errors import TooLargeError
-from lcorpp.reasoning.grounding.generated_function import GeneratedFunction, Part, Source
+from lcorpp.reasoning.grounding.binding_table import BindingTable, Part
 from lcorpp.reasoning.grounding.ground_program import GroundLiteral, GroundProgram, make_full_mask
 from lcorpp.reasoning.language.arithmetic import Value, as_value, canonical_text, compare_values
 from lcorpp.reasoning.language.syntax import Expression, Literal, Term
@@ -39,6 +40,10 @@ class TermTable:
             numbers[key] = self._make_adder(attribute)(key)
         return numbers[key]
 
+    def number_fact(self, attribute: str, values: tuple[Value, ...]) -> tuple[int, int]:
+        """Return the number of the term in a fact and the index of its value, the last of `values`."""
+        return self.number_term(attribute, make_key(values[:-1])), self._index_values(attribute)[values[-1]]
+
     def _make_adder(self, attribute: str) -> Callable[[Key], int]:
         """Return a function that adds a term of an attribute and returns its number."""
         names, ranges = self.program.names, self.program.values
@@ -58,36 +63,55 @@ class TermTable:
         term = self.number_term(literal.term.name, make_key(arguments))
         return term, self._make_mask(literal, as_value(canonical_text(literal.value))), literal.negated
 
-    # parts of clauses with variables: numbers, or source that computes them
+    # parts of clauses
 
-    def translate_term(self, code: GeneratedFunction, term: Term) -> Part:
-        """Translate a term to its number."""
-        parts = [code.translate(argument) for argument in term.arguments]
-        if not any(isinstance(part, Source) for part in parts):
-            return self.number_term(term.name, make_key(parts))
-        inner = ", ".join(map(code.quote, parts))
-        key = inner if len(parts) == 1 else f"({inner})"
-        return code.add_lookup(self._numbers[term.name], key, self._make_adder(term.name))
+    def number_terms(self, table: BindingTable, terms: Iterable[Term]) -> list[Part[int]]:
+        """Return the number of each term in each binding; new terms are numbered binding by binding."""
+        result: list[Part[int]] = []
+        columns: list[tuple[int, str, list[Key]]] = []  # (index in the result, attribute, arguments)
+        for i, term in enumerate(terms):
+            parts = [table.evaluate(argument) for argument in term.arguments]
+            if any(isinstance(part, list) for part in parts):
+                keys: Any = parts[0] if len(parts) == 1 else table.list_rows(parts)
+                columns.append((i, term.name, keys))
+                result.append([])
+            else:
+                result.append(self.number_term(term.name, make_key(parts)))  # type: ignore[arg-type]
+        new = [
+            (name, keys) for _, name, keys in columns if not all(map(self._numbers[name].__contains__, keys))
+        ]
+        rows = zip(*(keys for _, keys in new), strict=True)
+        if len({name for name, _ in new}) == 1:  # the same order as below, faster
+            name, numbers = new[0][0], self._numbers[new[0][0]]
+            add = self._make_adder(name)
+            for key in dict.fromkeys(chain.from_iterable(rows)):
+                if key not in numbers:
+                    numbers[key] = add(key)
+        else:
+            for row in rows:
+                for (name, _), key in zip(new, row, strict=True):
+                    self.number_term(name, key)
+        for i, name, keys in columns:
+            result[i] = list(map(self._numbers[name].__getitem__, keys))
+        return result
 
-    def translate_value(self, code: GeneratedFunction, term: Term, value: Expression) -> Part:
-        """Translate a value of a term to its index."""
-        indexes, part = self._index_values(term.name), code.translate(value)
-        return Source(f"{code.name_constant(indexes)}[{part}]") if isinstance(part, Source) else indexes[part]
+    def index_value(self, table: BindingTable, term: Term, value: Expression) -> Part[int]:
+        """Return the index of a value of a term in each binding."""
+        indexes, part = self._index_values(term.name), table.evaluate(value)
+        return list(map(indexes.__getitem__, part)) if isinstance(part, list) else indexes[part]
 
-    def translate_label(self, code: GeneratedFunction, label: Term | None) -> Part:
-        """Translate the arguments of a label to text."""
-        parts = [code.translate(argument) for argument in label.arguments] if label else []
-        if not any(isinstance(part, Source) for part in parts):
+    def format_label(self, table: BindingTable, label: Term | None) -> Part[str]:
+        """Format the arguments of a label in each binding."""
+        parts = [table.evaluate(argument) for argument in label.arguments] if label else []
+        if not any(isinstance(part, list) for part in parts):
             return ",".join(map(str, parts))
-        return Source(" + ',' + ".join(f"str({code.quote(part)})" for part in parts))
+        texts = [list(map(str, table.iterate(part))) for part in parts]
+        return texts[0] if len(texts) == 1 else list(map(",".join, zip(*texts, strict=True)))
 
-    def translate_literal(self, code: GeneratedFunction, literal: Literal) -> tuple[Part, Part, bool]:
-        """Translate a literal to its term, the mask of the satisfying outcomes and whether it is negated."""
-        value, term = code.translate(literal.value), self.translate_term(code, literal.term)
-        if not isinstance(value, Source):
-            return term, self._make_mask(literal, value), literal.negated
+    def make_mask(self, table: BindingTable, literal: Literal) -> Part[int]:
+        """Return the mask of the outcomes that satisfy a literal in each binding."""
         masks = self._masks.setdefault((literal.term.name, literal.relation, literal.negated), {})
-        return term, code.add_lookup(masks, value, partial(self._make_mask, literal)), literal.negated
+        return table.look_up(masks, table.evaluate(literal.value), partial(self._make_mask, literal))
 
     def _index_values(self, attribute: str) -> dict[Value, int]:
         if attribute not in self._value_indexes:

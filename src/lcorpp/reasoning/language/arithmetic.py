@@ -77,8 +77,9 @@ def canonical_text(expression: Expression) -> str:
     if isinstance(expression, Variable):
         raise SourceIssue(expression.at, f"variable {expression} is not allowed here; expected a value")
     if isinstance(expression, Term):
-        arguments = ",".join(map(canonical_text, expression.arguments))
-        return f"{expression.name}({arguments})" if arguments else expression.name
+        if not expression.arguments:
+            return expression.name
+        return f"{expression.name}({','.join(map(canonical_text, expression.arguments))})"
     return str(_evaluate_integer(expression))
 
 

@@ -34,7 +34,7 @@ from lcorpp.reasoning.language.syntax import (
     Statement,
     Term,
 )
-from lcorpp.reasoning.language.traversal import as_selection, get_body, list_expressions
+from lcorpp.reasoning.language.traversal import as_selection, get_body, list_expressions, list_fact_values
 
 
 def check_statements(statements: Sequence[Statement]) -> Signature:
@@ -61,6 +61,8 @@ def _check_statement(statement: Statement, signature: Signature) -> None:
     if isinstance(statement, Rule):
         if statement.head:
             check_attribute(statement.head.term, signature)
+            if _is_valid_fact(statement, statement.head.term.name, signature):
+                return
         _check_body(statement.body, signature)
         check_variables(statement, signature)
     elif isinstance(statement, Selection):
@@ -76,6 +78,15 @@ def _check_statement(statement: Statement, signature: Signature) -> None:
         check_ground_literal(statement.literal, signature)
     elif isinstance(statement, Intervention):
         check_intervention(statement, signature)
+
+
+def _is_valid_fact(rule: Rule, name: str, signature: Signature) -> bool:
+    """Whether a rule is a fact of integers and names in their sorts, which needs no other checks."""
+    values, attribute = list_fact_values(rule), signature.attributes[name]
+    if values is None:
+        return False
+    sorts = (*attribute.arguments, attribute.range)
+    return all(str(value) in signature.sorts[sort] for value, sort in zip(values, sorts, strict=True))
 
 
 def _check_body(body: Iterable[BodyLiteral], signature: Signature) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 from lcorpp.reasoning.language.issues import Place, SourceIssue
@@ -34,6 +35,8 @@ RESERVED = frozenset({"not", "mod"})
 RELATIONS = {"=": "=", "==": "=", "!=": "!=", "<>": "!=", "<": "<", "<=": "<=", ">": ">", ">=": ">="}
 """Sign of a relation -> the relation that it denotes."""
 
+_VALUE_ENDS = (",", ")", ".")
+
 NEGATED_RELATIONS = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 
 
@@ -46,6 +49,8 @@ class MinusTerm(NamedTuple):
 
 def parse_value(cursor: Cursor) -> Expression:
     """Parse an expression that denotes a value."""
+    if cursor.second_kind in _VALUE_ENDS:  # a single token, as nearly all arguments are
+        return require_value(parse_factor(cursor))
     return require_value(parse_sum(cursor))
 
 
@@ -87,9 +92,16 @@ def _parse_product(cursor: Cursor) -> Expression | MinusTerm:
         left = _combine(operator, left, parse_factor(cursor))
 
 
+@lru_cache(maxsize=1024)
+def _parse_fraction(text: str) -> Fraction:
+    return Fraction(int(text)) if text.isdigit() else Fraction(text)
+
+
 def parse_factor(cursor: Cursor) -> Expression | MinusTerm:
     """Parse a number, a variable, a term or a parenthesised sum, with an optional minus."""
     at = cursor.at
+    if cursor.kind == NAME and cursor.word not in RESERVED:
+        return _parse_term(cursor, at)
     if cursor.accept("-"):
         cursor.enter_nesting()
         inner = parse_factor(cursor)
@@ -103,15 +115,13 @@ def parse_factor(cursor: Cursor) -> Expression | MinusTerm:
     if cursor.next_is(INTEGER, DECIMAL):
         if len(cursor.word) > MAX_DIGITS:
             raise SourceIssue(at, f"a number of {len(cursor.word)} digits; expected at most {MAX_DIGITS}")
-        return Number(Fraction(cursor.take()), at=at)
+        return Number(_parse_fraction(cursor.take()), at=at)
     if cursor.kind == VARIABLE:
         name = cursor.take()
         if name == "_":  # each `_` of a statement gets a name of its own
             cursor.anonymous_count += 1
             name = f"_Any{cursor.anonymous_count}"
         return Variable(name, at=at)
-    if cursor.kind == NAME and cursor.word not in RESERVED:
-        return _parse_term(cursor, at)
     raise cursor.make_unexpected_error((NAME, VARIABLE))
 
 

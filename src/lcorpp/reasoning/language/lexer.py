@@ -98,7 +98,7 @@ class Cursor:
             group = token_match.lastgroup
             if group is not None:
                 token = token_match.group()
-                self.kinds.append(_KINDS.get(group, token))
+                self.kinds.append(token if group == "S" else _KINDS[group])
                 self.texts.append(token)
                 self.starts.append(token_match.start())
         self.kinds += [END, END]  # two: `second_kind` looks ahead

@@ -66,7 +66,8 @@ class Term(SyntaxNode):
     depth: int = field(init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "depth", 1 + max((depth(a) for a in self.arguments), default=0))
+        depths = [1 + depth(argument) for argument in self.arguments]
+        object.__setattr__(self, "depth", max(depths) if depths else 1)
 
     def __str__(self) -> str:
         return f"{self.name}({','.join(map(str, self.arguments))})" if self.arguments else self.name

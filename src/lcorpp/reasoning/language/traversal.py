@@ -7,7 +7,7 @@ from dataclasses import replace
 from operator import is_
 from typing import Any, TypeVar
 
-from lcorpp.reasoning.language.arithmetic import find_variables
+from lcorpp.reasoning.language.arithmetic import Value, find_variables
 from lcorpp.reasoning.language.syntax import (
     Body,
     BodyLiteral,
@@ -16,6 +16,7 @@ from lcorpp.reasoning.language.syntax import (
     Expression,
     Intervention,
     Literal,
+    Number,
     Observation,
     Probability,
     Query,
@@ -80,6 +81,21 @@ def list_variables(statement: Rule | Selection | Probability) -> list[str]:
     return sorted(find_variables(*list_expressions(statement)))
 
 
+def list_fact_values(rule: Rule) -> tuple[Value, ...] | None:
+    """List the arguments and the value of a fact of integers and names; None for other rules."""
+    if rule.body or rule.head is None:
+        return None
+    values: list[Value] = []
+    for expression in (*rule.head.term.arguments, rule.head.value):
+        if isinstance(expression, Term) and not expression.arguments:
+            values.append(expression.name)
+        elif isinstance(expression, Number) and expression.value.denominator == 1:
+            values.append(expression.value.numerator)
+        else:
+            return None
+    return tuple(values)
+
+
 def iter_literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
     """Iterate over the literals of a statement, heads and selected terms included.
 
@@ -115,6 +131,8 @@ def _map_part(part: Any, rewrite: Rewrite) -> Any:
     changes = {}
     for name in _MAPPED_FIELDS.get(type(part), ()):
         old = getattr(part, name)
+        if not old:
+            continue
         new = _map_part(old, rewrite)
         if new is not old:
             changes[name] = new

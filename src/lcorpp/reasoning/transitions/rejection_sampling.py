@@ -1,10 +1,10 @@
 """Rejection sampling of possible worlds, for programs that are too large to be compiled.
 
-A sampler decides the components in their order. It does not draw an observed term: it accepts the observed
-value with the probability q / U, where q is the value's probability in the world drawn so far and U is an
-upper bound of q in all worlds. So the worlds that pass all observations and constraints are independent
-draws from the distribution given the evidence: their number is the effective sample size, and the share of a
-value among them has a binomial interval. Weighting worlds by q instead, without U, underestimates the error:
+A sampler decides the components in their order. It does not draw observed terms: it accepts the world with
+the probability q / U, where q is the probability of all observed values in the world, and U is an upper bound
+of q (`evidence_bound`). So the worlds accepted are independent draws from the distribution given the
+evidence: their number is the effective sample size, and the share of a value among them has a binomial
+interval. Weighting worlds by q instead, without U, underestimates the error:
 if the evidence has a rare cause that no world has, all weights are small and equal, and seem reliable.
 
 Source: von Neumann, "Various techniques used in connection with random digits", 1951 (rejection); Dagum and
@@ -16,16 +16,16 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import accumulate, product
-from math import prod
+from itertools import accumulate
+from math import inf, log
 from random import Random
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
-from lcorpp.reasoning.grounding.simplification import simplify
-from lcorpp.reasoning.transitions.local_distribution import Outcome, enumerate_outcomes
+from lcorpp.reasoning.grounding.ground_program import GroundProgram
+from lcorpp.reasoning.transitions.evidence_bound import bound_evidence
+from lcorpp.reasoning.transitions.local_distribution import Outcome
 from lcorpp.reasoning.transitions.transition import Effect
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 
@@ -35,11 +35,11 @@ MIN_EFFECTIVE_SAMPLES = 100
 MAX_EXTENSION = 16
 """If too few worlds agree, up to this many times as many are drawn, if then enough can be expected."""
 
-MAX_TABLE_ROWS = 4096
-"""A larger conditional probability table is not searched for its maximum: the bound is 1."""
-
 _Choice = tuple[float, Effect, Outcome]
 """(probability, effect on the state, outcome)"""
+
+_Choices = tuple[float, list[float], list[_Choice]]
+"""(logarithm of the total probability, cumulative probabilities, choices)"""
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,8 @@ class _WorldSampler:
         self, ground: GroundProgram, system: TransitionSystem, evidence: Mapping[str, str], random: Random
     ) -> None:
         self._system, self._random = system, random
-        # step -> state of the input bits -> (cumulative probabilities, choices)
-        self._choices: list[dict[int, tuple[list[float], list[_Choice]]]] = [{} for _ in system.transitions]
+        # step -> state of the input bits -> choices
+        self._choices: list[dict[int, _Choices]] = [{} for _ in system.transitions]
         observed: dict[int, int] = {}
         self.possible = system.consistent
         for name, value in evidence.items():
@@ -124,11 +124,14 @@ class _WorldSampler:
             [(i, observed[term]) for i, term in enumerate(terms) if term in observed]
             for terms in system.tree.order
         ]
-        self._bounds = self._bound_steps(ground)  # step -> bound of the probability of its possible outcomes
+        self._bound, self._following_bounds = self._bound_evidence(ground)  # logarithms
 
     def draw(self, queried: int | None) -> int | None:
         """Draw a world: the outcome of a term, -1 without a term; None if the world is rejected."""
         tree, random, value = self._system.tree, self._random.random, -1
+        # logarithms of the probability of the evidence so far, and of that at which the world is accepted
+        weight, threshold = 0.0, log(1 - random()) + self._bound
+        following_bounds = self._following_bounds
         states = dict.fromkeys(tree.roots, 0)  # step -> state before it
         for step, (transition, terms) in enumerate(zip(self._system.transitions, tree.order, strict=True)):
             state = states.pop(step)
@@ -136,9 +139,9 @@ class _WorldSampler:
             known = self._choices[step].get(bits)
             if known is None:
                 known = self._choices[step][bits] = self._list_choices(step, bits)
-            cumulative, choices = known
-            bound = self._bounds[step]
-            if not choices or (cumulative[-1] < bound and random() * bound >= cumulative[-1]):
+            log_total, cumulative, choices = known
+            weight += log_total
+            if weight + following_bounds[step] < threshold:
                 return None
             at = bisect_right(cumulative, random() * cumulative[-1]) if len(choices) > 1 else 0
             _, (sets, forbids, moves, targets_of), outcome = choices[min(at, len(choices) - 1)]
@@ -158,7 +161,7 @@ class _WorldSampler:
                 value = outcome.values[terms.index(queried)]
         return value
 
-    def _list_choices(self, step: int, bits: int) -> tuple[list[float], list[_Choice]]:
+    def _list_choices(self, step: int, bits: int) -> _Choices:
         """List the choices of positive probability that neither evidence nor a constraint excludes."""
         transition = self._system.transitions[step]
         program = self._system.program
@@ -172,14 +175,16 @@ class _WorldSampler:
                 effect = transition.find_effect(outcome.values)
                 if effect is not None:
                     choices.append((float(outcome.weight), effect, outcome))
-        return list(accumulate(choice[0] for choice in choices)), choices
+        cumulative = list(accumulate(choice[0] for choice in choices))
+        return log(cumulative[-1]) if choices else -inf, cumulative, choices
 
-    def _bound_steps(self, ground: GroundProgram) -> list[float]:
-        """Bound the total probability of the choices of each step; 1 for components of several terms."""
-        possible: dict[
-            int, int
-        ] = {}  # term -> mask of its outcomes, if evidence or a constraint excludes some
-        for step, terms in enumerate(self._system.tree.order):
+    def _bound_evidence(self, ground: GroundProgram) -> tuple[float, list[float]]:
+        """Bound the probability of the evidence in all worlds, and its part from the next step on."""
+        order, n_steps = self._system.tree.order, len(self._system.transitions)
+        possible: dict[int, int] = {}  # observed or constrained term -> mask of its outcomes
+        step_of: dict[int, int] = {}
+        for step, terms in enumerate(order):
+            step_of.update(dict.fromkeys(terms, step))
             if len(terms) == 1:
                 outcomes = range(len(ground.values[terms[0]]) + 1)
                 if self._observed[step]:
@@ -189,48 +194,8 @@ class _WorldSampler:
                 if mask.bit_count() <= len(ground.values[terms[0]]):
                     possible[terms[0]] = mask
         if not possible:
-            return [1.0] * len(self._system.transitions)
-        clauses, masks = simplify(ground)
-        clauses_of: dict[int, list[Clause]] = {term: [] for term in possible}
-        for clause in clauses:
-            if clause.term in possible:
-                clauses_of[clause.term].append(clause)
-        bounds = {
-            term: _find_maximum(ground, term, clauses_of[term], masks, mask)
-            for term, mask in possible.items()
-        }
-        return [bounds.get(terms[0], 1.0) if len(terms) == 1 else 1.0 for terms in self._system.tree.order]
-
-
-def _find_maximum(
-    ground: GroundProgram, term: int, clauses: Sequence[Clause], masks: Sequence[int], possible: int
-) -> float:
-    """Find an upper bound of the total probability of some outcomes of a term.
-
-    It is the maximum over the rows of the term's conditional probability table, i.e. over the combinations of
-    outcomes of the terms that its clauses name.
-
-    Args:
-        clauses: the clauses about the term.
-        masks: the possible outcomes of each term.
-        possible: the mask of the outcomes of the term.
-    """
-    tests: dict[int, set[int]] = {}  # parent -> the masks in literals about it
-    for clause in clauses:
-        for parent, allowed, _ in clause.body:
-            tests.setdefault(parent, set()).add(allowed)
-    # of outcomes that satisfy the same literals one suffices
-    domains = []
-    for parent, literals in tests.items():
-        outcomes = [i for i in range(len(ground.values[parent]) + 1) if masks[parent] >> i & 1]
-        domains.append({tuple([mask >> i & 1 for mask in literals]): 1 << i for i in outcomes}.values())
-    if term in tests or prod(map(len, domains)) > MAX_TABLE_ROWS:
-        return 1.0
-    bound = 0.0
-    for row in product(*domains):
-        outcome_of = dict(zip(tests, row, strict=True))
-        true = [c for c in clauses if all(outcome_of[parent] & allowed for parent, allowed, _ in c.body)]
-        column = enumerate_outcomes(ground, term, true, {})
-        if not any(violation for _, _, violation in column):
-            bound = max(bound, float(sum(p for value, p, _ in column if possible >> value & 1)))
-    return bound
+            return 0.0, [0.0] * n_steps
+        bounds, total = bound_evidence(ground, possible, step_of)
+        own = [bounds.get(terms[0], 0.0) if len(terms) == 1 else 0.0 for terms in order]
+        following = list(accumulate(reversed(own), initial=0.0))[-2::-1]
+        return (total, following) if total > -inf else (0.0, [0.0] * n_steps)  # -inf: all are rejected
