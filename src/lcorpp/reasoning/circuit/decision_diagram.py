@@ -257,10 +257,9 @@ def _keep(diagram: DecisionDiagram, step: int, nodes: set[int]) -> list[int] | N
     numbers = [-1] * diagram.sizes[step]
     for number, node in enumerate(sorted(nodes)):
         numbers[node] = number
-    sources, targets, outcomes = diagram.arcs[step]
-    kept = [i for i, source in enumerate(sources) if numbers[source] >= 0]
-    renumbered = [numbers[source] for source in sources]
-    diagram.arcs[step] = Arcs(renumbered, targets, outcomes).select(kept)
+    arcs = diagram.arcs[step]
+    arcs = arcs.select([i for i, source in enumerate(arcs.sources) if numbers[source] >= 0])
+    diagram.arcs[step] = arcs._replace(sources=[numbers[source] for source in arcs.sources])
     diagram.sizes[step] = len(nodes)
     return numbers
 
