@@ -212,14 +212,14 @@ def _prune(diagram: DecisionDiagram) -> None:
     """Drop nodes without a world and arcs to them, bottom up; then nodes that no arc reaches any more."""
     children, roots = diagram.system.tree.children, diagram.system.tree.roots
     numbers: list[list[int] | None] = [None] * len(diagram.arcs)  # node -> new number, -1 if dropped
-    n_alive: dict[int, int] = {}  # id of arcs, which steps share -> number of their sources
+    shared: dict[int, tuple[Arcs, int]] = {}  # id of arcs -> (arcs, number of their sources)
     for step in range(len(diagram.arcs) - 1, -1, -1):
         if any(numbers[child] for child in children[step]):
             _renumber_targets(diagram, step, numbers)
         arcs = diagram.arcs[step]
-        if id(arcs) not in n_alive:
-            n_alive[id(arcs)] = len(set(arcs.sources))
-        if n_alive[id(arcs)] < diagram.sizes[step]:
+        if id(arcs) not in shared:
+            shared[id(arcs)] = arcs, len(set(arcs.sources))  # with the arcs, so that the id stays theirs
+        if shared[id(arcs)][1] < diagram.sizes[step]:
             numbers[step] = _keep(diagram, step, set(arcs.sources))
     if not diagram.has_worlds:
         for step, arcs in enumerate(diagram.arcs):
