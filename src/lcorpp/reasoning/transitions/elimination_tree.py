@@ -147,20 +147,18 @@ def _find_linear_components(
     program: GroundProgram, components: Sequence[tuple[int, ...]], clauses: Iterable[Clause]
 ) -> dict[tuple[int, ...], list[Clause]]:
     """Find the components of several terms with linear rules; return them with their rules."""
-    component_of = {term: terms for terms in components if len(terms) > 1 for term in terms}
-    linear: dict[tuple[int, ...], list[Clause]] = {terms: [] for terms in component_of.values()}
+    component_of = {term: i for i, terms in enumerate(components) if len(terms) > 1 for term in terms}
+    linear: dict[int, list[Clause]] = {i: [] for i in component_of.values()}
     for clause in clauses if component_of else ():
-        terms = component_of.get(clause.term)
-        if terms not in linear:
+        i = component_of.get(clause.term, -1)
+        if i not in linear:
             continue
-        n_own = 0
-        for literal in clause.body:
-            n_own += component_of.get(literal[0]) is terms
+        n_own = sum([component_of.get(literal[0]) == i for literal in clause.body])
         if n_own > 1 and len({literal[0] for literal in clause.body}) > 1:  # most are rejected here
-            del linear[terms]
+            del linear[i]
         else:
-            linear[terms].append(clause)
-    return {terms: rules for terms, rules in linear.items() if is_linear(program, terms, rules)}
+            linear[i].append(clause)
+    return {components[i]: rules for i, rules in linear.items() if is_linear(program, components[i], rules)}
 
 
 def _rank_components(
