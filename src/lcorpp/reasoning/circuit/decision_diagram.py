@@ -183,9 +183,11 @@ class _Expander:
                 break
         targets, following = [], []
         for mask in live_masks:
-            numbers: dict[int, int] = {}  # state of the branch -> its number
-            targets.append([numbers.setdefault(reached & mask, len(numbers)) for reached in reached_states])
-            following.append(tuple(numbers))
+            own = [reached & mask for reached in reached_states]
+            distinct = tuple(dict.fromkeys(own))
+            numbers = {state: number for number, state in enumerate(distinct)}
+            targets.append([numbers[state] for state in own])
+            following.append(distinct)
         return Arcs(sources, tuple(targets), outcomes), tuple(following)
 
     def _list_choices(self, transition: Transition, inputs: set[int]) -> Mapping[int, list[_Choice]]:
