@@ -109,7 +109,7 @@ def rooms(rows: int, columns: int) -> Case:
 def compute_reliability(doors: list[tuple[int, int]], p: float, last: int) -> float:
     """The probability that open doors connect room 1 to the last.
 
-    By partitions of the rooms that still have undecided doors.
+    Dynamic program over the partitions of the rooms that still have undecided doors.
     """
     states = {frozenset([frozenset([1]), frozenset([last])]): 1.0}
     for number, (a, b) in enumerate(doors):

@@ -1,4 +1,4 @@
-"""Variable orders and strongly connected components."""
+"""Elimination trees and strongly connected components."""
 
 from __future__ import annotations
 

@@ -211,7 +211,7 @@ class TrackResampler:
         if last is None or self._is_broken(last, sample, elapsed):
             self.track_count += 1
             self._begin, self._elapsed, self._last, self._next = time, 0.0, sample, 1
-            self._points, self._is_new = [sample], True  # nobody needs the points of the previous track
+            self._points, self._is_new = [sample], True  # drops the points of the previous track
             return
         gap = elapsed - self._elapsed
         if gap > 1 / rate + SAME_TIME:

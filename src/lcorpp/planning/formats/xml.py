@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from xml.parsers import expat
 
 from lcorpp.errors import LcorppError
 
 
-class XmlReader:
+class XmlReader(ABC):
     """Base class of readers: passes the elements of a file to the methods of a subclass.
 
     open: names of the open elements, outermost first; in `start`, the element's ancestors.
@@ -23,24 +24,24 @@ class XmlReader:
         self._root, self._max_depth, self._join_text = root, max_depth, join_text
         self.open: list[str] = []
 
+    @abstractmethod
     def start(self, name: str, attributes: dict[str, str]) -> None:
         """Handle a start tag."""
-        raise NotImplementedError
 
+    @abstractmethod
     def end(self, name: str) -> None:
         """Handle an end tag."""
-        raise NotImplementedError
 
+    @abstractmethod
     def text(self, text: str) -> None:
         """Handle a piece of text."""
-        raise NotImplementedError
 
-    def comment(self, text: str) -> None:
+    def comment(self, text: str) -> None:  # noqa: B027  (optional: most readers ignore comments)
         """Handle a comment; by default, ignore it."""
 
+    @abstractmethod
     def make_error(self, line: int, column: int, message: str) -> LcorppError:
         """Return the exception to raise for an error at a place, both counted from 1."""
-        raise NotImplementedError
 
     def parse(self, data: str | bytes) -> None:
         """Parse a text, or the bytes of a file in the encoding that its first line declares.

@@ -27,7 +27,7 @@ from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import QUERY_TERM
 from lcorpp.reasoning.transitions.linear_recursion import derive_values
 from lcorpp.reasoning.transitions.local_distribution import ConditionViolation
-from lcorpp.reasoning.transitions.transition import Transition
+from lcorpp.reasoning.transitions.transition import Effect, Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 
 MAX_ARCS = 2_000_000
@@ -58,8 +58,8 @@ class Arcs(NamedTuple):
         )
 
 
-_Choice = tuple[int, int, int, Mapping[int, int], int]
-"""The effect of an outcome on the state (`transition.Effect`) and the index of the outcome."""
+_Choice = tuple[Effect, int]
+"""An outcome: its effect on the state, and its index."""
 
 _Levels = tuple[Arcs, tuple[tuple[int, ...], ...]]
 """The arcs of a step, and the states to which they lead in each branch."""
@@ -155,34 +155,23 @@ class _Expander:
 
     def expand(self, transition: Transition, states: Sequence[int], max_arcs: int) -> _Levels:
         """Return the arcs and the states after the step; stop soon after `max_arcs` arcs."""
-        input_mask, live_masks = transition.input_mask, transition.live_masks
-        absorptions, closures = transition.absorptions, transition.closures
+        input_mask, advance = transition.input_mask, transition.advance
         choices = self._list_choices(transition, {state & input_mask for state in states})
         sources: list[int] = []
         reached_states: list[int] = []
         outcomes: list[int] = []
         for source, state in enumerate(states):
-            for sets, forbids, moves, targets_of, outcome in choices[state & input_mask]:
-                if state & forbids:
+            for effect, outcome in choices[state & input_mask]:
+                reached = advance(state, effect)
+                if reached is None:
                     continue
-                reached = state | sets
-                moved = moves & state
-                while moved:
-                    lowest = moved & -moved
-                    reached |= targets_of[lowest]
-                    moved ^= lowest
-                for satisfied, redundant in absorptions:
-                    if reached & satisfied:
-                        reached &= ~redundant
-                for closure in closures:
-                    reached = closure.apply(reached)
                 sources.append(source)
                 reached_states.append(reached)
                 outcomes.append(outcome)
             if len(outcomes) > max_arcs:
                 break
         targets, following = [], []
-        for mask in live_masks:
+        for mask in transition.live_masks:
             own = [reached & mask for reached in reached_states]
             distinct = tuple(dict.fromkeys(own))
             numbers = {state: number for number, state in enumerate(distinct)}
@@ -202,7 +191,7 @@ class _Expander:
                     if effect is not None:
                         if outcome.violation:
                             self.violations[len(self.outcomes)] = outcome.violation
-                        own.append((*effect, len(self.outcomes)))
+                        own.append((effect, len(self.outcomes)))
                         self.outcomes.append((outcome.values, outcome.weight))
                 choices[bits] = own
             if transition.is_shared:

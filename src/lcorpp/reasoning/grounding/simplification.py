@@ -40,7 +40,7 @@ def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
         narrowed = _compute_outcomes(program, clauses, outcomes)
     random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT}
     plain = (ClauseKind.DERIVE, ClauseKind.SELECT, ClauseKind.FORBID)
-    return [clause for clause in clauses if clause.kind in plain or clause.term in random], outcomes
+    return [clause for clause in clauses if clause.term in random or clause.kind in plain], outcomes
 
 
 def _compute_possible_values(program: GroundProgram) -> list[int]:

@@ -41,7 +41,7 @@ class BitAllocator:
         largest = max(branches, key=len, default=None)
         allocators = []
         for branch in branches:
-            if branch is largest:  # it goes on with this allocator, which saves the copy
+            if branch is largest:  # it keeps this allocator, which saves the copy
                 allocators.append(self)
                 continue
             own = {step: self._bits_of.pop(step) for step in branch if step in self._bits_of}

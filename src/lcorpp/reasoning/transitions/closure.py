@@ -11,7 +11,7 @@ class Closure:
     """Replaces the bits of rules that a step satisfied by the closure of what they imply.
 
     n_atoms: the atoms before and after the step are numbered 0, 1, ...
-    sources: (bit, body, head): an implication that the bit stands for; the body is -1 for a fact.
+    sources: (bit, body, head): the implication that the bit represents; the body is -1 for a fact.
     initial: (body, head): implications without condition.
     facts: (atom, bit) for the frontier after the step. pairs: (body, head, bit).
     mask: the bits of `sources`.

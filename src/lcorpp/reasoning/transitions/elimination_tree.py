@@ -129,7 +129,9 @@ def build_elimination_tree(
     linear = _find_linear_components(program, components, clauses)
     ranks = _rank_components(components, linear)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
-    sizes = [sum([bits[outcomes[term]] for term in terms]) for terms in components]
+    sizes = [bits[mask] for mask in outcomes]
+    if len(components) < n_terms:
+        sizes = [sum([sizes[term] for term in terms]) for terms in components]
     children, roots = _eliminate(
         component_needs, [group for group in constraints if len(group) > 1], sizes, ranks
     )

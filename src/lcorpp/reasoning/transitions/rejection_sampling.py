@@ -144,17 +144,10 @@ class _WorldSampler:
             if weight + following_bounds[step] < threshold:
                 return None
             at = bisect_right(cumulative, random() * cumulative[-1]) if len(choices) > 1 else 0
-            _, (sets, forbids, moves, targets_of), outcome = choices[min(at, len(choices) - 1)]
-            if state & forbids:
+            _, effect, outcome = choices[min(at, len(choices) - 1)]
+            following = transition.advance(state, effect)
+            if following is None:
                 return None
-            following = state | sets
-            moved = moves & state
-            while moved:
-                lowest = moved & -moved
-                following |= targets_of[lowest]
-                moved ^= lowest
-            for closure in transition.closures:
-                following = closure.apply(following)
             for child, mask in zip(tree.children[step], transition.live_masks, strict=True):
                 states[child] = following & mask
             if queried is not None and queried in terms:

@@ -187,14 +187,15 @@ class RuleTemplate:
         first: dict[int, int] = {}  # slot -> the rank of the first step that may set its bit
         for body in bodies:
             pending = NO_SLOT
-            for i, (rank, conditions) in enumerate(body):
-                rest, target = body[i + 1 :], satisfied_slot
-                is_known = rest in slot_of
+            for i, (rank, conditions) in enumerate(body, start=1):
+                rest, target, is_known = body[i:], satisfied_slot, False
                 if rest:
+                    slot = slot_of.get(rest)
+                    is_known = slot is not None
+                    target = self._add_slot() if slot is None else slot
                     if not is_known:
-                        slot_of[rest] = self._add_slot()
-                    target = slot_of[rest]
-                    first[target] = min(first.get(target, rank), rank)
+                        slot_of[rest], first[target] = target, rank
+                    first[target] = min(first[target], rank)
                 self.parents[rank].updates.append(BodyUpdate(conditions, pending, target))
                 if is_known:
                     break  # the updates of the rest are there
@@ -236,11 +237,13 @@ def _split_body(
             masks[term] = masks.get(term, outcomes[term]) & literal[1]
         else:
             own_literals.append(literal)
-    by_rank: dict[int, list[tuple[int, int]]] = {}
-    for term, mask in masks.items():
-        rank, index = places[term]
-        by_rank.setdefault(rank, []).append((index, mask))
-    return own_literals, tuple([(rank, tuple(sorted(by_rank[rank]))) for rank in sorted(by_rank)])
+    body: list[tuple[int, Conditions]] = []
+    for rank, index, mask in sorted([(*places[term], mask) for term, mask in masks.items()]):
+        if body and body[-1][0] == rank:
+            body[-1] = rank, (*body[-1][1], (index, mask))
+        else:
+            body.append((rank, ((index, mask),)))
+    return own_literals, tuple(body)
 
 
 def describe_structure(
@@ -271,7 +274,7 @@ def describe_structure(
             if kind is not ASSIGN:
                 structure.append(codes.setdefault(clause.instance, len(codes)))
         for other, allowed, negated in clause.body:
-            if other == term:  # -1 stands for the term itself
+            if other == term:  # -1 denotes the term itself
                 structure += -1, allowed, negated
             else:
                 structure += needed.setdefault(other, len(needed)), allowed & outcomes[other]

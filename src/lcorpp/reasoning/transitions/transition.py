@@ -110,6 +110,24 @@ class Transition:
             )
         return self._effects[key]
 
+    def advance(self, state: int, effect: Effect) -> int | None:
+        """Return the state after an outcome, for all branches; None if a constraint forbids it."""
+        sets, forbids, moves, targets_of = effect
+        if state & forbids:
+            return None
+        reached = state | sets
+        moved = moves & state
+        while moved:
+            lowest = moved & -moved
+            reached |= targets_of[lowest]
+            moved ^= lowest
+        for satisfied, redundant in self.absorptions:
+            if reached & satisfied:
+                reached &= ~redundant
+        for closure in self.closures:
+            reached = closure.apply(reached)
+        return reached
+
     def _compute_effect(self, updates: Iterable[_Update]) -> Effect | None:
         sets, forbids, moves = 0, 0, 0
         targets_of: dict[int, int] = {}

@@ -31,7 +31,7 @@ class Element:
         self.pieces: list[tuple[int, int, int]] = []  # offset, line and column of each piece of text
 
     def words(self) -> list[str]:
-        """Return the words of the text."""
+        """Split the text at white space."""
         return _WORD.findall(self.text)
 
     def position(self, word: int | None) -> tuple[int, int]:
@@ -110,7 +110,7 @@ class Document:
         return matches[0]
 
     def words(self, element: Element) -> list[str]:
-        """Return the words of an element without children and attributes."""
+        """Split the text of an element without children and attributes at white space."""
         if element.children:
             inner = element.children[0]
             raise self.error(inner, f"<{element.name}> contains words only, found <{inner.name}>")
