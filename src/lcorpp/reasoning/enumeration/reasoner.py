@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -15,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from lcorpp.errors import ProgramError, UndefinedError, check_type
-from lcorpp.reasoning.answers import PossibleWorld, make_no_value_error
+from lcorpp.reasoning.answers import PossibleWorld, Value, normalise_marginal
 from lcorpp.reasoning.enumeration.measures import measure_worlds, satisfies
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.parser import parse_term
@@ -23,10 +24,11 @@ from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Query, Term
 from lcorpp.reasoning.resolve import (
     check_rng,
+    name_question,
     resolve_evidence,
     resolve_interventions,
     resolve_query,
-    resolve_term,
+    resolve_subject,
 )
 from lcorpp.values import Distribution
 
@@ -89,12 +91,15 @@ class Enumeration:
         return f"Enumeration({self.program.file}, limit={self.limit})"
 
     def posterior(
-        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
+        self,
+        attribute: str | Sequence[str],
+        evidence: Mapping[str, str] = NOTHING,
+        do: Mapping[str, str] = NOTHING,
     ) -> Distribution:
-        """Compute the marginal of `attribute` given evidence and interventions.
+        """Compute the marginal of an attribute, or of several jointly, given evidence and interventions.
 
         Args:
-            attribute: an attribute or a term of one, such as ``roll(d1)``.
+            attribute: an attribute or a term of one, such as ``roll(d1)``; or several, see `Reasoner`.
             evidence, do: term -> value.
 
         Raises:
@@ -103,25 +108,26 @@ class Enumeration:
             UndefinedError: no possible world has the evidence.
         """
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
-        key = (
-            canonical_text(resolve_term(self.program, attribute)),
-            *map(frozenset, (facts.items(), set_to.items())),
-        )
+        term = resolve_subject(self.program, attribute)
+        key = (term, *map(frozenset, (facts.items(), set_to.items())))
         answer = self._answers.get(key)
         if answer is None:
-            marginal = self.exact(attribute, facts, set_to)
+            marginal = self.exact(term, facts, set_to)
             answer = Distribution(tuple(marginal), np.array([float(p) for p in marginal.values()]))
             _store(self._answers, key, answer, ANSWER_CACHE_SIZE)
         return answer
 
     def exact(
-        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
-    ) -> dict[str, Fraction]:
+        self,
+        attribute: str | Sequence[str],
+        evidence: Mapping[str, str] = NOTHING,
+        do: Mapping[str, str] = NOTHING,
+    ) -> dict[Value, Fraction]:
         """Compute the same as `posterior`, as fractions by value in the order of the declaration."""
-        subject = resolve_term(self.program, attribute)
+        term = resolve_subject(self.program, attribute)
         facts = resolve_evidence(self.program, evidence)
         return self._compute_marginal(
-            subject, self._filter_by_evidence(facts, resolve_interventions(self.program, do))
+            term, self._filter_by_evidence(facts, resolve_interventions(self.program, do))
         )
 
     def probability(self, query: Query) -> Fraction:
@@ -132,9 +138,9 @@ class Enumeration:
             UndefinedError: no possible world satisfies its observations.
         """
         query = resolve_query(self.program, query)
-        if query.subject:
+        if query.subjects:
             raise ProgramError(
-                f"{query.at}: the query asks for a distribution; expected {query.subject}=value"
+                f"{query.at}: the query asks for a distribution; expected {query.subjects[0]}=value"
             )
         return self._compute_probability(query)
 
@@ -143,16 +149,16 @@ class Enumeration:
         true = table.filter(lambda values: all(satisfies(literal, values) for literal in query.literals))
         return Fraction(true.total, table.total)
 
-    def ask(self, query: Query) -> dict[str, Fraction] | Fraction:
+    def ask(self, query: Query) -> dict[Value, Fraction] | Fraction:
         """Answer a query: value -> probability if it asks for a distribution, otherwise a probability.
 
         Raises:
             ProgramError, UndefinedError: as `exact` and `probability`.
         """
         query = resolve_query(self.program, query)
-        if query.subject is None:
+        if not query.subjects:
             return self._compute_probability(query)
-        return self._compute_marginal(query.subject, self._filter_by_query(query))
+        return self._compute_marginal(name_question(query), self._filter_by_query(query))
 
     @property
     def worlds(self) -> tuple[PossibleWorld, ...]:
@@ -186,15 +192,14 @@ class Enumeration:
         cumulative, worlds = sampler  # the last cumulative probability is exactly 1, above each draw
         return dict(worlds[bisect_right(cumulative, rng.random())])
 
-    def _compute_marginal(self, subject: Term, table: _WorldTable) -> dict[str, Fraction]:
-        name = canonical_text(subject)
-        declared = self.program.attributes[subject.name].values
-        sums: dict[str | None, int] = dict.fromkeys((*declared, None), 0)  # None: no value
+    def _compute_marginal(self, term: str, table: _WorldTable) -> dict[Value, Fraction]:
+        names = term.removeprefix("?").split(", ")
+        weights: dict[Value, int] = defaultdict(int)
         for values, weight in zip(table.values, table.weights, strict=True):
-            sums[values.get(name)] += weight
-        if sums[None]:
-            raise make_no_value_error(self.program, name, Fraction(sums[None], table.total))
-        return {value: Fraction(sums[value], table.total) for value in declared}
+            own = tuple(values.get(name, "") for name in names)
+            weights[(own if term.startswith("?") else own[0]) if all(own) else ""] += weight
+        fractions = {value: Fraction(weight, table.total) for value, weight in weights.items()}
+        return normalise_marginal(self.program, term, fractions, "")
 
     # tables of worlds
 
