@@ -109,7 +109,7 @@ class Filter:
         self._max_cached = max(1, MAX_CACHED_NUMBERS // (len(self.states) * (end + 1)))
 
         initial = resolve_evidence(program, initial)
-        ground = ground_program(program, {}, self.queries)
+        ground = ground_program(program, {}, queried=self.queries)
         past, step = split_slices(ground, self._old, initial)
         start = JointWeights(past, (*self._old, *initial))
         self._check_values(self._old, start.compute((self._old, self._codes)).sum(), float(start.compute()))

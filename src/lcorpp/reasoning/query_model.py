@@ -46,7 +46,7 @@ class QueryModel:
         do = {canonical_text(item.term): canonical_text(item.value) for item in query.interventions}
         observed = [observation.literal for observation in query.observations]
         self.term = name_question(query)
-        self.ground = ground_program(program, do, (self.term,), observed, query.literals)
+        self.ground = ground_program(program, do, observed, query.literals, (self.term,))
         self.system = build_transition_system(self.ground, (self.term,))
 
     @cached_property

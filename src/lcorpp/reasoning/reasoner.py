@@ -112,17 +112,17 @@ class Reasoner:
             TooLargeError: the program is too large to be compiled, and the evidence too improbable for
                 sampling; or the attributes have more than 10,000 combinations of values.
         """
-        if isinstance(attribute, list):
-            attribute = tuple(attribute)
         try:
-            answer = self._answers.get((attribute, tuple(evidence.items()), tuple(do.items())))
+            asked = tuple(attribute) if isinstance(attribute, list) else attribute
+            key = asked, tuple(evidence.items()), tuple(do.items())
+            answer = self._answers.get(key)
         except (AttributeError, TypeError):  # no mapping, or an unhashable value
-            answer = None
+            answer = key = None
         if answer is None:
             answer = self._compute_posterior(attribute, evidence, do)
             # likelihoods rarely repeat, and 1 == True
-            if all(isinstance(value, str) for value in (*evidence.values(), *do.values())):
-                _store(self._answers, (attribute, tuple(evidence.items()), tuple(do.items())), answer)
+            if key and all(isinstance(value, str) for value in (*evidence.values(), *do.values())):
+                _store(self._answers, key, answer)
         return answer
 
     def exact(
@@ -279,7 +279,7 @@ class Reasoner:
     def _get_world_queries(self, do: Mapping[str, str], wanted: Sequence[str]) -> WorldQueries:
         key = frozenset(do.items()), frozenset(wanted)
         if key not in self._worlds:
-            system = build_transition_system(ground_program(self.program, do, wanted), wanted)
+            system = build_transition_system(ground_program(self.program, do, queried=wanted), wanted)
             _store(self._worlds, key, WorldQueries(build_decision_diagram(system)))
         return self._worlds[key]
 
@@ -295,7 +295,7 @@ class Reasoner:
     ) -> Distribution:
         from lcorpp.reasoning.estimation import EstimatedDistribution, drop_no_value, estimate_probabilities
 
-        ground = ground_program(self.program, do, (term,))
+        ground = ground_program(self.program, do, queried=(term,))
         system = build_transition_system(ground, (term, *facts))
         estimates = estimate_probabilities(
             ground, system, term, facts, samples=self.samples, seed=self.seed, reason=reason

@@ -192,9 +192,9 @@ class Circuit:
         return {query: self._read_row(query, rows[row], evidence) for query, rows in table.answers.items()}
 
     def _run_pass(self, encoded: EncodedEvidence, evidence: Mapping[str, Label]) -> dict[str, Distribution]:
-        weights = self._compute_weights(encoded)
         return {
-            query: self._read_row(query, normalize_rows(rows)[0], evidence) for query, rows in weights.items()
+            query: self._read_row(query, normalize_rows(rows)[0], evidence)
+            for query, rows in self._compute_weights(encoded).items()
         }
 
     def _read_row(self, query: str, row: Array, evidence: Mapping[str, Label]) -> Distribution:
@@ -273,7 +273,7 @@ class Circuit:
     def world_queries(self) -> WorldQueries:
         """Queries about whole worlds; a loaded circuit expands its program when it first needs them."""
         if self._world_queries is None:
-            ground = ground_program(self.program, self.do, self.queries)
+            ground = ground_program(self.program, self.do, queried=self.queries)
             system = build_transition_system(ground, (*self.inputs, *self.queries))
             self._world_queries = WorldQueries(build_decision_diagram(system))
         return self._world_queries

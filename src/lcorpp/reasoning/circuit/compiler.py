@@ -55,7 +55,8 @@ def compile_program(
         )
     do = resolve_interventions(program, do)
     observed = dict.fromkeys((*names, *queries))
-    diagram = build_decision_diagram(build_transition_system(ground_program(program, do, queries), observed))
+    ground = ground_program(program, do, queried=queries)
+    diagram = build_decision_diagram(build_transition_system(ground, observed))
     layers = build_layers(diagram, list(observed))
     circuit = Circuit(
         program, names, queries[0] if isinstance(query, str) else queries, do, layers, WorldQueries(diagram)

@@ -55,17 +55,17 @@ from lcorpp.reasoning.language.traversal import get_body, iter_expressions, list
 def ground_program(
     program: Program,
     do: Mapping[str, str],
-    queried: Iterable[str] = (),
     observed: Iterable[Literal] = (),
     asked: Sequence[Literal] = (),
+    queried: Iterable[str] = (),
 ) -> GroundProgram:
     """Ground a program.
 
     Args:
         do: interventions besides those in the program, term -> value.
-        queried: names of terms; the joints among them are defined.
         observed: ground literals that are true in every world, besides the observations in the program.
         asked: the ground literals that define the term `QUERY_TERM`.
+        queried: names of terms; the joints among them are defined.
 
     Raises:
         ProgramError: arithmetic is undefined.
@@ -73,7 +73,7 @@ def ground_program(
     """
     try:
         with pause_gc():
-            return _Grounder(program, do).run(queried, observed, asked)
+            return _Grounder(program, do).run(observed, asked, queried)
     except SourceIssue as issue:
         raise ProgramError(str(issue)) from None
 
@@ -95,7 +95,7 @@ class _Grounder:
         self._facts = self._evaluate_facts()
 
     def run(
-        self, queried: Iterable[str], observed: Iterable[Literal], asked: Sequence[Literal]
+        self, observed: Iterable[Literal], asked: Sequence[Literal], queried: Iterable[str]
     ) -> GroundProgram:
         """Add the clauses of all statements and of a query."""
         for term, value in self._do.items():
