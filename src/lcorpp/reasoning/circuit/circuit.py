@@ -63,7 +63,7 @@ class Circuit:
 
     inputs: the terms that evidence may name.
     queries: the queried terms, of several attributes `?item, person`; single: whether there is one answer.
-    values: term -> range, for all of these terms; that of several attributes consists of tuples.
+    values: term -> range, for all of these terms; of several attributes tuples.
     layers: the matrices, see `matrices`.
 
     Source: Darwiche, J. ACM 50(3), 2003; the elimination tree as in AND/OR search, see `elimination_tree`.
@@ -185,8 +185,7 @@ class Circuit:
         return self._has_table
 
     def _look_up(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
-        table = self._table
-        row = table.find_row(codes)
+        table, row = self._table, self._table.find_row(codes)
         if table.is_complete:
             return {q: Distribution.unchecked(self.values[q], rows[row]) for q, rows in table.answers.items()}
         return {query: self._read_row(query, rows[row], evidence) for query, rows in table.answers.items()}
