@@ -200,7 +200,8 @@ class _LayerBuilder:
         """Append a layer whose outputs are the nodes of a part, unless it has them already; return them."""
         if len(part.sources) == 1 and all(row == {i: 1.0} for i, row in enumerate(part.rows)):
             number, nodes = part.sources[0]
-            if len(nodes) == self._layers[number].total.shape[0] and (nodes == np.arange(len(nodes))).all():
+            height = self._layers[number].total.shape[0]
+            if len(part.rows) == len(nodes) == height and (nodes == np.arange(height)).all():
                 return part
         entries = {(node, start): w for node, row in enumerate(part.rows) for start, w in row.items()}
         matrix = Matrix.from_entries((len(part.rows), part.n_inputs), entries)
