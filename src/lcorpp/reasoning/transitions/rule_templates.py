@@ -11,10 +11,9 @@ a cycle, for the reduct.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundLiteral, GroundProgram
 
@@ -26,22 +25,17 @@ Conditions = tuple[tuple[int, int], ...]
 RankedBody = tuple[tuple[int, Conditions], ...]
 """The literals of a body about other components: (rank, conditions on the terms of that step), by rank."""
 
-NO_SLOT = -1
-"""The slot of what needs no bit."""
+NO_SLOT = 0
+"""The slot of what needs no bit; its bit is 0."""
 
+BodyUpdate = tuple[Conditions, int, int]
+"""How a step updates a body: if the conditions hold, the step satisfies its part of the body.
 
-class BodyUpdate(NamedTuple):
-    """How a step updates a body: if the conditions hold, the step satisfies its part of the body.
-
-    conditions: on the terms that the step decides.
-    pending_slot: of the bit for "the parts of earlier steps are satisfied", `NO_SLOT` if there are none.
-    target_slot: of the bit for "the part of this step is satisfied, too", which is the body if this step is
-        the last; `NO_SLOT` for the last step of a constraint.
-    """
-
-    conditions: Conditions
-    pending_slot: int
-    target_slot: int
+conditions: on the terms that the step decides.
+pending_slot: of the bit for "the parts of earlier steps are satisfied", `NO_SLOT` if there are none.
+target_slot: of the bit for "the part of this step is satisfied, too", which is the body if this step is the
+    last; `NO_SLOT` for the last step of a constraint.
+"""
 
 
 @dataclass(slots=True, eq=False)
@@ -50,16 +44,14 @@ class ClauseGroup:
 
     clause: one of the clauses, for its head.
     own_literals: its literals about the component itself; a clause with such literals has its own group.
-    always_true: whether one of the bodies has no literals about other components.
-    satisfied_slot: of the bit for "a body is satisfied", `NO_SLOT` if `always_true`.
-    bodies: the literals of each body about other components; empty if `always_true`.
+    satisfied_slot: of the bit for "a body is satisfied", `NO_SLOT` if one always is, and for constraints.
+    bodies: the literals of each body about other components; none if one of the bodies has none.
     pending: (slot, first, last): the slots for partly decided bodies, with the ranks between which they are
         in use.
     """
 
     clause: Clause
     own_literals: Sequence[GroundLiteral]
-    always_true: bool = False
     satisfied_slot: int = NO_SLOT
     bodies: list[RankedBody] = field(default_factory=list)
     pending: Sequence[tuple[int, int, int]] = ()
@@ -96,10 +88,10 @@ class RuleTemplate:
 
     terms: the terms of the first component with this template, none for constraints. Other components with
         the template have terms with the same range and the same statements, and no interventions.
-    clause_groups: the clauses by head; none for constraints.
-    always_true: the indexes of the clause groups that are always true.
+    clause_groups: the clauses by head; one group for constraints.
     parents: one for each step that can update a body, in the order of the steps.
     recursive: whether a term depends on itself, or several terms on each other.
+    always_true: the indexes of the clause groups that are always true.
     n_slots: the number of slots; those for "satisfied" come first, in the order of the clause groups.
     is_shared: whether several components have this template.
     """
@@ -107,9 +99,9 @@ class RuleTemplate:
     terms: tuple[int, ...]
     clause_groups: list[ClauseGroup]
     parents: list[Parent]
-    recursive: bool = False
+    recursive: bool
     always_true: list[int] = field(default_factory=list)
-    n_slots: int = 0
+    n_slots: int = NO_SLOT + 1
     is_shared: bool = False
 
     @classmethod
@@ -120,7 +112,7 @@ class RuleTemplate:
         places: Mapping[int, tuple[int, int]],
         outcomes: Sequence[int],
     ) -> RuleTemplate:
-        """Create the template of a component.
+        """Create the template of a component, or of constraints.
 
         Args:
             places: term of a body outside of the component -> (rank of its step, index in its component).
@@ -136,26 +128,25 @@ class RuleTemplate:
                 recursive = True
             elif kind is DERIVE:
                 key = clause.term, clause.value
+            elif kind is FORBID:
+                key = kind
             elif kind is not ASSIGN:
                 key = kind, clause.term, clause.value, clause.statement, clause.instance
             group = groups.get(key)
             if group is None:
                 group = groups[key] = ClauseGroup(clause, own_literals)
-            if body:
-                group.bodies.append(body)
-            else:
-                group.always_true = True
-        template = cls(terms, list(groups.values()), _create_parents(places), recursive)
-        parents = template.parents
+            group.bodies.append(body)
+        parents = [Parent(rank) for rank in sorted({rank for rank, _ in places.values()})]
+        template = cls(terms, list(groups.values()), parents, recursive)
         for index, group in enumerate(template.clause_groups):
-            if group.always_true:
+            if () in group.bodies:
                 template.always_true.append(index)
                 group.bodies = []
-            else:
+            elif terms:
                 group.satisfied_slot = template._add_slot()
                 parents[min([body[-1][0] for body in group.bodies])].allocates.append(group.satisfied_slot)
         for group in template.clause_groups:
-            group.pending = template._register_bodies(group.bodies, group.satisfied_slot)
+            template._register_bodies(group)
             if len(group.bodies) > 1:
                 for rank in {rank for body in group.bodies for rank, _ in body}:
                     parents[rank].clause_groups.append(group)
@@ -163,66 +154,47 @@ class RuleTemplate:
         template.parents = [parent for parent in parents if parent.updates]
         return template
 
-    @classmethod
-    def from_constraints(
-        cls, clauses: Sequence[Clause], places: Mapping[int, tuple[int, int]], outcomes: Sequence[int]
-    ) -> RuleTemplate:
-        """Create the template of constraints; arguments as in `from_clauses`."""
-        template = cls((), [], _create_parents(places))
-        template._register_bodies([_split_body(clause, places, outcomes)[1] for clause in clauses], NO_SLOT)
-        return template
-
-    def _register_bodies(
-        self, bodies: Iterable[RankedBody], satisfied_slot: int
-    ) -> list[tuple[int, int, int]]:
-        """Add to the parents the updates of bodies with the same head.
+    def _register_bodies(self, group: ClauseGroup) -> None:
+        """Add to the parents the updates of the bodies of a group.
 
         What remains of two bodies may be equal; it then has one slot, so that partial worlds with the same
         future have the same state.
-
-        Returns:
-            As `ClauseGroup.pending`.
         """
         slot_of: dict[RankedBody, int] = {}  # rest of a body -> slot
         first: dict[int, int] = {}  # slot -> the rank of the first step that may set its bit
-        for body in bodies:
+        for body in group.bodies:
             pending = NO_SLOT
             for i, (rank, conditions) in enumerate(body, start=1):
-                rest, target, is_known = body[i:], satisfied_slot, False
-                if rest:
-                    slot = slot_of.get(rest)
-                    is_known = slot is not None
-                    target = self._add_slot() if slot is None else slot
-                    if not is_known:
-                        slot_of[rest], first[target] = target, rank
+                rest = body[i:]
+                is_known = rest in slot_of
+                if not rest:
+                    target = group.satisfied_slot
+                elif is_known:
+                    target = slot_of[rest]
                     first[target] = min(first[target], rank)
-                self.parents[rank].updates.append(BodyUpdate(conditions, pending, target))
+                else:
+                    target = slot_of[rest] = self._add_slot()
+                    first[target] = rank
+                self.parents[rank].updates.append((conditions, pending, target))
                 if is_known:
                     break  # the updates of the rest are there
                 pending = target
-        spans = [(slot, first[slot], rest[0][0]) for rest, slot in slot_of.items()]
-        for slot, start, end in spans:
+        group.pending = [(slot, first[slot], rest[0][0]) for rest, slot in slot_of.items()]
+        for slot, start, end in group.pending:
             self.parents[start].allocates.append(slot)
             self.parents[end].releases.append(slot)
-        return spans
 
     def _add_slot(self) -> int:
         self.n_slots += 1
         return self.n_slots - 1
 
 
-Child = tuple[RuleTemplate, Parent, list[int], int]
-"""A component, or constraints, with bodies about the terms of one step: (template, parent, bits, reader).
+Child = tuple[RuleTemplate, Parent, list[int]]
+"""A component, or constraints, with bodies about the terms of one step: (template, parent, bits).
 
 parent: the step, as a parent in the template.
-bits: slot -> bit of the state, 0 before the slot is allocated and after it is released. The list has one more
-    entry, bits[NO_SLOT], which is always 0.
-reader: the last step that reads the bits.
+bits: slot -> bit of the state, 0 before the slot is allocated and after it is released.
 """
-
-
-def _create_parents(places: Mapping[int, tuple[int, int]]) -> list[Parent]:
-    return [Parent(rank) for rank in sorted({rank for rank, _ in places.values()})]
 
 
 def _split_body(
