@@ -11,7 +11,7 @@ a cycle, for the reduct.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -46,7 +46,7 @@ class ClauseGroup:
     own_literals: its literals about the component itself; a clause with such literals has its own group.
     satisfied_slot: of the bit for "a body is satisfied", `NO_SLOT` if one always is, and for constraints.
     bodies: the literals of each body about other components; none if one of the bodies has none.
-    pending: (slot, first, last): the slots for partly decided bodies, with the ranks between which they are
+    pending: [slot, first, last]: the slots for partly decided bodies, with the ranks between which they are
         in use.
     """
 
@@ -54,7 +54,7 @@ class ClauseGroup:
     own_literals: Sequence[GroundLiteral]
     satisfied_slot: int = NO_SLOT
     bodies: list[RankedBody] = field(default_factory=list)
-    pending: Sequence[tuple[int, int, int]] = ()
+    pending: Sequence[Sequence[int]] = ()
 
 
 @dataclass(eq=False)
@@ -92,7 +92,7 @@ class RuleTemplate:
     parents: one for each step that can update a body, in the order of the steps.
     recursive: whether a term depends on itself, or several terms on each other.
     always_true: the indexes of the clause groups that are always true.
-    n_slots: the number of slots; those for "satisfied" come first, in the order of the clause groups.
+    n_slots: the number of slots.
     is_shared: whether several components have this template.
     """
 
@@ -142,14 +142,11 @@ class RuleTemplate:
             if () in group.bodies:
                 template.always_true.append(index)
                 group.bodies = []
-            elif terms:
+                continue
+            if terms:
                 group.satisfied_slot = template._add_slot()
                 parents[min([body[-1][0] for body in group.bodies])].allocates.append(group.satisfied_slot)
-        for group in template.clause_groups:
             template._register_bodies(group)
-            if len(group.bodies) > 1:
-                for rank in {rank for body in group.bodies for rank, _ in body}:
-                    parents[rank].clause_groups.append(group)
         # steps that occur only in groups that are always true do not matter
         template.parents = [parent for parent in parents if parent.updates]
         return template
@@ -160,29 +157,31 @@ class RuleTemplate:
         What remains of two bodies may be equal; it then has one slot, so that partial worlds with the same
         future have the same state.
         """
-        slot_of: dict[RankedBody, int] = {}  # rest of a body -> slot
-        first: dict[int, int] = {}  # slot -> the rank of the first step that may set its bit
+        parents = self.parents
+        span_of: dict[RankedBody, list[int]] = {}  # rest of a body -> slot, first rank, last rank
         for body in group.bodies:
             pending = NO_SLOT
-            for i, (rank, conditions) in enumerate(body, start=1):
-                rest = body[i:]
-                is_known = rest in slot_of
-                if not rest:
-                    target = group.satisfied_slot
-                elif is_known:
-                    target = slot_of[rest]
-                    first[target] = min(first[target], rank)
-                else:
-                    target = slot_of[rest] = self._add_slot()
-                    first[target] = rank
-                self.parents[rank].updates.append((conditions, pending, target))
-                if is_known:
+            for i in range(1, len(body)):
+                (rank, conditions), rest = body[i - 1], body[i:]
+                span = span_of.get(rest)
+                if span:
+                    parents[rank].updates.append((conditions, pending, span[0]))
+                    span[1] = min(span[1], rank)
                     break  # the updates of the rest are there
+                target = self._add_slot()
+                span_of[rest] = [target, rank, rest[0][0]]
+                parents[rank].updates.append((conditions, pending, target))
                 pending = target
-        group.pending = [(slot, first[slot], rest[0][0]) for rest, slot in slot_of.items()]
-        for slot, start, end in group.pending:
-            self.parents[start].allocates.append(slot)
-            self.parents[end].releases.append(slot)
+            else:
+                rank, conditions = body[-1]
+                parents[rank].updates.append((conditions, pending, group.satisfied_slot))
+        group.pending = list(span_of.values())
+        for slot, first, last in group.pending:
+            parents[first].allocates.append(slot)
+            parents[last].releases.append(slot)
+        if len(group.bodies) > 1:
+            for rank in {rank for body in group.bodies for rank, _ in body}:
+                parents[rank].clause_groups.append(group)
 
     def _add_slot(self) -> int:
         self.n_slots += 1
@@ -202,20 +201,28 @@ def _split_body(
 ) -> tuple[list[GroundLiteral], RankedBody]:
     """Split a body into literals about the component itself and conditions on earlier steps."""
     own_literals: list[GroundLiteral] = []
-    masks: dict[int, int] = {}
+    parts: list[tuple[int, Conditions]] = []
     for literal in clause.body:
         term = literal[0]
         if term in places:
-            masks[term] = masks.get(term, outcomes[term]) & literal[1]
+            rank, index = places[term]
+            parts.append((rank, ((index, literal[1] & outcomes[term]),)))
         else:
             own_literals.append(literal)
-    body: list[tuple[int, Conditions]] = []
-    for rank, index, mask in sorted([(*places[term], mask) for term, mask in masks.items()]):
-        if body and body[-1][0] == rank:
-            body[-1] = rank, (*body[-1][1], (index, mask))
-        else:
-            body.append((rank, ((index, mask),)))
-    return own_literals, tuple(body)
+    if len(parts) > 1:
+        parts.sort()
+        if len({rank for rank, _ in parts}) < len(parts):
+            parts = _join_conditions(parts)
+    return own_literals, tuple(parts)
+
+
+def _join_conditions(parts: Iterable[tuple[int, Conditions]]) -> list[tuple[int, Conditions]]:
+    """Join the conditions on the terms of the same step."""
+    joined: dict[int, dict[int, int]] = {}
+    for rank, ((index, mask),) in parts:
+        masks = joined.setdefault(rank, {})
+        masks[index] = masks.get(index, mask) & mask
+    return [(rank, tuple(masks.items())) for rank, masks in joined.items()]
 
 
 def describe_structure(
