@@ -44,9 +44,8 @@ from lcorpp.reasoning.transitions.local_distribution import (
     Outcome,
     ProbabilityCache,
 )
-from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent, build_component
+from lcorpp.reasoning.transitions.recursive_components import build_component
 from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
-from lcorpp.reasoning.transitions.stratified import merge_deterministic_steps
 from lcorpp.reasoning.transitions.transition import Transition
 
 
@@ -89,20 +88,18 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
         clauses, outcomes = simplify(program)
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
         tree = build_elimination_tree(program, clauses, outcomes)
-        merged = merge_deterministic_steps(program, clauses, tree)
         term_numbers = {program.names[term]: term for terms in tree.order for term in terms}
         consistent = not any(c.term < 0 and not c.body for c in clauses)
         needed = {term_numbers[name] for name in queried if name in term_numbers}
-        builder = _TransitionBuilder(program, clauses, outcomes, merged, needed)
-        transitions = builder.build()
-        if merged is not tree and any(
-            isinstance(transition.distribution, RecursiveComponent) for transition in transitions
-        ):
-            merged = tree  # a merged component is not stratified
-            builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
-            transitions = builder.build()
+        builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
         return TransitionSystem(
-            program, merged, transitions, consistent, term_numbers, builder.recursions, builder.probabilities
+            program,
+            tree,
+            builder.build(),
+            consistent,
+            term_numbers,
+            builder.recursions,
+            builder.probabilities,
         )
 
 
