@@ -28,7 +28,7 @@ from heapq import heappop, heappush
 from math import log2
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
-from lcorpp.reasoning.transitions.linear_recursion import is_linear
+from lcorpp.reasoning.transitions.linear_recursion import find_linear_components
 from lcorpp.reasoning.transitions.strong_components import find_strongly_connected_components
 
 MAX_EXACT_DEGREE = 32
@@ -99,7 +99,7 @@ def build_elimination_tree(
             for i, own in enumerate(components)
         ]
         constraints = {frozenset([component_of[term] for term in group]) for group in joint}
-    linear = _find_linear_components(program, components, clauses)
+    linear = find_linear_components(program, components, clauses)
     ranks = _rank_components(components, linear)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
     sizes = [sum([bits[outcomes[term]] for term in own]) for own in components]
@@ -160,24 +160,6 @@ def _number_nodes(
             ends[step] = ends[numbered[step][-1]]
     order = [components[node] for node in preorder]
     return EliminationTree(order, numbered, tuple(sorted([number[root] for root in roots])), ends, linear)
-
-
-def _find_linear_components(
-    program: GroundProgram, components: Sequence[tuple[int, ...]], clauses: Iterable[Clause]
-) -> dict[tuple[int, ...], list[Clause]]:
-    """Find the components of several terms with linear rules; return them with their rules."""
-    component_of = {term: i for i, terms in enumerate(components) if len(terms) > 1 for term in terms}
-    linear: dict[int, list[Clause]] = {i: [] for i in component_of.values()}
-    for clause in clauses if component_of else ():
-        i = component_of.get(clause.term, -1)
-        if i not in linear:
-            continue
-        n_own = sum([component_of.get(literal[0]) == i for literal in clause.body])
-        if n_own > 1 and len({literal[0] for literal in clause.body}) > 1:  # most are rejected here
-            del linear[i]
-        else:
-            linear[i].append(clause)
-    return {components[i]: rules for i, rules in linear.items() if is_linear(program, components[i], rules)}
 
 
 def _rank_components(

@@ -186,9 +186,23 @@ def find_edges(
     return [((term, value), head) for value in range(len(program.values[term])) if mask >> value & 1]
 
 
-def is_linear(program: GroundProgram, terms: Sequence[int], clauses: Iterable[Clause]) -> bool:
+def find_linear_components(
+    program: GroundProgram, components: Iterable[tuple[int, ...]], clauses: Iterable[Clause]
+) -> dict[tuple[int, ...], list[Clause]]:
+    """Find the components of several terms with linear rules; return them with their rules."""
+    recursive = [terms for terms in components if len(terms) > 1]
+    rules_of: dict[int, list[Clause]] = {}  # term -> the rules of its component
+    for terms in recursive:
+        rules_of.update(dict.fromkeys(terms, []))
+    for clause in clauses if rules_of else ():
+        if clause.term in rules_of:
+            rules_of[clause.term].append(clause)
+    return {own: rules_of[own[0]] for own in recursive if _is_linear(program, set(own), rules_of[own[0]])}
+
+
+def _is_linear(program: GroundProgram, own: set[int], clauses: Iterable[Clause]) -> bool:
     """Whether a component has linear rules, and defaults without conditions that no rule of it uses."""
-    own, bodies, defaults = set(terms), set[Atom](), set[Atom]()
+    bodies, defaults = set[Atom](), set[Atom]()
     if not own.isdisjoint(program.do):
         return False
     for clause in clauses:
