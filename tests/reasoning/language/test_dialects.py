@@ -18,7 +18,7 @@ def members(sort: str, before: str = "") -> tuple[str, ...]:
 
 
 def probability(program: Program, query: str) -> Fraction:
-    return Enumeration(program).probability(parse_query(query, program))
+    return Enumeration(program).ask(parse_query(query, program))
 
 
 BEFORE = "#const k = 3. #a = {x, y}. #n = 1..k. #m = 2..k+1."

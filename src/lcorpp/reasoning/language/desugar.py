@@ -51,13 +51,13 @@ def desugar(statements: Sequence[Statement], semantics: Semantics) -> tuple[Stat
 
 
 def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statement]:
-    if not any(isinstance(s, Query) and s.subject for s in statements):
+    if not any(isinstance(s, Query) and s.subjects for s in statements):
         return statements
     sorts = {BOOLEAN} | {s.name for s in statements if isinstance(s, SortDefinition) and TRUE in s.elements}
     booleans = {s.name for s in statements if isinstance(s, AttributeDeclaration) and s.range in sorts}
     return [
-        replace(s, literals=(Literal(s.subject, "=", TRUE, at=s.subject.at),), subject=None)
-        if isinstance(s, Query) and s.subject and s.subject.name in booleans
+        replace(s, literals=(Literal(s.subjects[0], "=", TRUE, at=s.subjects[0].at),), subjects=())
+        if isinstance(s, Query) and len(s.subjects) == 1 and s.subjects[0].name in booleans
         else s
         for s in statements
     ]

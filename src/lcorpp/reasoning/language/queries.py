@@ -91,7 +91,7 @@ def parse_query_statement(cursor: Cursor) -> Query:
 
 
 def parse_question(cursor: Cursor) -> Query:
-    """Parse `{literals} | conditions`, `literals | conditions` or `term | conditions`, with optional `?`."""
+    """Parse `{literals} | conditions`, `literals | conditions` or `terms | conditions`, with optional `?`."""
     cursor.accept("?")
     braced = cursor.accept("{")
     parts = _parse_formulas(cursor) if braced else parse_body(cursor)
@@ -109,10 +109,11 @@ def parse_question(cursor: Cursor) -> Query:
         else:
             raise cursor.make_unexpected_error(("obs", "do"))
         more = cursor.accept(",")
-    first, subject = literals[0], None
-    if not braced and len(literals) == 1 and not first.negated and is_bare_term(first):
-        literals, subject = (), first.term
-    return Query(literals, subject, tuple(observations), tuple(interventions), at=first.at)
+    asks_values = not braced and all(is_bare_term(literal) and not literal.negated for literal in literals)
+    subjects = tuple([literal.term for literal in literals]) if asks_values else ()
+    return Query(
+        () if subjects else literals, subjects, tuple(observations), tuple(interventions), at=literals[0].at
+    )
 
 
 def _parse_formulas(cursor: Cursor) -> Body:

@@ -179,18 +179,19 @@ class Intervention(SyntaxNode):
 
 @dataclass(frozen=True, repr=False)
 class Query(SyntaxNode):
-    """`?{literals} | conditions.` for a probability, `? subject | conditions.` for a distribution.
+    """`?{literals} | conditions.` for a probability, `? subjects | conditions.` for a joint distribution.
 
-    A query has either `literals` or a `subject`.
+    A query has either `literals` or `subjects`.
     """
 
     literals: tuple[Literal, ...] = ()
-    subject: Term | None = None
+    subjects: tuple[Term, ...] = ()
     observations: tuple[Observation, ...] = ()
     interventions: tuple[Intervention, ...] = ()
 
     def __str__(self) -> str:
-        asked = str(self.subject) if self.subject else f"{{{', '.join(map(str, self.literals))}}}"
+        parts = ", ".join(map(str, self.subjects or self.literals))
+        asked = parts if self.subjects else f"{{{parts}}}"
         conditions = ", ".join(str(c)[:-1] for c in (*self.observations, *self.interventions))
         return f"?{asked}{' | ' if conditions else ''}{conditions}."
 

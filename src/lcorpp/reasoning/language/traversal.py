@@ -34,7 +34,7 @@ _MAPPED_FIELDS: dict[type, tuple[str, ...]] = {
     Probability: ("term", "condition"),
     Observation: ("literal",),
     Intervention: ("term",),
-    Query: ("literals", "subject", "observations", "interventions"),
+    Query: ("literals", "subjects", "observations", "interventions"),
 }
 """The fields that `map_literals` rewrites, in this order."""
 
