@@ -193,7 +193,8 @@ def find_linear_components(
     recursive = [terms for terms in components if len(terms) > 1]
     rules_of: dict[int, list[Clause]] = {}  # term -> the rules of its component
     for terms in recursive:
-        rules_of.update(dict.fromkeys(terms, []))
+        shared: list[Clause] = []
+        rules_of.update(dict.fromkeys(terms, shared))
     for clause in clauses if rules_of else ():
         if clause.term in rules_of:
             rules_of[clause.term].append(clause)
