@@ -25,8 +25,7 @@ import numpy.typing as npt
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_type, expected_one_of
 from lcorpp.notebook import join_some
 from lcorpp.reasoning.answers import format_conditions, make_no_value_error, make_no_world_error
-from lcorpp.reasoning.circuit.answer_table import Codes
-from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
+from lcorpp.reasoning.circuit.evidence import Codes, EvidenceEncoder
 from lcorpp.reasoning.circuit.joint_weights import JointWeights
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
@@ -149,7 +148,7 @@ class Filter:
             pass  # reported below
         if matrix is None:
             check_type(evidence, Mapping, "evidence", ProgramError)
-            matrix = self._find_matrix(self._encoder.name_values(self._encoder.canonicalize(evidence)))
+            matrix = self._find_matrix(self._encoder.canonicalize(evidence))
         weights = self.belief @ matrix
         total = weights[-1]
         if not total > 0:
