@@ -1,4 +1,4 @@
-"""A compiled program: new evidence costs one pass over matrices, or a look-up in a small evidence space."""
+"""A compiled program: new evidence costs one pass over the matrices of its layers."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from lcorpp.notebook import join_some
 from lcorpp.reasoning.answers import (
     PossibleWorld,
     format_conditions,
+    list_values,
     make_no_value_error,
     make_no_world_error,
     normalise_marginal,
@@ -53,8 +54,8 @@ class Circuit:
     for not observed (`encode` computes it). With several queries the answer is a dict, query -> answer.
 
     inputs: the terms that evidence may name.
-    queries: the queried terms; single: whether the query is one term, not a sequence.
-    values: term -> range, for all of these terms.
+    queries: the queried terms, of several attributes `?item, person`; single: whether there is one answer.
+    values: term -> range, for all of these terms; of several attributes tuples.
     layers: the matrices, see `matrices`.
 
     Source: Darwiche, J. ACM 50(3), 2003; the elimination tree as in AND/OR search, see `elimination_tree`.
@@ -75,7 +76,7 @@ class Circuit:
         self.queries = (query,) if isinstance(query, str) else tuple(query)
         self.single = isinstance(query, str)
         names = dict.fromkeys((*self.inputs, *self.queries))
-        self.values = {name: program.attributes[name.partition("(")[0]].values for name in names}
+        self.values = {name: list_values(program, name) for name in names}
         self.layers = tuple(layers)
         self._variables = {name: i for i, name in enumerate(names)}
         # by the values of all inputs, None for not observed; with the number of observed inputs
@@ -188,7 +189,7 @@ class Circuit:
     def world_queries(self) -> WorldQueries:
         """Queries about whole worlds; a loaded circuit expands its program when it first needs them."""
         if self._world_queries is None:
-            ground = ground_program(self.program, self.do)
+            ground = ground_program(self.program, self.do, queried=self.queries)
             system = build_transition_system(ground, (*self.inputs, *self.queries))
             self._world_queries = WorldQueries(build_decision_diagram(system))
         return self._world_queries

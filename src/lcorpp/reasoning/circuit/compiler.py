@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from lcorpp.errors import ProgramError
+from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
 from lcorpp.reasoning.circuit.matrices import Groups, Layer
@@ -28,13 +29,16 @@ _Entries = Mapping[tuple[tuple[int, ...], int, int], float]
 
 @pause_gc()
 def compile_program(
-    program: Program, inputs: Sequence[str], query: str | Sequence[str], do: Mapping[str, str]
+    program: Program,
+    inputs: Sequence[str],
+    query: str | Sequence[str | Sequence[str]],
+    do: Mapping[str, str],
 ) -> Circuit:
     """Compile a program.
 
     Args:
         inputs: the terms that evidence may name; an attribute with arguments is short for all its terms.
-        query: a term, or several.
+        query: a question, or several; see `Reasoner.compile`.
         do: interventions, term -> value.
 
     Raises:
@@ -49,7 +53,8 @@ def compile_program(
         )
     do = resolve_interventions(program, do)
     observed = dict.fromkeys((*names, *queries))
-    diagram = build_decision_diagram(build_transition_system(ground_program(program, do), observed))
+    ground = ground_program(program, do, queried=queries)
+    diagram = build_decision_diagram(build_transition_system(ground, observed))
     layers = build_layers(diagram, list(observed))
     query = queries[0] if isinstance(query, str) else queries
     return Circuit(program, names, query, do, layers, WorldQueries(diagram))
@@ -58,18 +63,17 @@ def compile_program(
 def build_layers(diagram: DecisionDiagram, names: Sequence[str]) -> list[Layer]:
     """Build the layers for the observed terms, each after its sources; the last one has one output."""
     if not diagram.has_worlds:
-        sizes = [len(diagram.system.program.source.attributes[n.partition("(")[0]].values) + 1 for n in names]
+        sizes = [len(list_values(diagram.system.program.source, name)) + 1 for name in names]
         return [
             Layer.from_entries(i, ((i - 1, Groups([0], 1)),) if i else (), (1, size, 1), {})
             for i, size in enumerate(sizes)
         ]
     numbers = diagram.system.term_numbers
     variables = {numbers[name]: i for i, name in enumerate(names) if name in numbers}
-    attributes = diagram.system.program.source.attributes
     layers = []
     for i, name in enumerate(names):
         if name not in numbers:  # a term that no rule names has no value in any world
-            no_value = len(attributes[name.partition("(")[0]].values)
+            no_value = len(list_values(diagram.system.program.source, name))
             layers.append(Layer.from_entries(i, (), (1, no_value + 1, 1), {(0, no_value, 0): 1.0}))
     tops = [_Part([{0: 1.0}], ((number, Groups([0], 1)),), 1) for number in range(len(layers))]
     builder = _LayerBuilder(diagram, variables, layers)
@@ -195,7 +199,8 @@ class _LayerBuilder:
     def _append_product(self, part: _Part) -> _Part:
         """Append a layer whose outputs are the nodes of a part, unless it has them already; return them."""
         is_identity = all(row == {i: 1.0} for i, row in enumerate(part.rows))
-        if is_identity and len(part.sources) == 1 and part.sources[0][1].layout is None:
+        is_all = len(part.sources) == 1 and part.sources[0][1].layout is None  # outputs of the layer below
+        if is_all and is_identity and len(part.rows) == part.n_inputs:
             return part
         entries = {(node, 0, start): w for node, row in enumerate(part.rows) for start, w in row.items()}
         return self._append(-1, part, (len(part.rows), 1, part.n_inputs), entries)

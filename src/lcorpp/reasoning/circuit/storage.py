@@ -25,13 +25,13 @@ import numpy.typing as npt
 
 from lcorpp.errors import DataError, LcorppError
 from lcorpp.files import read_bytes, write_atomically
+from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import MAX_ARCS
 from lcorpp.reasoning.circuit.matrices import Groups, Index, Layer
-from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.language.program import Program, program_text
-from lcorpp.reasoning.resolve import resolve_interventions, resolve_term
+from lcorpp.reasoning.resolve import resolve_interventions, resolve_subject
 
 FORMAT, VERSION = "lcorpp circuit", 2
 
@@ -115,7 +115,7 @@ def _parse_program(head: dict[str, Any]) -> Program:
     """Parse the program and check that it knows all terms of the circuit."""
     program = parse_plog(head["program"], file=head["file"], semantics=head["semantics"])
     for key in ("inputs", "queries"):
-        terms = [canonical_text(resolve_term(program, name)) for name in head[key]]
+        terms = [resolve_subject(program, name) for name in head[key]]
         if terms != head[key] or (key == "inputs" and len(set(terms)) < len(terms)):
             raise DataError(f"its {key} are {head[key]}")
     if not head["queries"]:
@@ -129,9 +129,7 @@ def _read_layers(
 ) -> list[Layer]:
     """Read layers; check that each term has one, with outcomes in its range, and that they form a tree."""
     names = dict.fromkeys((*head["inputs"], *head["queries"]))
-    n_outcomes = {-1: 1} | {
-        i: len(program.attributes[name.partition("(")[0]].values) + 1 for i, name in enumerate(names)
-    }
+    n_outcomes = {-1: 1} | {i: len(list_values(program, name)) + 1 for i, name in enumerate(names)}
     stored = [_StoredLayer.read(number, own, arrays) for number, own in enumerate(head["layers"])]
     if head["version"] == 1:
         ending = dict(enumerate(arrays["ending"].tolist()))
