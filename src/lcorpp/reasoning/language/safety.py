@@ -17,6 +17,7 @@ from lcorpp.reasoning.language.syntax import (
     ComparisonLiteral,
     DynamicRange,
     Expression,
+    Literal,
     Number,
     Probability,
     Rule,
@@ -57,7 +58,7 @@ def check_variables(
     check_slots(slots, signature)
     used = [variable for expression in scope for variable in iter_variables(expression)]
     sorts = find_variable_sorts(slots, used, signature)
-    computed = _find_computed_variables(body)
+    computed = _find_computed_variables(body) | _find_joined_variables(statement, body, signature)
     for name, sorts_of_variable in sorts.items():
         common = signature.count_common_members(sorts_of_variable)
         if not common:
@@ -119,6 +120,16 @@ def _find_computed_variables(body: Iterable[BodyLiteral]) -> set[str]:
             computed.add(variable.name)
             others |= names
     return computed
+
+
+def _find_joined_variables(
+    statement: Rule | Selection | Probability, body: Iterable[BodyLiteral], signature: Signature
+) -> set[str]:
+    """Find the variables whose values the grounder takes from the atoms of attributes, not from sorts."""
+    terms = [x.term for x in body if isinstance(x, Literal) and not x.negated and not signature.is_sort(x)]
+    if isinstance(statement, Probability):
+        terms.append(statement.term)
+    return find_variables(*(argument for term in terms for argument in term.arguments))
 
 
 def _add_computed_bounds(body: Iterable[BodyLiteral], bounds: dict[str, int]) -> None:
