@@ -45,13 +45,16 @@ from lcorpp.reasoning.language.syntax import (
     Probability,
     Rule,
     Selection,
-    Term,
 )
-from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions, list_fact_values
+from lcorpp.reasoning.language.traversal import get_head, iter_expressions, list_expressions, list_fact_values
 
 
 def ground_program(
-    program: Program, do: Mapping[str, str], observed: Iterable[Literal] = (), asked: Sequence[Literal] = ()
+    program: Program,
+    do: Mapping[str, str],
+    observed: Iterable[Literal] = (),
+    asked: Sequence[Literal] = (),
+    queried: Iterable[str] = (),
 ) -> GroundProgram:
     """Ground a program.
 
@@ -59,12 +62,14 @@ def ground_program(
         do: interventions besides those in the program, term -> value.
         observed: ground literals that are true in every world, besides the observations in the program.
         asked: the ground literals that define the term `QUERY_TERM`.
+        queried: names of terms; the joints among them are defined.
 
     Raises:
         ProgramError: arithmetic is undefined.
+        TooLargeError: a joint has too many values.
     """
     try:
-        return _Grounder(program, do).run(observed, asked)
+        return _Grounder(program, do).run(observed, asked, queried)
     except SourceIssue as issue:
         raise ProgramError(str(issue)) from None
 
@@ -79,17 +84,22 @@ class _Grounder:
         self._contradictory: set[str] = set()  # terms that interventions set to two values
         self._instantiator = RuleInstantiator(self.signature)
         self._tables: dict[int, BindingTable] = {}  # index of a rule or selection -> its bindings
-        self._sources: dict[str, list[int]] = {name: [] for name in self.signature.attributes}
+        # attribute -> the rules and selections that may give it a value, with their indexes
+        self._clauses: dict[str, list[tuple[int, Rule | Selection]]] = {
+            name: [] for name in self.signature.attributes
+        }
         for index, statement in enumerate(program.statements):
             if isinstance(statement, Intervention):
                 term, value = canonical_text(statement.term), canonical_text(statement.value)
                 if self._do.setdefault(term, value) != value:
                     self._contradictory.add(term)
-            elif isinstance(statement, Rule | Selection) and (head := _get_head(statement)):
-                self._sources[head.name].append(index)
+            elif isinstance(statement, Rule | Selection) and (head := get_head(statement)):
+                self._clauses[head.term.name].append((index, statement))
         self._find_atoms()
 
-    def run(self, observed: Iterable[Literal], asked: Sequence[Literal]) -> GroundProgram:
+    def run(
+        self, observed: Iterable[Literal], asked: Sequence[Literal], queried: Iterable[str]
+    ) -> GroundProgram:
         """Add the clauses of all statements and of a query."""
         for term, value in self._do.items():
             name, arguments = _split_term(term)
@@ -118,6 +128,9 @@ class _Grounder:
             self._add(Clause(ClauseKind.DERIVE, len(self.result.names), 0, body))
             self.result.names.append(QUERY_TERM)
             self.result.values.append(("true",))
+        for name in queried:
+            if name.startswith(QUERY_TERM) and name != QUERY_TERM:
+                self.result.define_joint(name)
         return self.result
 
     # atoms
@@ -127,44 +140,35 @@ class _Grounder:
 
         The literals of attributes that depend on each other do not restrict the bindings of their rules.
         """
-        bodies = {
-            name: [literal for i in indexes for literal in self.program.statements[i].body]  # type: ignore[union-attr]
-            for name, indexes in self._sources.items()
+        literals = {
+            name: [x for _, clause in clauses for x in clause.body if isinstance(x, Literal)]
+            for name, clauses in self._clauses.items()
         }
-        names = sorted(bodies, key=lambda name: len(bodies[name]) > 0)  # those with facts only come first
-        numbers = {name: i for i, name in enumerate(names)}
-        needs = [
-            [
-                numbers[literal.term.name]
-                for literal in bodies[name]
-                if isinstance(literal, Literal) and not literal.negated and literal.term.name in numbers
-            ]
-            for name in names
-        ]
+        needs = {
+            name: [x.term.name for x in literals[name] if not x.negated and x.term.name in literals]
+            for name in sorted(
+                literals, key=lambda name: len(literals[name]) > 0
+            )  # those with facts only first
+        }
         for component in find_strongly_connected_components(needs):
-            self._instantiator.atoms.update(
-                [(names[number], self._instantiate_all(names[number])) for number in component]
-            )
+            self._instantiator.atoms.update([(name, self._instantiate_all(name)) for name in component])
 
     def _instantiate_all(self, name: str) -> Atoms:
         """Instantiate the rules and selections of an attribute, and return its atoms."""
         set_to = [arguments for attribute, arguments in map(_split_term, self._do) if attribute == name]
         rows: list[tuple[Value, ...]] = [*set_to]
         is_certain = not set_to
-        for index in self._sources[name]:
-            statement = self.program.statements[index]
-            assert isinstance(statement, Rule | Selection)
-            values = list_fact_values(statement) if isinstance(statement, Rule) else None
+        for index, clause in self._clauses[name]:
+            values = list_fact_values(clause) if isinstance(clause, Rule) else None
             if values:
                 rows.append(values)
                 continue
-            table = self._tables[index] = self._instantiate(statement, statement.body)
-            head = _get_head(statement)
-            assert head
-            parts = list(head.arguments)
-            if isinstance(statement, Rule) and statement.head:
-                parts.append(statement.head.value)
-            is_certain &= isinstance(statement, Rule) and not self._list_uncertain(statement.body)
+            table = self._tables[index] = self._instantiate(clause, clause.body)
+            if isinstance(clause, Rule) and clause.head:
+                parts = [*clause.head.term.arguments, clause.head.value]
+                is_certain &= not self._list_uncertain(clause.body)
+            elif isinstance(clause, Selection):
+                parts, is_certain = list(clause.term.arguments), False
             rows += table.list_rows(list(map(table.evaluate, parts)))
         return Atoms(rows, len(self.signature.attributes[name].arguments), is_certain=is_certain)
 
@@ -223,8 +227,8 @@ class _Grounder:
             self._emit(table, ClauseKind.RANGE, terms, value, condition, index, "", instances)
 
     def _ground_pr_atom(self, index: int, atom: Probability) -> None:
-        head = Literal(atom.term, "=", atom.value, at=atom.at)
-        table = self._instantiate(atom, (*atom.condition, head))
+        head = get_head(atom)
+        table = self._instantiate(atom, (*atom.condition, head) if head else ())
         parts = (
             self.terms.number_terms(table, atom.term),
             self.terms.index_values(table, atom.term, atom.value),
@@ -263,12 +267,6 @@ class _Grounder:
         literals = table.zip([self.terms.translate(table, x) for x in self._list_uncertain(body)])
         parts = (kind, term, value, literals, index, label, instance, number)
         self.result.clauses.extend(map(Clause, *map(table.iterate, parts)))
-
-
-def _get_head(statement: Rule | Selection) -> Term | None:
-    """Return the term of a rule's head or of a selection; None for a constraint."""
-    head = statement.head if isinstance(statement, Rule) else statement
-    return head.term if head else None
 
 
 def _split_term(term: str) -> tuple[str, tuple[Value, ...]]:
