@@ -30,8 +30,7 @@ from lcorpp.reasoning.answers import (
     make_no_value_error,
     make_no_world_error,
 )
-from lcorpp.reasoning.circuit.answer_table import Codes
-from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
+from lcorpp.reasoning.circuit.evidence import Codes, EvidenceEncoder
 from lcorpp.reasoning.circuit.joint_weights import JointWeights
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
@@ -154,7 +153,7 @@ class Filter:
             pass  # reported below
         if matrix is None:
             check_type(evidence, Mapping, "evidence", ProgramError)
-            matrix = self._find_matrix(self._encoder.name_values(self._encoder.canonicalize(evidence)))
+            matrix = self._find_matrix(self._encoder.canonicalize(evidence))
         weights = self.belief @ matrix
         total = weights[-1]
         if not total > 0:
