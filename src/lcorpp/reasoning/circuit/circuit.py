@@ -13,7 +13,6 @@ from lcorpp.notebook import join_some
 from lcorpp.reasoning.answers import (
     PossibleWorld,
     format_conditions,
-    list_values,
     make_no_value_error,
     make_no_world_error,
     normalise_marginal,
@@ -25,6 +24,7 @@ from lcorpp.reasoning.circuit.passes import differentiate
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.questions import list_values
 from lcorpp.reasoning.resolve import check_rng
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array, Distribution, Label

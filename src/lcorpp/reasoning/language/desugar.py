@@ -91,9 +91,9 @@ def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Stat
         sorts = (*attribute.arguments, attribute.range, BOOLEAN)
         rewritten.append(AttributeDeclaration(f"observed_{name}", sorts, BOOLEAN, at=attribute.at))
     for statement in statements:
-        if isinstance(statement, Observation) and statement.literal.term.name in observed:
-            literal, at = statement.literal, statement.at
-            if not literal.negated and literal.relation in ("=", "!="):
+        if isinstance(statement, Observation) and len(statement.formula) == len(statement.formula[0]) == 1:
+            literal, at = statement.formula[0][0], statement.at
+            if literal.term.name in observed and not literal.negated and literal.relation in ("=", "!="):
                 polarity = TRUE if literal.relation == "=" else FALSE
                 term = _make_observed_term(literal.term, literal.value, polarity, at)
                 rewritten.append(Rule(Literal(term, "=", TRUE, at=at), at=at))

@@ -247,14 +247,22 @@ class CrRule(Statement):
         return f"{_format_label(self.label)}{head.rstrip()} +- {body}".strip() + "."
 
 
+Formula = tuple[tuple[Literal, ...], ...]
+"""A disjunction of conjunctions of literals."""
+
+
+def _format_formula(formula: Formula, conjunction: str) -> str:
+    return " or ".join([conjunction.join(map(str, case)) for case in formula])
+
+
 @dataclass(frozen=True, repr=False)
 class Observation(Statement):
-    """`obs(literal)`: excludes the worlds in which the literal is false."""
+    """`obs(formula)`: excludes the worlds in which the formula is false."""
 
-    literal: Literal
+    formula: Formula
 
     def __str__(self) -> str:
-        return f"obs({self.literal})."
+        return f"obs({_format_formula(self.formula, ' and ')})."
 
 
 @dataclass(frozen=True, repr=False)
@@ -270,18 +278,28 @@ class Intervention(Statement):
 
 @dataclass(frozen=True, repr=False)
 class Query(Statement):
-    """`?{literals} | conditions.` for a probability, `? subjects | conditions.` for a joint distribution.
+    """A question to a program: `?asked | conditions.`
 
-    A query has either `literals` or `subjects`.
+    It asks for the probability of a formula, `{a=1, b=2 or c=3}`; for the joint distribution of subjects, `a, b`;
+    or for the expectation of an expression in which the subjects are variables, `E[a+b]`.
     """
 
-    literals: tuple[Literal, ...] = ()
+    formula: Formula = ()
     subjects: tuple[Term, ...] = ()
+    expression: Expression | None = None
     observations: tuple[Observation, ...] = ()
     interventions: tuple[Intervention, ...] = ()
 
     def __str__(self) -> str:
-        parts = ", ".join(map(str, self.subjects or self.literals))
-        asked = parts if self.subjects else f"{{{parts}}}"
-        conditions = ", ".join(str(c)[:-1] for c in (*self.observations, *self.interventions))
-        return f"?{asked}{' | ' if conditions else ''}{conditions}."
+        if self.expression:
+            asked = f"E[{self.expression}]"
+        elif self.subjects:
+            asked = ", ".join(map(str, self.subjects))
+        else:
+            asked = f"{{{_format_formula(self.formula, ', ')}}}"
+        return f"?{asked}{' | ' if self.conditions else ''}{', '.join(self.conditions)}."
+
+    @property
+    def conditions(self) -> list[str]:
+        """The observations and interventions as text."""
+        return [str(condition)[:-1] for condition in (*self.observations, *self.interventions)]
