@@ -173,6 +173,14 @@ def test_estimates_can_be_printed_and_pickled():
     assert asked.interval == Interval.from_count(round(400 * asked), 400)
 
 
+def test_the_warning_points_at_the_call():
+    program = parse_plog("p : boolean. random(p).")
+    with pytest.warns(ReasoningWarning) as issued:
+        Reasoner(program, samples=200).posterior("p")
+        Reasoner(program, samples=200).ask(parse_query("?{p}", program))
+    assert [warning.filename for warning in issued] == [__file__, __file__]
+
+
 def test_a_query_that_no_world_satisfies():
     program = parse_plog("p, q, r : boolean. random(p). r :- q, p.")
     with pytest.warns(ReasoningWarning):
