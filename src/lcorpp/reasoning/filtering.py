@@ -22,7 +22,12 @@ import numpy as np
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_type, expected_one_of
 from lcorpp.notebook import join_some
-from lcorpp.reasoning.answers import format_conditions, make_no_value_error, make_no_world_error
+from lcorpp.reasoning.answers import (
+    format_conditions,
+    list_values,
+    make_no_value_error,
+    make_no_world_error,
+)
 from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.reasoning.circuit.compiler import build_layers
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
@@ -90,7 +95,7 @@ class Filter:
         self.inputs = tuple(resolve_inputs(program, inputs))
         self.queries, self.single = resolve_queries(program, query), isinstance(query, str)
         self._encoder = EvidenceEncoder(program, self.inputs)
-        self._ranges = [_get_values(program, term) for term in self._new]
+        self._ranges = [list_values(program, term) for term in self._new]
         self._sizes = list(map(len, self._ranges))
         if prod(self._sizes) > MAX_STATES:
             raise TooLargeError(
@@ -100,7 +105,7 @@ class Filter:
         self.states = tuple(product(*self._ranges))
         codes = list(product(*map(range, self._sizes)))
         initial = resolve_evidence(program, initial)
-        past, step = split_slices(ground_program(program, {}), self._old, initial)
+        past, step = split_slices(ground_program(program, {}, queried=self.queries), self._old, initial)
         self._first = self._compute_first(_Table(past, (*self._old, *initial)), codes, initial)
 
         self._table = _Table(step, (*self._old, *self._new, *self.inputs, *self.queries))
@@ -109,7 +114,7 @@ class Filter:
         self._answers: list[tuple[str, tuple[str, ...], slice]] = []  # query, its values, their columns
         end = len(codes)
         for name in self.queries:
-            values = _get_values(program, name)
+            values = list_values(program, name)
             self._answers.append((name, values, slice(end, end + len(values))))
             end += len(values) + 1  # the last outcome is having no value
             columns.append(self._table.encode((name,), [[i] for i in range(len(values) + 1)]))
@@ -306,10 +311,6 @@ def _resolve_carried(program: Program, carried: Mapping[str, str]) -> tuple[tupl
     if len({*old, *new}) < 2 * len(old):
         raise ProgramError(f"the carried terms are {', '.join((*old, *new))}; expected different terms")
     for before, after in zip(old, new, strict=True):
-        if _get_values(program, before) != _get_values(program, after):
+        if list_values(program, before) != list_values(program, after):
             raise ProgramError(f"{before} and {after} have different ranges, so that no value is carried")
     return old, new
-
-
-def _get_values(program: Program, term: str) -> tuple[str, ...]:
-    return program.attributes[term.partition("(")[0]].values

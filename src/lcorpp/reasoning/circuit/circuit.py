@@ -16,6 +16,7 @@ from lcorpp.notebook import join_some
 from lcorpp.reasoning.answers import (
     PossibleWorld,
     format_conditions,
+    list_values,
     make_no_value_error,
     make_no_world_error,
     normalise_marginal,
@@ -61,8 +62,8 @@ class Circuit:
     for not observed (`encode` computes it). With several queries the answer is a dict, query -> answer.
 
     inputs: the terms that evidence may name.
-    queries: the queried terms; single: whether the query is one term, not a sequence.
-    values: term -> range, for all of these terms.
+    queries: the queried terms, of several attributes `?item, person`; single: whether there is one answer.
+    values: term -> range, for all of these terms; of several attributes tuples.
     layers: the matrices, see `matrices`.
 
     Source: Darwiche, J. ACM 50(3), 2003; the elimination tree as in AND/OR search, see `elimination_tree`.
@@ -83,7 +84,7 @@ class Circuit:
         self.queries = (query,) if isinstance(query, str) else tuple(query)
         self.single = isinstance(query, str)
         names = dict.fromkeys((*self.inputs, *self.queries))
-        self.values = {name: program.attributes[name.partition("(")[0]].values for name in names}
+        self.values = {name: list_values(program, name) for name in names}
         self.layers = tuple(layers)
         self._variables = {name: i for i, name in enumerate(names)}
         # a key contains all inputs
@@ -184,16 +185,15 @@ class Circuit:
         return self._has_table
 
     def _look_up(self, codes: Mapping[int, int], evidence: Mapping[str, str]) -> dict[str, Distribution]:
-        table = self._table
-        row = table.find_row(codes)
+        table, row = self._table, self._table.find_row(codes)
         if table.is_complete:
             return {q: Distribution.unchecked(self.values[q], rows[row]) for q, rows in table.answers.items()}
         return {query: self._read_row(query, rows[row], evidence) for query, rows in table.answers.items()}
 
     def _run_pass(self, encoded: EncodedEvidence, evidence: Mapping[str, Label]) -> dict[str, Distribution]:
-        weights = self._compute_weights(encoded)
         return {
-            query: self._read_row(query, normalize_rows(rows)[0], evidence) for query, rows in weights.items()
+            query: self._read_row(query, normalize_rows(rows)[0], evidence)
+            for query, rows in self._compute_weights(encoded).items()
         }
 
     def _read_row(self, query: str, row: Array, evidence: Mapping[str, Label]) -> Distribution:
@@ -272,7 +272,7 @@ class Circuit:
     def world_queries(self) -> WorldQueries:
         """Queries about whole worlds; a loaded circuit expands its program when it first needs them."""
         if self._world_queries is None:
-            ground = ground_program(self.program, self.do)
+            ground = ground_program(self.program, self.do, queried=self.queries)
             system = build_transition_system(ground, (*self.inputs, *self.queries))
             self._world_queries = WorldQueries(build_decision_diagram(system))
         return self._world_queries

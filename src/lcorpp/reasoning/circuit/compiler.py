@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcorpp.errors import ProgramError
+from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
 from lcorpp.reasoning.circuit.matrices import Index, Layer, Matrix
@@ -30,13 +31,16 @@ _Entries = Mapping[tuple[int, tuple[int, tuple[int, ...]], int], float]
 
 @pause_gc()
 def compile_program(
-    program: Program, inputs: Sequence[str], query: str | Sequence[str], do: Mapping[str, str]
+    program: Program,
+    inputs: Sequence[str],
+    query: str | Sequence[str | Sequence[str]],
+    do: Mapping[str, str],
 ) -> Circuit:
     """Compile a program.
 
     Args:
         inputs: the terms that evidence may name; an attribute with arguments is short for all its terms.
-        query: a term, or several.
+        query: a question, or several; see `Reasoner.compile`.
         do: interventions, term -> value.
 
     Raises:
@@ -51,10 +55,12 @@ def compile_program(
         )
     do = resolve_interventions(program, do)
     observed = dict.fromkeys((*names, *queries))
-    diagram = build_decision_diagram(build_transition_system(ground_program(program, do), observed))
+    ground = ground_program(program, do, queried=queries)
+    diagram = build_decision_diagram(build_transition_system(ground, observed))
     layers = build_layers(diagram, list(observed))
-    query = queries[0] if isinstance(query, str) else queries
-    circuit = Circuit(program, names, query, do, layers, WorldQueries(diagram))
+    circuit = Circuit(
+        program, names, queries[0] if isinstance(query, str) else queries, do, layers, WorldQueries(diagram)
+    )
     circuit.prepare()
     return circuit
 
@@ -65,11 +71,10 @@ def build_layers(diagram: DecisionDiagram, names: Sequence[str]) -> list[Layer]:
         return _build_zeros(len(names))
     numbers = diagram.system.term_numbers
     variables = {numbers[name]: i for i, name in enumerate(names) if name in numbers}
-    attributes = diagram.system.program.source.attributes
     layers = []
     for i, name in enumerate(names):
         if name not in numbers:  # a term that no rule names has no value in any world
-            no_value = len(attributes[name.partition("(")[0]].values)
+            no_value = len(list_values(diagram.system.program.source, name))
             layers.append(Layer.from_entries(i, (), (1, 1), {no_value: {(0, 0): 1.0}}))
     tops = [_Part([{0: 1.0}], ((number, np.zeros(1, dtype=np.intp)),), 1) for number in range(len(layers))]
     builder = _LayerBuilder(diagram, variables, layers)

@@ -28,10 +28,9 @@ from lcorpp.files import read_bytes, write_atomically
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import MAX_ARCS
 from lcorpp.reasoning.circuit.matrices import Layer, Matrix
-from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.language.program import Program, program_text
-from lcorpp.reasoning.resolve import resolve_interventions, resolve_term
+from lcorpp.reasoning.resolve import resolve_interventions, resolve_subject
 
 FORMAT, VERSION = "lcorpp circuit", 2
 
@@ -137,7 +136,7 @@ def _parse_program(head: dict[str, Any]) -> Program:
     """Parse the program and check that it knows all terms of the circuit."""
     program = parse_plog(head["program"], file=head["file"], semantics=head["semantics"])
     for key in ("inputs", "queries"):
-        terms = [canonical_text(resolve_term(program, name)) for name in head[key]]
+        terms = [resolve_subject(program, name) for name in head[key]]
         if terms != head[key] or (key == "inputs" and len(set(terms)) < len(terms)):
             raise DataError(f"its {key} are {head[key]}")
     if not head["queries"]:

@@ -53,7 +53,11 @@ from lcorpp.reasoning.language.traversal import get_body, iter_expressions, list
 
 
 def ground_program(
-    program: Program, do: Mapping[str, str], observed: Iterable[Literal] = (), asked: Sequence[Literal] = ()
+    program: Program,
+    do: Mapping[str, str],
+    observed: Iterable[Literal] = (),
+    asked: Sequence[Literal] = (),
+    queried: Iterable[str] = (),
 ) -> GroundProgram:
     """Ground a program.
 
@@ -61,13 +65,15 @@ def ground_program(
         do: interventions besides those in the program, term -> value.
         observed: ground literals that are true in every world, besides the observations in the program.
         asked: the ground literals that define the term `QUERY_TERM`.
+        queried: names of terms; the joints among them are defined.
 
     Raises:
         ProgramError: arithmetic is undefined.
+        TooLargeError: a joint has too many values.
     """
     try:
         with pause_gc():
-            return _Grounder(program, do).run(observed, asked)
+            return _Grounder(program, do).run(observed, asked, queried)
     except SourceIssue as issue:
         raise ProgramError(str(issue)) from None
 
@@ -88,7 +94,9 @@ class _Grounder:
                     self._contradictory.add(term)
         self._facts = self._evaluate_facts()
 
-    def run(self, observed: Iterable[Literal], asked: Sequence[Literal]) -> GroundProgram:
+    def run(
+        self, observed: Iterable[Literal], asked: Sequence[Literal], queried: Iterable[str]
+    ) -> GroundProgram:
         """Add the clauses of all statements and of a query."""
         for term, value in self._do.items():
             name, arguments = split_record(term)
@@ -117,6 +125,9 @@ class _Grounder:
             self._add(Clause(ClauseKind.DERIVE, len(self.result.names), 0, body))
             self.result.names.append(QUERY_TERM)
             self.result.values.append(("true",))
+        for name in queried:
+            if name.startswith(QUERY_TERM) and name != QUERY_TERM:
+                self.result.define_joint(name)
         return self.result
 
     # facts
