@@ -134,6 +134,16 @@ def test_filter_and_enumeration_agree_on_random_programs(seed: int) -> None:
     assert answer["s(1)"]["true"] == pytest.approx(sensed / total, rel=1e-12)
 
 
+def test_evidence_of_a_probability_below_the_smallest_number() -> None:
+    text = """
+        moments = {0, 1}. at : moments -> rooms. rooms = {x, y}. sensors = {1..400}. #domain sensors(S).
+        on : sensors -> boolean. random(at(0)). random(at(1)). random(on(S)).
+        pr(on(S) | at(1)=x) = 0.1. pr(on(S) | at(1)=y) = 0.11."""
+    filter = Reasoner(parse_plog(text)).filter({"at(0)": "at(1)"}, ["on"], "at(1)")
+    answer = filter.step({f"on({i})": "true" for i in range(1, 401)})
+    assert answer["x"] == pytest.approx(1 / (1 + 1.1**400), rel=1e-9)
+
+
 def test_smoothing_leaves_out_states_that_the_past_excludes() -> None:
     """The evidence is more probable by 1e9000 had it been b; only a is possible."""
     text = """

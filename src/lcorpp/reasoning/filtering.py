@@ -28,10 +28,9 @@ from lcorpp.reasoning.answers import (
     make_no_value_error,
     make_no_world_error,
 )
-from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.reasoning.circuit.compiler import build_layers
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
-from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
+from lcorpp.reasoning.circuit.evidence import Codes, EvidenceEncoder
 from lcorpp.reasoning.circuit.passes import evaluate
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import GroundProgram
@@ -204,8 +203,7 @@ class Filter:
 
         With likelihoods it is a weighted sum of the matrices for all values of their inputs.
         """
-        check_type(evidence, Mapping, "evidence", ProgramError)
-        given = self._encoder.name_values(self._encoder.canonicalize(evidence))
+        given = self._encoder.canonicalize(evidence)
         hard = {
             n: self._encoder.encode_value(n, v) for n, v in given.items() if not isinstance(v, Likelihood)
         }
@@ -246,7 +244,7 @@ class Filter:
         encoder = EvidenceEncoder(self.program, tuple(initial))
         facts = table.encode(tuple(initial), [[encoder.encode_value(*fact) for fact in initial.items()]])
         outcomes = np.vstack([table.encode(self._old, codes), table.encode()])
-        prior, first = table.compute(np.vstack([table.encode(), facts]), outcomes)
+        (prior,), (first,) = table.compute(table.encode(), outcomes), table.compute(facts, outcomes)
         self._check_values(self._old, prior, "")
         if not first[:-1].any():
             raise make_no_world_error(self.program, format_conditions(initial, {}))
