@@ -44,7 +44,7 @@ RNG = np.random.default_rng(1)
         (lambda: REASONER.sample(RNG, None), "evidence is None; expected Mapping"),
         (lambda: REASONER.ask("a=1"), "query is 'a=1'; expected Query"),
         (lambda: REASONER.ask(parse_query("b", PROGRAM), exact="no"), "exact is 'no'; expected bool"),
-        (lambda: REASONER.build_query_model(None), "query is None; expected Query"),
+        (lambda: REASONER.list_worlds(None, 1), "query is None; expected Query"),
         (lambda: Enumeration(PROGRAM).ask("a=1"), "query is 'a=1'; expected Query"),
         (lambda: Enumeration(PROGRAM).posterior("b", None), "evidence is None; expected Mapping"),
         (lambda: CIRCUIT(None), "expected a mapping from inputs to values, or codes, not None"),

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
 from lcorpp.errors import TooLargeError
 from lcorpp.notebook import html_table, join_some
-from lcorpp.reasoning.answers import make_no_value_error, make_no_world_error
-from lcorpp.reasoning.grounding.ground_program import GroundProgram
-from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, SampleCounts
+from lcorpp.reasoning.query_model import QueryModel
+from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, sample_worlds
 from lcorpp.values import Distribution, Interval
+from lcorpp.values.arrays import Z95
 from lcorpp.values.distribution import format_value
 
 
@@ -22,9 +25,9 @@ class ReasoningWarning(UserWarning):
 
 
 class Estimate(float):
-    """An estimated probability.
+    """An estimated probability or expectation; the interval of a sum covers any correlation.
 
-    interval: the probability with its 95 % confidence interval.
+    interval: the number with its 95 % confidence interval.
     effective: the effective sample size.
     """
 
@@ -38,6 +41,16 @@ class Estimate(float):
 
     def __reduce__(self) -> tuple[type[Estimate], tuple[Interval, int]]:
         return Estimate, (self.interval, self.effective)
+
+    def __str__(self) -> str:
+        return f"{self.interval:.4g}"
+
+    def __add__(self, other: float) -> Estimate:
+        more = other.interval if isinstance(other, Estimate) else Interval.exact(float(other))
+        low, high = self.interval.low + more.low, self.interval.high + more.high
+        return Estimate(Interval(self.interval.estimate + more.estimate, low, high), self.effective)
+
+    __radd__ = __add__
 
     def __repr__(self) -> str:
         return f"Estimate({self.interval:.4g}; effective sample size {self.effective})"
@@ -61,6 +74,11 @@ class EstimatedDistribution(Distribution):
         intervals = tuple(estimate.interval for estimate in estimates.values())
         return cls(tuple(estimates), p / p.sum(), intervals, next(iter(estimates.values())).effective)
 
+    def __iter__(self) -> Iterator[tuple[Any, Estimate]]:
+        """Iterate over the values and the estimates of their probabilities."""
+        estimates = [Estimate(interval, self.effective) for interval in self.intervals]
+        return iter(zip(self.values, estimates, strict=True))
+
     def __repr__(self) -> str:
         shown = [
             f"{format_value(value)}: {interval:.4g}"
@@ -76,24 +94,27 @@ class EstimatedDistribution(Distribution):
         return html_table(("value", "probability"), rows)
 
 
-def estimate_probabilities(
-    ground: GroundProgram, found: SampleCounts, reason: TooLargeError, conditions: str, stacklevel: int
-) -> dict[str, Estimate]:
-    """Estimate the probability of each value of a term from sampled worlds; "" is for no value.
+def count_values(
+    model: QueryModel, question: str, samples: int, seed: int, reason: TooLargeError
+) -> Mapping[str, int]:
+    """Count the values of a question in sampled worlds; "" is for no value.
 
-    Warns that the probabilities are estimates.
+    Warns that the answer is an estimate.
 
     Args:
+        samples: the number of worlds drawn; more, if too few of them satisfy the observations.
         reason: why the probabilities are not computed.
-        conditions: the conditions of the question as text, for the error.
-        stacklevel: of the warning.
+
+    Returns:
+        value -> count; empty if it is certain that no world satisfies the observations.
 
     Raises:
-        UndefinedError: it is certain that no world has the evidence.
-        TooLargeError: too few sampled worlds have the evidence.
+        ProgramError: a world violates a condition of the language.
+        TooLargeError: too few sampled worlds satisfy the observations.
     """
+    found = sample_worlds(model.ground, model.system, question, samples, seed)
     if not found.possible:
-        raise make_no_world_error(ground.source, conditions)
+        return {}
     if found.accepted < MIN_EFFECTIVE_SAMPLES:
         worlds = f"{found.drawn} worlds drawn at random"
         raise TooLargeError(
@@ -103,20 +124,37 @@ def estimate_probabilities(
             else f"{reason}, and no sample met the evidence, which is improbable or impossible, in {worlds}"
         )
     message = f"{reason}: estimated from {found.drawn} worlds drawn at random, effective sample size"
-    warnings.warn(f"{message} {found.accepted}", ReasoningWarning, stacklevel=stacklevel)
-    return {
-        value: Estimate(Interval.from_count(count, found.accepted), found.accepted)
-        for value, count in found.counts.items()
-    }
+    warnings.warn(f"{message} {found.accepted}", ReasoningWarning, stacklevel=_find_caller())
+    return found.counts
 
 
-def drop_no_value(ground: GroundProgram, term: str, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
-    """Return the estimates without that of no value.
+def _find_caller() -> int:
+    """Return the level of the caller of the package, to which warnings point."""
+    frame, level = sys._getframe(1), 1
+    while frame.f_back and frame.f_globals.get("__name__", "").startswith(("lcorpp.", "contextlib")):
+        frame, level = frame.f_back, level + 1
+    return level
 
-    Raises:
-        ProgramError: the term has no value in a sampled world.
+
+def make_estimate(count: int, total: int) -> Estimate:
+    """Return the estimate of a probability: the share of worlds, with its Wilson interval."""
+    return Estimate(Interval.from_count(count, total), total)
+
+
+def estimate_mean(numbers: Sequence[Fraction], shares: Sequence[Any]) -> Estimate:
+    """Estimate the expectation of a number from the shares of its values.
+
+    The normal interval with four more worlds, two of the smallest and two of the largest number, so that it
+    has a width even if all worlds have the same number.
+
+    Source: Agresti and Coull, "Approximate is better than 'exact' for interval estimation of binomial
+    proportions", The American Statistician 52(2), 1998, for numbers of which two are possible.
     """
-    share = estimates.pop("")
-    if share:
-        raise make_no_value_error(ground.source, term, f"{share.interval:.4g}")
-    return estimates
+    values, n = np.array(numbers, dtype=np.float64), shares[0].effective
+    counts = np.array(shares) * n
+    mean = float(counts @ values / n)
+    counts[[values.argmin(), values.argmax()]] += 2
+    middle = float(counts @ values / (n + 4))
+    half = Z95 * float(np.sqrt(counts @ (values - middle) ** 2)) / (n + 4)
+    low, high = max(middle - half, float(values.min())), min(middle + half, float(values.max()))
+    return Estimate(Interval(mean, min(mean, low), max(mean, high)), n)

@@ -14,32 +14,35 @@ from fractions import Fraction
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, TypeVar
 
-from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_type
+from lcorpp.errors import ProgramError, TooLargeError, check_type
 from lcorpp.reasoning.answers import (
+    PossibleWorld,
     QueryAnswer,
     Value,
+    answer_query,
+    compute_expectation,
     format_conditions,
     make_no_world_error,
     normalise_marginal,
+    rank_values,
 )
-from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
-from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import pause_gc
-from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Literal, Query
-from lcorpp.reasoning.query_model import EnumeratedQuery, QueryModel
+from lcorpp.reasoning.language.syntax import Formula, Query
+from lcorpp.reasoning.query_model import QueryModel
+from lcorpp.reasoning.questions import get_interventions, list_questions
 from lcorpp.reasoning.resolve import (
+    check_count,
     check_rng,
+    make_query,
     resolve_evidence,
+    resolve_expectation,
     resolve_interventions,
+    resolve_joint,
     resolve_labels,
     resolve_query,
     resolve_subject,
-    resolve_term,
 )
-from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
     import numpy as np
@@ -84,7 +87,7 @@ class Reasoner:
         self.program, self.samples, self.seed = program, samples, seed
         self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}
-        self._worlds: dict[Hashable, WorldQueries] = {}
+        self._models: dict[Hashable, QueryModel] = {}
 
     def __repr__(self) -> str:
         return f"Reasoner({self.program!r})"
@@ -139,12 +142,86 @@ class Reasoner:
             ProgramError, UndefinedError: as `posterior`.
             TooLargeError: the program is too large to be compiled.
         """
-        term = resolve_subject(self.program, attribute)
+        question = resolve_subject(self.program, attribute)
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
-            return self._enumeration.exact(attribute, facts, set_to)
-        weights = self._get_world_queries(set_to, (term, *facts)).compute_exact_weights(term, facts)
-        return normalise_marginal(self.program, term, weights, format_conditions(facts, set_to))
+            return self._enumeration.exact(question, facts, set_to)
+        model = self._get_model(set_to, (question, *facts))
+        weights = model.worlds.compute_exact_weights(question, facts)
+        return normalise_marginal(self.program, question, weights, format_conditions(facts, set_to))
+
+    def expect(
+        self,
+        expression: str,
+        evidence: Mapping[str, Label] = NO_EVIDENCE,
+        do: Mapping[str, str] = NO_EVIDENCE,
+    ) -> float:
+        """Compute the expectation of a number given evidence and interventions.
+
+        Args:
+            expression: of attributes with integers as values, such as ``roll(d1)`` or ``a*b - 2*c``. Division
+                is exact.
+            evidence, do: as in `posterior`.
+
+        Returns:
+            The expectation; an `Estimate` if the program is too large to be compiled. (`ask` of the query
+            ``E[expression]`` computes a fraction.)
+
+        Raises:
+            ProgramError: as `posterior`; or a value is no number, or the expression divides by zero.
+            UndefinedError, TooLargeError: as `posterior`.
+        """
+        query = resolve_expectation(self.program, expression)
+        mean = compute_expectation(query, lambda question: dict(self.posterior(question, evidence, do)))
+        return mean if isinstance(mean, float) else float(mean)
+
+    def most_probable(
+        self,
+        evidence: Mapping[str, str] = NO_EVIDENCE,
+        count: int = 1,
+        *,
+        of: str | Sequence[str] | None = None,
+        do: Mapping[str, str] = NO_EVIDENCE,
+    ) -> tuple[PossibleWorld, ...]:
+        """Find the most probable worlds, or the most probable joint values of some attributes.
+
+        Args:
+            evidence, do: as in `exact`.
+            count: how many, at most 100,000.
+            of: attributes, all others are summed out (marginal MAP); by default whole worlds.
+
+        Returns:
+            Worlds, with the values of the attributes only, and their probabilities given the evidence, best
+            first, those of probability 0 left out.
+
+        Raises:
+            ProgramError, UndefinedError: as `posterior`.
+            TooLargeError: the program is too large to be compiled, or the attributes have more than 10,000
+                combinations of values.
+        """
+        check_count(count)
+        if of is not None:
+            question = resolve_joint(self.program, of)
+            return rank_values(question, self.exact(question, evidence, do), count)
+        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
+        if self.program.has_cr_rules:
+            return self._enumeration.most_probable(facts, count, do=set_to)
+        worlds = self._get_model(set_to, tuple(facts)).worlds.most_probable(facts, count)
+        if not worlds:
+            raise make_no_world_error(self.program, format_conditions(facts, set_to))
+        return worlds
+
+    def list_worlds(self, query: Query, count: int) -> tuple[PossibleWorld, ...]:
+        """List the most probable worlds under the conditions of a query, best first; none if there is none.
+
+        Raises:
+            ProgramError, TooLargeError: as `most_probable`.
+        """
+        check_count(count)
+        query = resolve_query(self.program, query)
+        if self.program.has_cr_rules:
+            return self._enumeration.list_worlds(query, count)
+        return self.get_query_model(query).worlds.most_probable({}, count)
 
     def compile(
         self,
@@ -197,9 +274,9 @@ class Reasoner:
         if self.program.has_cr_rules:
             return self._enumeration.sample(rng, given)
         facts = resolve_evidence(self.program, given)
-        world = self._get_world_queries({}, tuple(facts)).sample(rng, facts)
+        world = self._get_model({}, tuple(facts)).worlds.sample(rng, facts)
         if world is None:
-            raise UndefinedError(f"{self.program.file}: no possible world{format_conditions(facts, {})}")
+            raise make_no_world_error(self.program, format_conditions(facts, {}))
         return world
 
     def count(self) -> int:
@@ -212,14 +289,14 @@ class Reasoner:
         """
         if self.program.has_cr_rules:
             return len(self._enumeration.worlds)
-        worlds = self._get_world_queries({}, ())
-        if not sum(worlds.compute_float_weights("", {}).values()):
+        worlds = self._get_model({}, ()).worlds
+        if not any(worlds.compute_float_weights("", {}).values()):
             raise make_no_world_error(self.program, "")
         return worlds.count()
 
     @pause_gc()
     def ask(self, query: Query, *, exact: bool = False) -> QueryAnswer:
-        """Answer a query: compute a distribution or a probability.
+        """Answer a query: compute a distribution, a probability or an expectation.
 
         Args:
             exact: whether to return fractions.
@@ -233,25 +310,33 @@ class Reasoner:
                 improbable for sampling.
         """
         check_type(exact, bool, "exact", ProgramError)
-        return self.build_query_model(query).answer(exact=exact)
-
-    def build_query_model(self, query: Query) -> QueryModel | EnumeratedQuery:
-        """Prepare a query: resolve its names, and ground the program under its conditions.
-
-        Raises:
-            ProgramError: a name in the query is unknown, or arithmetic is undefined.
-        """
         query = resolve_query(self.program, query)
         if self.program.has_cr_rules:
-            return EnumeratedQuery(self._enumeration, query)
-        return QueryModel(self.program, query, samples=self.samples, seed=self.seed)
+            answer = self._enumeration.ask(query)
+            if exact:
+                return answer
+            return {v: float(p) for v, p in answer.items()} if isinstance(answer, dict) else float(answer)
+        model = self.get_query_model(query)
+        try:
+            worlds = model.worlds
+        except TooLargeError as error:
+            if exact:
+                raise
+            return self._estimate(query, error)
+        weigh = worlds.compute_exact_weights if exact else worlds.compute_float_weights
+        return answer_query(self.program, query, lambda question: weigh(question, {}))
+
+    def get_query_model(self, query: Query) -> QueryModel:
+        """Ground the program under the conditions of a resolved query; the last ones are cached."""
+        observed = tuple([observation.formula for observation in query.observations])
+        return self._get_model(get_interventions(query), list_questions(query), observed, query.formula)
 
     # methods of answering
 
     def _compute_posterior(
         self, attribute: str | Sequence[str], evidence: Mapping[str, Label], do: Mapping[str, str]
     ) -> Distribution:
-        term = resolve_subject(self.program, attribute)
+        question = resolve_subject(self.program, attribute)
         facts, likelihoods = resolve_labels(self.program, evidence)
         set_to = resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
@@ -259,13 +344,13 @@ class Reasoner:
                 raise ProgramError(
                     f"{self.program.file}: soft evidence has no meaning for a program with cr-rules"
                 )
-            return self._enumeration.posterior(attribute, facts, set_to)
+            return self._enumeration.posterior(question, facts, set_to)
         names = sorted((*facts, *likelihoods))
-        key = (term, frozenset(names), frozenset(set_to.items()))
+        key = (question, frozenset(names), frozenset(set_to.items()))
         circuit = self._circuits.get(key)
         if circuit is None:
             try:
-                circuit = self.compile(names, term, set_to)
+                circuit = self.compile(names, question, set_to)
             except TooLargeError as error:
                 circuit = error  # cached, so that it is not compiled again
             _store(self._circuits, key, circuit)
@@ -276,14 +361,33 @@ class Reasoner:
                 f"{self.program.file}: the program is too large to be compiled; soft evidence needs exact"
                 " answers"
             )
-        return self._estimate(circuit, term, facts, set_to)
+        from lcorpp.reasoning.estimation import EstimatedDistribution
 
-    def _get_world_queries(self, do: Mapping[str, str], wanted: Sequence[str]) -> WorldQueries:
-        key = frozenset(do.items()), frozenset(wanted)
-        if key not in self._worlds:
-            system = build_transition_system(ground_program(self.program, do, queried=wanted), wanted)
-            _store(self._worlds, key, WorldQueries(build_decision_diagram(system)))
-        return self._worlds[key]
+        query = make_query(self.program, question, facts, set_to)
+        return EstimatedDistribution.from_estimates(self._estimate(query, circuit))  # type: ignore[arg-type]
+
+    def _estimate(self, query: Query, reason: TooLargeError) -> QueryAnswer:
+        """Answer a query from sampled worlds; the numbers are `Estimate`s."""
+        from lcorpp.reasoning.estimation import count_values, make_estimate  # imports numpy
+
+        model = self.get_query_model(query)
+
+        def weigh(question: str) -> Mapping[Value, int]:
+            return count_values(model, question, self.samples, self.seed, reason)
+
+        return answer_query(self.program, query, weigh, make_estimate)
+
+    def _get_model(
+        self,
+        do: Mapping[str, str],
+        questions: Sequence[str],
+        observed: tuple[Formula, ...] = (),
+        asked: Formula = (),
+    ) -> QueryModel:
+        key = frozenset(do.items()), frozenset(questions), observed, asked
+        if key not in self._models:
+            _store(self._models, key, QueryModel(self.program, do, questions, observed, asked))
+        return self._models[key]
 
     @cached_property
     def _enumeration(self) -> Enumeration:
@@ -291,20 +395,6 @@ class Reasoner:
 
         LOG.info("%s: a program with cr-rules is answered by enumeration", self.program.file)
         return Enumeration(self.program)
-
-    def _estimate(
-        self, reason: TooLargeError, term: str, facts: Mapping[str, str], do: Mapping[str, str]
-    ) -> Distribution:
-        from lcorpp.reasoning.estimation import EstimatedDistribution, drop_no_value, estimate_probabilities
-        from lcorpp.reasoning.transitions.rejection_sampling import sample_worlds
-
-        terms = {name: resolve_term(self.program, name) for name in facts}
-        observed = [Literal(terms[name], "=", parse_term(value, name)) for name, value in facts.items()]
-        ground = ground_program(self.program, do, observed, queried=(term,))
-        system = build_transition_system(ground, (term,))
-        found = sample_worlds(ground, system, term, self.samples, self.seed)
-        estimates = estimate_probabilities(ground, found, reason, format_conditions(facts, do), stacklevel=5)
-        return EstimatedDistribution.from_estimates(drop_no_value(ground, term, estimates))
 
 
 def ask(program: Program, query: Query) -> QueryAnswer:

@@ -14,7 +14,7 @@ from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.parser import parse_query, parse_term
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Query, Term
+from lcorpp.reasoning.language.syntax import Intervention, Literal, Observation, Query, Term
 from lcorpp.reasoning.questions import QUERY_TERM, list_terms, name_joint
 
 if TYPE_CHECKING:
@@ -207,6 +207,17 @@ def resolve_query(program: Program, query: Query) -> Query:
     return query
 
 
+def make_query(program: Program, question: str, facts: Mapping[str, str], do: Mapping[str, str]) -> Query:
+    """Make the query for a question with resolved evidence and interventions."""
+    observations = [
+        Observation(((Literal(resolve_term(program, term), "=", parse_term(value, term)),),))
+        for term, value in facts.items()
+    ]
+    interventions = [Intervention(resolve_term(program, term), parse_term(v, term)) for term, v in do.items()]
+    subjects = _resolve_names(program, list_terms(question))
+    return Query((), subjects, None, tuple(observations), tuple(interventions))
+
+
 def resolve_expectation(program: Program, expression: str) -> Query:
     """Return the query for the expectation of a number, such as `roll(d1)+roll(d2)`.
 
@@ -214,7 +225,10 @@ def resolve_expectation(program: Program, expression: str) -> Query:
         ProgramError: the text is no expression of attributes with integers as values.
     """
     check_type(expression, str, "expression", ProgramError)
-    return parse_query(f"E[{expression}]", program)
+    try:
+        return parse_query(f"E[{expression}]", program)
+    except ParseError as error:
+        raise ProgramError(f"{expression!r}: {error.message}") from None
 
 
 def check_count(count: int) -> None:

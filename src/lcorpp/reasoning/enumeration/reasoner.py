@@ -29,10 +29,10 @@ from lcorpp.reasoning.answers import (
 from lcorpp.reasoning.language.arithmetic import as_value, canonical_text, compare_values
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Formula, Literal, Query
+from lcorpp.reasoning.questions import get_interventions
 from lcorpp.reasoning.resolve import (
     check_count,
     check_rng,
-    get_interventions,
     resolve_evidence,
     resolve_expectation,
     resolve_interventions,

@@ -58,8 +58,11 @@ def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statem
     sorts = {BOOLEAN, *(name for name, sort in sets.items() if TRUE in sort.elements)}
     booleans = {s.name for s in statements if isinstance(s, AttributeDeclaration) and s.range in sorts}
     return [
-        replace(s, literals=(Literal(s.subjects[0], "=", TRUE, at=s.subjects[0].at),), subjects=())
-        if isinstance(s, Query) and len(s.subjects) == 1 and s.subjects[0].name in booleans
+        replace(s, formula=((Literal(s.subjects[0], "=", TRUE, at=s.subjects[0].at),),), subjects=())
+        if isinstance(s, Query)
+        and len(s.subjects) == 1
+        and not s.expression
+        and s.subjects[0].name in booleans
         else s
         for s in statements
     ]

@@ -114,7 +114,8 @@ def parse_question(cursor: Cursor) -> Query:
         formula = _parse_formula(cursor)
         has_and = "and" in cursor.texts[start : cursor.index]
         if len(formula) == 1 and not has_and and all(is_bare_term(x) and not x.negated for x in formula[0]):
-            formula, subjects = (), tuple([literal.term for literal in formula[0]])
+            subjects = tuple([literal.term for literal in formula[0]])
+            formula = ()
     observations: list[Observation] = []
     interventions: list[Intervention] = []
     more = cursor.accept("|")
@@ -161,7 +162,7 @@ def _parse_case(cursor: Cursor, and_signs: Sequence[str]) -> Formula:
 
 def _parse_unit(cursor: Cursor) -> Formula:
     """Parse a literal, `(formula)`, or the negation of a formula, `!(formula)` or `not (formula)`."""
-    if cursor.accept("!") or (cursor.second_kind == "(" and cursor.accept_word("not")):
+    if cursor.accept("!") or (cursor.second_kind == "(" and cursor.accept("not")):
         inner = cursor.parse_nested(_parse_unit)
         negated = [[(replace(x, negated=not x.negated),) for x in case] for case in inner]
         return _multiply_out(cursor, product(*negated))

@@ -280,8 +280,8 @@ class Intervention(Statement):
 class Query(Statement):
     """A question to a program: `?asked | conditions.`
 
-    It asks for the probability of a formula, `{a=1, b=2 or c=3}`; for the joint distribution of subjects, `a, b`;
-    or for the expectation of an expression in which the subjects are variables, `E[a+b]`.
+    It asks for the probability of a formula, `{a=1, b=2 or c=3}`; for the joint distribution of subjects,
+    `a, b`; or for the expectation of an expression in which the subjects are variables, `E[a+b]`.
     """
 
     formula: Formula = ()
