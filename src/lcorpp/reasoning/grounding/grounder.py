@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
-from itertools import product
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.grounding.binding_table import BindingTable, Memo, Part
@@ -237,17 +236,15 @@ class _Grounder:
         self._emit(table, ClauseKind.ASSIGN, *parts, atom.condition, index, label, number=number)
 
     def _observe(self, formula: Formula) -> None:
-        """Forbid the worlds in which a literal of each case is false."""
-        for literals in product(*[[self._translate(literal) for literal in case] for case in formula]):
-            full_masks = [make_full_mask(len(self.result.values[term])) for term, _, _ in literals]
-            self._forbid(
-                tuple(
-                    [
-                        (t, full & ~mask, not n)
-                        for (t, mask, n), full in zip(literals, full_masks, strict=True)
-                    ]
-                )
-            )
+        """Forbid the worlds in which a formula is false; a disjunction becomes a term of its own."""
+        cases = [tuple(map(self._translate, case)) for case in formula]
+        if len(cases) > 1:
+            number = len(self.result.names)
+            self.result.define(f"{QUERY_TERM}{number}", ("true",), [(0, case) for case in cases])
+            cases = [((number, 1, False),)]
+        for term, mask, negated in cases[0]:
+            full_mask = make_full_mask(len(self.result.values[term]))
+            self._forbid(((term, full_mask & ~mask, not negated),))
 
     def _translate(self, literal: Literal) -> GroundLiteral:
         return self.terms.translate(BindingTable(literal.at), literal)  # type: ignore[return-value]  # no column
