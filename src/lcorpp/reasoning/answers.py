@@ -133,12 +133,8 @@ def compute_expectation(query: Query, find_marginal: Callable[[str], Mapping[Val
             except SourceIssue as issue:
                 raise ProgramError(f"{issue}, where {format_world(bindings)}") from None
         shares = list(marginal.values())
-        if hasattr(shares[0], "interval"):
-            from lcorpp.reasoning.estimation import estimate_mean  # imports numpy
-
-            means.append(estimate_mean(numbers, shares))
-        else:
-            means.append(sum(map(mul, numbers, shares)))
+        estimate = getattr(shares[0], "estimate_mean", None)
+        means.append(estimate(numbers, shares) if estimate else sum(map(mul, numbers, shares)))
     return sum(means[1:], means[0])
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from lcorpp.errors import TooLargeError
 from lcorpp.notebook import html_table, join_some
+from lcorpp.reasoning.answers import QueryAnswer, Value, answer_query
 from lcorpp.reasoning.query_model import QueryModel
 from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, sample_worlds
 from lcorpp.values import Distribution, Interval
@@ -42,6 +43,25 @@ class Estimate(float):
     def __reduce__(self) -> tuple[type[Estimate], tuple[Interval, int]]:
         return Estimate, (self.interval, self.effective)
 
+    @staticmethod
+    def estimate_mean(numbers: Sequence[Fraction], shares: Sequence[Estimate]) -> Estimate:
+        """Estimate the expectation of a number from the shares of its values.
+
+        The normal interval with four more worlds, two of the smallest and two of the largest number, so that it
+        has a width even if all worlds have the same number.
+
+        Source: Agresti and Coull, "Approximate is better than 'exact' for interval estimation of binomial
+        proportions", The American Statistician 52(2), 1998, for numbers of which two are possible.
+        """
+        values, n = np.array(numbers, dtype=np.float64), shares[0].effective
+        counts = np.array(shares) * n
+        mean = float(counts @ values / n)
+        counts[[values.argmin(), values.argmax()]] += 2
+        middle = float(counts @ values / (n + 4))
+        half = Z95 * float(np.sqrt(counts @ (values - middle) ** 2)) / (n + 4)
+        low, high = max(middle - half, float(values.min())), min(middle + half, float(values.max()))
+        return Estimate(Interval(mean, min(mean, low), max(mean, high)), n)
+
     def __str__(self) -> str:
         return f"{self.interval:.4g}"
 
@@ -68,11 +88,16 @@ class EstimatedDistribution(Distribution):
     effective: int
 
     @classmethod
-    def from_estimates(cls, estimates: Mapping[str, Estimate]) -> EstimatedDistribution:
-        """Return the distribution of estimates of all values: value -> estimate."""
+    def from_estimates(cls, estimates: Any, is_joint: bool = False) -> EstimatedDistribution:
+        """Return the distribution of estimates of all values: value -> estimate.
+
+        Args:
+            is_joint: whether the values shall be tuples, also of one attribute.
+        """
+        values = [(value,) if is_joint and isinstance(value, str) else value for value in estimates]
         p = np.array(list(estimates.values()), dtype=np.float64)
         intervals = tuple(estimate.interval for estimate in estimates.values())
-        return cls(tuple(estimates), p / p.sum(), intervals, next(iter(estimates.values())).effective)
+        return cls(tuple(values), p / p.sum(), intervals, next(iter(estimates.values())).effective)
 
     def __iter__(self) -> Iterator[tuple[Any, Estimate]]:
         """Iterate over the values and the estimates of their probabilities."""
@@ -94,38 +119,37 @@ class EstimatedDistribution(Distribution):
         return html_table(("value", "probability"), rows)
 
 
-def count_values(
-    model: QueryModel, question: str, samples: int, seed: int, reason: TooLargeError
-) -> Mapping[str, int]:
-    """Count the values of a question in sampled worlds; "" is for no value.
+def estimate_answer(model: QueryModel, reason: TooLargeError, samples: int, seed: int) -> QueryAnswer:
+    """Answer a query from sampled worlds, as `answer_query`; the numbers are `Estimate`s.
 
-    Warns that the answer is an estimate.
+    Warns that they are.
 
     Args:
+        reason: why the answer is not computed.
         samples: the number of worlds drawn; more, if too few of them satisfy the observations.
-        reason: why the probabilities are not computed.
-
-    Returns:
-        value -> count; empty if it is certain that no world satisfies the observations.
 
     Raises:
-        ProgramError: a world violates a condition of the language.
+        ProgramError, UndefinedError: as `answer_query`; or a world violates a condition of the language.
         TooLargeError: too few sampled worlds satisfy the observations.
     """
-    found = sample_worlds(model.ground, model.system, question, samples, seed)
-    if not found.possible:
-        return {}
-    if found.accepted < MIN_EFFECTIVE_SAMPLES:
+
+    def weigh(question: str) -> Mapping[Value, int]:
+        found = sample_worlds(model.ground, model.system, question, samples, seed)
+        if not found.possible:
+            return {}
         worlds = f"{found.drawn} worlds drawn at random"
-        raise TooLargeError(
-            f"{reason}, and its evidence is too improbable for sampling: an effective sample size of"
-            f" {found.accepted} in {worlds}; expected at least {MIN_EFFECTIVE_SAMPLES}"
-            if found.accepted
-            else f"{reason}, and no sample met the evidence, which is improbable or impossible, in {worlds}"
-        )
-    message = f"{reason}: estimated from {found.drawn} worlds drawn at random, effective sample size"
-    warnings.warn(f"{message} {found.accepted}", ReasoningWarning, stacklevel=_find_caller())
-    return found.counts
+        if found.accepted < MIN_EFFECTIVE_SAMPLES:
+            few = (
+                "its evidence is too improbable for sampling: an effective sample size of"
+                f" {found.accepted} in {worlds}; expected at least {MIN_EFFECTIVE_SAMPLES}"
+            )
+            none = f"no sample met the evidence, which is improbable or impossible, in {worlds}"
+            raise TooLargeError(f"{reason}, and {few if found.accepted else none}")
+        message = f"{reason}: estimated from {worlds}, effective sample size {found.accepted}"
+        warnings.warn(message, ReasoningWarning, stacklevel=_find_caller())
+        return found.counts
+
+    return answer_query(model.ground.source, model.query, weigh, _make_estimate)
 
 
 def _find_caller() -> int:
@@ -136,25 +160,5 @@ def _find_caller() -> int:
     return level
 
 
-def make_estimate(count: int, total: int) -> Estimate:
-    """Return the estimate of a probability: the share of worlds, with its Wilson interval."""
+def _make_estimate(count: int, total: int) -> Estimate:
     return Estimate(Interval.from_count(count, total), total)
-
-
-def estimate_mean(numbers: Sequence[Fraction], shares: Sequence[Any]) -> Estimate:
-    """Estimate the expectation of a number from the shares of its values.
-
-    The normal interval with four more worlds, two of the smallest and two of the largest number, so that it
-    has a width even if all worlds have the same number.
-
-    Source: Agresti and Coull, "Approximate is better than 'exact' for interval estimation of binomial
-    proportions", The American Statistician 52(2), 1998, for numbers of which two are possible.
-    """
-    values, n = np.array(numbers, dtype=np.float64), shares[0].effective
-    counts = np.array(shares) * n
-    mean = float(counts @ values / n)
-    counts[[values.argmin(), values.argmax()]] += 2
-    middle = float(counts @ values / (n + 4))
-    half = Z95 * float(np.sqrt(counts @ (values - middle) ** 2)) / (n + 4)
-    low, high = max(middle - half, float(values.min())), min(middle + half, float(values.max()))
-    return Estimate(Interval(mean, min(mean, low), max(mean, high)), n)

@@ -76,7 +76,7 @@ def explain(reasoner: Reasoner, query: Query, *, count: int = 3) -> Explanation:
             without.append((condition, reasoner.ask(rest, exact=True)))
         except LcorppError as error:
             without.append((condition, str(error)))
-    fired = [_find_fired(reasoner.get_query_model(query).ground, world.values) for world in worlds]
+    fired = [_find_fired(reasoner.build_model(query).ground, world.values) for world in worlds]
     return Explanation(query, answer, tuple(without), tuple(zip(worlds, fired, strict=True)))
 
 

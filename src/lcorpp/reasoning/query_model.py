@@ -1,41 +1,37 @@
-"""A program grounded for some questions: its worlds, or samples of them if they are too many."""
+"""A program grounded for a query: its worlds, or samples of them if they are too many."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Formula
+from lcorpp.reasoning.language.syntax import Query
+from lcorpp.reasoning.questions import get_interventions, list_questions
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 
 class QueryModel:
-    """The worlds of a program, without cr-rules, that satisfy observations.
+    """The worlds of a program that satisfy the conditions of a query.
 
     Args:
-        do: interventions, term -> value.
-        questions: see `questions`; the names of other terms may be among them, such as those of evidence.
-        observed, asked: as in `ground_program`.
+        program: a program without cr-rules.
+        query: a query resolved by `resolve_query`.
+        facts: terms that evidence will name.
 
     Raises:
         ProgramError: arithmetic is undefined.
-        TooLargeError: the joint of terms has too many values.
+        TooLargeError: the joint of the subjects has too many values.
     """
 
-    def __init__(
-        self,
-        program: Program,
-        do: Mapping[str, str],
-        questions: Sequence[str],
-        observed: Sequence[Formula] = (),
-        asked: Formula = (),
-    ) -> None:
-        self.ground = ground_program(program, do, observed, asked, questions)
-        self.system = build_transition_system(self.ground, questions)
+    def __init__(self, program: Program, query: Query, facts: tuple[str, ...] = ()) -> None:
+        self.query = query
+        observed = [observation.formula for observation in query.observations]
+        terms = (*list_questions(query), *facts)
+        self.ground = ground_program(program, get_interventions(query), observed, query.formula, terms)
+        self.system = build_transition_system(self.ground, terms)
 
     @cached_property
     def worlds(self) -> WorldQueries:

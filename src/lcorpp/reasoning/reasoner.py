@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Hashable, Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, TypeVar
 
 from lcorpp.errors import ProgramError, TooLargeError, check_type
@@ -28,9 +28,9 @@ from lcorpp.reasoning.answers import (
 )
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Formula, Query
+from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.query_model import QueryModel
-from lcorpp.reasoning.questions import get_interventions, list_questions
+from lcorpp.reasoning.questions import is_joint
 from lcorpp.reasoning.resolve import (
     check_count,
     check_rng,
@@ -38,7 +38,6 @@ from lcorpp.reasoning.resolve import (
     resolve_evidence,
     resolve_expectation,
     resolve_interventions,
-    resolve_joint,
     resolve_labels,
     resolve_query,
     resolve_subject,
@@ -60,7 +59,10 @@ DEFAULT_SAMPLES = 20_000
 CACHE_SIZE = 1000
 """Maximal number of entries of each cache of a reasoner; a full cache is cleared."""
 
-NO_EVIDENCE: Mapping[str, str] = {}
+Subject = str | Sequence[str]
+Facts = Mapping[str, str]
+
+NOTHING: Facts = {}
 
 _Value = TypeVar("_Value")
 
@@ -87,7 +89,7 @@ class Reasoner:
         self.program, self.samples, self.seed = program, samples, seed
         self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
         self._answers: dict[Hashable, Distribution] = {}
-        self._models: dict[Hashable, QueryModel] = {}
+        self.build_model = lru_cache(CACHE_SIZE)(partial(QueryModel, program))
 
     def __repr__(self) -> str:
         return f"Reasoner({self.program!r})"
@@ -96,10 +98,7 @@ class Reasoner:
         return partial(Reasoner, samples=self.samples, seed=self.seed), (self.program,)  # without caches
 
     def posterior(
-        self,
-        attribute: str | Sequence[str],
-        evidence: Mapping[str, Label] = NO_EVIDENCE,
-        do: Mapping[str, str] = NO_EVIDENCE,
+        self, attribute: Subject, evidence: Mapping[str, Label] = NOTHING, do: Facts = NOTHING
     ) -> Distribution:
         """Compute the marginal of an attribute, or of several jointly, given evidence and interventions.
 
@@ -131,10 +130,7 @@ class Reasoner:
         return answer
 
     def exact(
-        self,
-        attribute: str | Sequence[str],
-        evidence: Mapping[str, str] = NO_EVIDENCE,
-        do: Mapping[str, str] = NO_EVIDENCE,
+        self, attribute: Subject, evidence: Facts = NOTHING, do: Facts = NOTHING
     ) -> dict[Value, Fraction]:
         """Compute a posterior in fractions: value -> probability, in the order of the declaration.
 
@@ -146,53 +142,35 @@ class Reasoner:
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
             return self._enumeration.exact(question, facts, set_to)
-        model = self._get_model(set_to, (question, *facts))
+        model = self.build_model(make_query(self.program, "", {}, set_to), (question, *facts))
         weights = model.worlds.compute_exact_weights(question, facts)
         return normalise_marginal(self.program, question, weights, format_conditions(facts, set_to))
 
-    def expect(
-        self,
-        expression: str,
-        evidence: Mapping[str, Label] = NO_EVIDENCE,
-        do: Mapping[str, str] = NO_EVIDENCE,
-    ) -> float:
-        """Compute the expectation of a number given evidence and interventions.
+    def expect(self, expression: str, evidence: Mapping[str, Label] = NOTHING, do: Facts = NOTHING) -> float:
+        """Compute an expectation given evidence and interventions; `ask` computes it as a fraction.
 
         Args:
             expression: of attributes with integers as values, such as ``roll(d1)`` or ``a*b - 2*c``. Division
                 is exact.
-            evidence, do: as in `posterior`.
-
-        Returns:
-            The expectation; an `Estimate` if the program is too large to be compiled. (`ask` of the query
-            ``E[expression]`` computes a fraction.)
 
         Raises:
             ProgramError: as `posterior`; or a value is no number, or the expression divides by zero.
             UndefinedError, TooLargeError: as `posterior`.
         """
         query = resolve_expectation(self.program, expression)
-        mean = compute_expectation(query, lambda question: dict(self.posterior(question, evidence, do)))
-        return mean if isinstance(mean, float) else float(mean)
+        return compute_expectation(query, lambda question: dict(self.posterior(question, evidence, do)))  # type: ignore[return-value]
 
     def most_probable(
-        self,
-        evidence: Mapping[str, str] = NO_EVIDENCE,
-        count: int = 1,
-        *,
-        of: str | Sequence[str] | None = None,
-        do: Mapping[str, str] = NO_EVIDENCE,
+        self, evidence: Facts = NOTHING, count: int = 1, *, of: Subject | None = None, do: Facts = NOTHING
     ) -> tuple[PossibleWorld, ...]:
         """Find the most probable worlds, or the most probable joint values of some attributes.
 
         Args:
-            evidence, do: as in `exact`.
-            count: how many, at most 100,000.
+            count: how many, at most 100,000; those of probability 0 are left out.
             of: attributes, all others are summed out (marginal MAP); by default whole worlds.
 
         Returns:
-            Worlds, with the values of the attributes only, and their probabilities given the evidence, best
-            first, those of probability 0 left out.
+            Worlds, with the values of these attributes only, and their probabilities given the evidence.
 
         Raises:
             ProgramError, UndefinedError: as `posterior`.
@@ -201,41 +179,29 @@ class Reasoner:
         """
         check_count(count)
         if of is not None:
-            question = resolve_joint(self.program, of)
+            question = resolve_subject(self.program, [of] if isinstance(of, str) else of)
             return rank_values(question, self.exact(question, evidence, do), count)
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
-        if self.program.has_cr_rules:
-            return self._enumeration.most_probable(facts, count, do=set_to)
-        worlds = self._get_model(set_to, tuple(facts)).worlds.most_probable(facts, count)
+        worlds = self.list_worlds(make_query(self.program, "", facts, set_to), count)
         if not worlds:
             raise make_no_world_error(self.program, format_conditions(facts, set_to))
         return worlds
 
     def list_worlds(self, query: Query, count: int) -> tuple[PossibleWorld, ...]:
-        """List the most probable worlds under the conditions of a query, best first; none if there is none.
-
-        Raises:
-            ProgramError, TooLargeError: as `most_probable`.
-        """
+        """List the most probable worlds under the conditions of a query, best first; see `most_probable`."""
         check_count(count)
         query = resolve_query(self.program, query)
         if self.program.has_cr_rules:
             return self._enumeration.list_worlds(query, count)
-        return self.get_query_model(query).worlds.most_probable({}, count)
+        return self.build_model(query).worlds.most_probable({}, count)
 
-    def compile(
-        self,
-        inputs: Sequence[str],
-        query: str | Sequence[str | Sequence[str]],
-        do: Mapping[str, str] = NO_EVIDENCE,
-    ) -> Circuit:
+    def compile(self, inputs: Sequence[str], query: str | Sequence[Subject], do: Facts = NOTHING) -> Circuit:
         """Compile the program into a circuit, a function of the evidence; see `Circuit`.
 
         Args:
             inputs: the terms that evidence may name; an attribute without arguments denotes all its terms.
             query: a term; the joint of several, ``"?item, person"``; or a sequence of such questions, each
                 with an answer of its own.
-            do: interventions, term -> value.
 
         Raises:
             ProgramError: a name is unknown, a world violates a condition of the language, or the program has
@@ -248,11 +214,11 @@ class Reasoner:
 
     def filter(
         self,
-        carried: Mapping[str, str],
+        carried: Facts,
         inputs: Sequence[str],
-        query: str | Sequence[str],
+        query: Subject,
         *,
-        initial: Mapping[str, str] = NO_EVIDENCE,
+        initial: Facts = NOTHING,
         window: int = 0,
     ) -> Filter:
         """Compile a two-slice program into a filter, whose belief steps carry on; see `Filter`."""
@@ -260,36 +226,22 @@ class Reasoner:
 
         return Filter(self.program, carried, inputs, query, initial=initial, window=window)
 
-    def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NO_EVIDENCE) -> dict[str, str]:
-        """Sample a possible world given evidence.
-
-        Returns:
-            term -> value.
-
-        Raises:
-            ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: the program is too large to be compiled.
-        """
+    def sample(self, rng: np.random.Generator, given: Facts = NOTHING) -> dict[str, str]:
+        """Sample a possible world given evidence: term -> value. Raises the errors of `exact`."""
         check_rng(rng)
         if self.program.has_cr_rules:
             return self._enumeration.sample(rng, given)
         facts = resolve_evidence(self.program, given)
-        world = self._get_model({}, tuple(facts)).worlds.sample(rng, facts)
+        world = self.build_model(Query(), tuple(facts)).worlds.sample(rng, facts)
         if world is None:
             raise make_no_world_error(self.program, format_conditions(facts, {}))
         return world
 
     def count(self) -> int:
-        """Count the possible worlds of the program without listing them.
-
-        Raises:
-            ProgramError: a world violates a condition of the language.
-            UndefinedError: no world has positive measure.
-            TooLargeError: the program is too large to be compiled.
-        """
+        """Count the possible worlds of the program without listing them. Raises the errors of `exact`."""
         if self.program.has_cr_rules:
             return len(self._enumeration.worlds)
-        worlds = self._get_model({}, ()).worlds
+        worlds = self.build_model(Query()).worlds
         if not any(worlds.compute_float_weights("", {}).values()):
             raise make_no_world_error(self.program, "")
         return worlds.count()
@@ -312,39 +264,29 @@ class Reasoner:
         check_type(exact, bool, "exact", ProgramError)
         query = resolve_query(self.program, query)
         if self.program.has_cr_rules:
-            answer = self._enumeration.ask(query)
-            if exact:
-                return answer
-            return {v: float(p) for v, p in answer.items()} if isinstance(answer, dict) else float(answer)
-        model = self.get_query_model(query)
+            return self._enumeration.ask(query, exact=exact)
+        model = self.build_model(query)
         try:
             worlds = model.worlds
         except TooLargeError as error:
             if exact:
                 raise
-            return self._estimate(query, error)
+            from lcorpp.reasoning.estimation import estimate_answer  # imports numpy
+
+            return estimate_answer(model, error, self.samples, self.seed)
         weigh = worlds.compute_exact_weights if exact else worlds.compute_float_weights
         return answer_query(self.program, query, lambda question: weigh(question, {}))
-
-    def get_query_model(self, query: Query) -> QueryModel:
-        """Ground the program under the conditions of a resolved query; the last ones are cached."""
-        observed = tuple([observation.formula for observation in query.observations])
-        return self._get_model(get_interventions(query), list_questions(query), observed, query.formula)
 
     # methods of answering
 
     def _compute_posterior(
-        self, attribute: str | Sequence[str], evidence: Mapping[str, Label], do: Mapping[str, str]
+        self, attribute: Subject, evidence: Mapping[str, Label], do: Facts
     ) -> Distribution:
+        if self.program.has_cr_rules:
+            return self._enumeration.posterior(attribute, evidence, do)  # type: ignore[arg-type]
         question = resolve_subject(self.program, attribute)
         facts, likelihoods = resolve_labels(self.program, evidence)
         set_to = resolve_interventions(self.program, do)
-        if self.program.has_cr_rules:
-            if likelihoods:
-                raise ProgramError(
-                    f"{self.program.file}: soft evidence has no meaning for a program with cr-rules"
-                )
-            return self._enumeration.posterior(question, facts, set_to)
         names = sorted((*facts, *likelihoods))
         key = (question, frozenset(names), frozenset(set_to.items()))
         circuit = self._circuits.get(key)
@@ -357,37 +299,13 @@ class Reasoner:
         if not isinstance(circuit, TooLargeError):
             return circuit({**facts, **likelihoods})  # type: ignore[return-value]
         if likelihoods:
-            raise TooLargeError(
-                f"{self.program.file}: the program is too large to be compiled; soft evidence needs exact"
-                " answers"
-            )
-        from lcorpp.reasoning.estimation import EstimatedDistribution
+            raise TooLargeError(f"{circuit}; soft evidence needs an exact answer")
+        from lcorpp.reasoning.estimation import EstimatedDistribution, estimate_answer
 
-        query = make_query(self.program, question, facts, set_to)
-        return EstimatedDistribution.from_estimates(self._estimate(query, circuit))  # type: ignore[arg-type]
-
-    def _estimate(self, query: Query, reason: TooLargeError) -> QueryAnswer:
-        """Answer a query from sampled worlds; the numbers are `Estimate`s."""
-        from lcorpp.reasoning.estimation import count_values, make_estimate  # imports numpy
-
-        model = self.get_query_model(query)
-
-        def weigh(question: str) -> Mapping[Value, int]:
-            return count_values(model, question, self.samples, self.seed, reason)
-
-        return answer_query(self.program, query, weigh, make_estimate)
-
-    def _get_model(
-        self,
-        do: Mapping[str, str],
-        questions: Sequence[str],
-        observed: tuple[Formula, ...] = (),
-        asked: Formula = (),
-    ) -> QueryModel:
-        key = frozenset(do.items()), frozenset(questions), observed, asked
-        if key not in self._models:
-            _store(self._models, key, QueryModel(self.program, do, questions, observed, asked))
-        return self._models[key]
+        model = self.build_model(make_query(self.program, question, facts, set_to))
+        return EstimatedDistribution.from_estimates(
+            estimate_answer(model, circuit, self.samples, self.seed), is_joint(question)
+        )
 
     @cached_property
     def _enumeration(self) -> Enumeration:

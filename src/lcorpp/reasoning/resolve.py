@@ -100,11 +100,6 @@ def resolve_subject(program: Program, attribute: str | Sequence[str]) -> str:
     return name_joint(_resolve_names(program, names))
 
 
-def resolve_joint(program: Program, attributes: str | Sequence[str]) -> str:
-    """Return the name of the joint of attributes; one attribute alone is a joint, too."""
-    return resolve_subject(program, [attributes] if isinstance(attributes, str) else attributes)
-
-
 def resolve_queries(program: Program, query: str | Iterable[str | Sequence[str]]) -> tuple[str, ...]:
     """Return the canonical names of a question or several, see `resolve_subject`."""
     check_type(query, (str, Iterable), "query", ProgramError)
@@ -208,14 +203,15 @@ def resolve_query(program: Program, query: Query) -> Query:
 
 
 def make_query(program: Program, question: str, facts: Mapping[str, str], do: Mapping[str, str]) -> Query:
-    """Make the query for a question with resolved evidence and interventions."""
-    observations = [
-        Observation(((Literal(resolve_term(program, term), "=", parse_term(value, term)),),))
-        for term, value in facts.items()
-    ]
-    interventions = [Intervention(resolve_term(program, term), parse_term(v, term)) for term, v in do.items()]
-    subjects = _resolve_names(program, list_terms(question))
-    return Query((), subjects, None, tuple(observations), tuple(interventions))
+    """Make the query for a question, "" for none, with resolved evidence and interventions."""
+    terms = {name: resolve_term(program, name) for name in (*facts, *do)}
+    return Query(
+        subjects=_resolve_names(program, list_terms(question)) if question else (),
+        observations=tuple(
+            [Observation(((Literal(terms[t], "=", parse_term(v, t)),),)) for t, v in facts.items()]
+        ),
+        interventions=tuple([Intervention(terms[t], parse_term(v, t)) for t, v in do.items()]),
+    )
 
 
 def resolve_expectation(program: Program, expression: str) -> Query:

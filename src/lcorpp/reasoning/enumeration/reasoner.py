@@ -10,6 +10,7 @@ from functools import cached_property, partial
 from heapq import nsmallest
 from itertools import accumulate
 from math import lcm
+from operator import truediv
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,11 +21,9 @@ from lcorpp.reasoning.answers import (
     QueryAnswer,
     Value,
     answer_query,
-    compute_expectation,
     format_conditions,
     make_no_world_error,
     normalise_marginal,
-    rank_values,
 )
 from lcorpp.reasoning.language.arithmetic import as_value, canonical_text, compare_values
 from lcorpp.reasoning.language.program import Program
@@ -34,9 +33,7 @@ from lcorpp.reasoning.resolve import (
     check_count,
     check_rng,
     resolve_evidence,
-    resolve_expectation,
     resolve_interventions,
-    resolve_joint,
     resolve_query,
     resolve_subject,
 )
@@ -159,8 +156,8 @@ class Enumeration:
         weights = self._select(_make_conditions(facts), set_to).weigh(term)
         return normalise_marginal(self.program, term, weights, format_conditions(facts, set_to))
 
-    def ask(self, query: Query) -> QueryAnswer:
-        """Answer a query in fractions, see `Reasoner.ask`.
+    def ask(self, query: Query, *, exact: bool = True) -> QueryAnswer:
+        """Answer a query, see `Reasoner.ask`.
 
         Raises:
             ProgramError: as `exact`, or the query does not fit the program.
@@ -175,33 +172,9 @@ class Enumeration:
             true = table.filter([self._make_condition(query.formula)]).total
             return {"true": Fraction(true), "": Fraction(table.total - true)}
 
-        return answer_query(self.program, query, weigh)
-
-    def expect(
-        self, expression: str, evidence: Mapping[str, str] = NOTHING, do: Mapping[str, str] = NOTHING
-    ) -> float:
-        """Compute the expectation of a number, see `Reasoner.expect`."""
-        query = resolve_expectation(self.program, expression)
-        return float(compute_expectation(query, lambda term: self.exact(term, evidence, do)))
-
-    def most_probable(
-        self,
-        evidence: Mapping[str, str] = NOTHING,
-        count: int = 1,
-        *,
-        of: Sequence[str] | None = None,
-        do: Mapping[str, str] = NOTHING,
-    ) -> tuple[PossibleWorld, ...]:
-        """Find the most probable worlds, or joint values of attributes, see `Reasoner.most_probable`."""
-        check_count(count)
-        if of is not None:
-            term = resolve_joint(self.program, of)
-            return rank_values(term, self.exact(term, evidence, do), count)
-        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
-        table = self._select(_make_conditions(facts), set_to)
-        if not table.total:
-            raise make_no_world_error(self.program, format_conditions(facts, set_to))
-        return table.list_worlds(count)
+        return answer_query(
+            self.program, query, weigh, truediv if exact else lambda w, total: float(w / total)
+        )
 
     def list_worlds(self, query: Query, count: int) -> tuple[PossibleWorld, ...]:
         """List the most probable worlds under the conditions of a query, see `Reasoner.list_worlds`."""
