@@ -153,19 +153,24 @@ def drop_ill_sorted(statements: Sequence[Statement]) -> tuple[Statement, ...]:
 
 def _has_instances(statement: Statement, signature: Signature) -> bool:
     clause = as_clause(statement)
-    if clause is None:
-        return True
-    head = get_head(clause)
-    if head:
-        check_attribute(head.term, signature)
-    literals = [part for part in (head, *get_body(clause)) if isinstance(part, Literal) and not part.negated]
     try:
-        for literal in literals:
-            if not signature.is_sort(literal):
+        if clause:
+            _check_clause(clause, signature)
+    except SortMismatch:
+        assert clause
+        head = get_head(clause)
+        if head:
+            check_attribute(head.term, signature)
+        positive = [
+            part
+            for part in (head, *get_body(clause))
+            if isinstance(part, Literal) and not part.negated and not signature.is_sort(part)
+        ]
+        try:
+            for literal in positive:
                 check_attribute(literal.term, signature)
                 check_slots(signature.iter_literal_slots(literal), signature)
-    except SortMismatch:
-        return False
-    except SourceIssue:
-        pass  # an unknown name, which `check_statements` reports
+        except SortMismatch:
+            return False
+        raise
     return True

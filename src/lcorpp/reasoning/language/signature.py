@@ -11,7 +11,7 @@ from types import MappingProxyType
 from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import is_integer
 from lcorpp.reasoning.language.issues import Place, SourceIssue
-from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortTable, find_record_shapes
+from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortTable
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     BodyLiteral,
@@ -30,24 +30,21 @@ ArgumentSlot = tuple[Expression, str]
 
 
 @dataclass(frozen=True, repr=False)
-class Attribute:
+class Attribute(AttributeDeclaration):
     """A declared attribute.
 
-    arguments: the sort names of its arguments.
-    range: the sort name of its values.
     values: the values in order of declaration; integers are decimal text.
-    line: the line of the declaration.
     """
 
-    name: str
-    arguments: tuple[str, ...]
-    range: str
     values: tuple[str, ...]
-    line: int
+
+    @property
+    def line(self) -> int:
+        """The line of the declaration."""
+        return self.at.line
 
     def __repr__(self) -> str:
-        arguments = f"{', '.join(self.arguments)} -> " if self.arguments else ""
-        return f"<Attribute {self.name} : {arguments}{self.range}, {len(self.values)} values>"
+        return f"<Attribute {str(self)[:-1]}, {len(self.values)} values>"
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,12 +55,14 @@ class Signature:
     attributes: name -> attribute.
     domains: variable -> the sort declared by `#domain`.
     selections: attribute -> its random selections, including those of cr-rules.
+    records: name and number of arguments of the records in sorts.
     """
 
     sorts: Mapping[str, Mapping[str, None]]
     attributes: Mapping[str, Attribute]
     domains: Mapping[str, str]
-    selections: Mapping[str, tuple[Selection, ...]] = field(default_factory=dict)
+    selections: Mapping[str, tuple[Selection, ...]]
+    records: frozenset[tuple[str, int]] = frozenset()
     _common_counts: dict[tuple[str, ...], int] = field(default_factory=dict, init=False, compare=False)
 
     def __repr__(self) -> str:
@@ -93,13 +92,10 @@ class Signature:
     def resolve_overload(self, literal: Literal) -> Literal:
         """Return the literal with the mangled name (`mangle_name`) of its attribute if that is overloaded."""
         term, count = literal.term, len(literal.term.arguments)
-        attribute = self.attributes.get(term.name)
-        other = self.attributes.get(mangle_name(term.name, count))
-        if attribute is None or other is None:
-            return literal
-        if len(attribute.arguments) == count or len(other.arguments) != count:
-            return literal
-        return replace(literal, term=replace(term, name=other.name))
+        attribute, mangled = self.attributes.get(term.name), mangle_name(term.name, count)
+        if attribute and len(attribute.arguments) != count and mangled in self.attributes:
+            return replace(literal, term=replace(term, name=mangled))
+        return literal
 
     def is_sort(self, literal: Literal) -> bool:
         """Whether the literal is a sort membership `s(X)`; attributes take precedence over sorts."""
@@ -175,6 +171,7 @@ def build_signature(statements: Sequence[Statement]) -> Signature:
         MappingProxyType(attributes),
         MappingProxyType(domains),
         MappingProxyType(selections),
+        frozenset(sorts.records),
     )
 
 
@@ -189,7 +186,7 @@ def _collect_attributes(
         for name in (*declared.arguments, declared.range):
             _check_sort(name, declared.at, sorts)
         attributes[declared.name] = Attribute(
-            declared.name, declared.arguments, declared.range, values[declared.range], declared.at.line
+            declared.name, declared.arguments, declared.range, values[declared.range], at=declared.at
         )
     return attributes
 
@@ -207,7 +204,7 @@ def _check_sort(name: str, at: Place, sorts: Iterable[str]) -> None:
         raise SourceIssue(at, f"unknown sort {name!r}; {expected_one_of(list(sorts))}")
 
 
-def check_record_names(statements: Sequence[Statement]) -> None:
+def check_record_names(signature: Signature) -> None:
     """Check that no attribute has the name and the number of arguments of a record.
 
     Raises:
@@ -215,11 +212,10 @@ def check_record_names(statements: Sequence[Statement]) -> None:
 
     Source: the manual of plog 2.0, section on errors in attribute declarations.
     """
-    records = set().union(*(find_record_shapes(s.sort) for s in statements if isinstance(s, SortDefinition)))
-    for declared in (s for s in statements if isinstance(s, AttributeDeclaration)):
-        if (declared.name, len(declared.arguments)) in records:
+    for attribute in signature.attributes.values():
+        if (attribute.name, len(attribute.arguments)) in signature.records:
             raise SourceIssue(
-                declared.at,
-                f"{declared.name} is an attribute and, with as many arguments, a record in a sort;"
+                attribute.at,
+                f"{attribute.name} is an attribute and, with as many arguments, a record in a sort;"
                 " expected different names",
             )
