@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import is_integer
-from lcorpp.reasoning.language.issues import Place, SourceIssue
+from lcorpp.reasoning.language.issues import Place, SortMismatch, SourceIssue
 from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortTable
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
@@ -101,35 +101,59 @@ class Signature:
         """Whether the literal is a sort membership `s(X)`; attributes take precedence over sorts."""
         return literal.term.name in self.sorts and literal.term.name not in self.attributes
 
-    def iter_term_slots(self, term: Term) -> Iterator[ArgumentSlot]:
-        """The argument slots of an attribute term."""
-        return zip(term.arguments, self.attributes[term.name].arguments, strict=True)
+    def get_attribute(self, term: Term) -> Attribute:
+        """Return the attribute of a term.
 
-    def iter_literal_slots(self, literal: Literal) -> Iterator[ArgumentSlot]:
-        """The argument slots of a literal: arguments, and the value unless it is only compared by order.
-
-        A positive sort membership `s(X)` has one slot, a negated one none.
+        Raises:
+            SourceIssue: its name is unknown.
+            SortMismatch: the term has a wrong number of arguments.
         """
-        if not self.is_sort(literal):
-            yield from self.iter_term_slots(literal.term)
-            if literal.relation in ("=", "!="):
-                yield literal.value, self.attributes[literal.term.name].range
-        elif not literal.negated:
-            yield literal.term.arguments[0], literal.term.name
+        attribute = self.attributes.get(term.name)
+        if attribute is None:
+            what = "is a sort, not an attribute" if term.name in self.sorts else "is not declared"
+            raise SourceIssue(term.at, f"{term.name!r} {what}; {expected_one_of(list(self.attributes))}")
+        if len(term.arguments) != len(attribute.arguments):
+            shape = f"{term.name}({', '.join(attribute.arguments)})" if attribute.arguments else term.name
+            raise SortMismatch(
+                term.at,
+                f"{term.name} has {len(attribute.arguments)} arguments, not {len(term.arguments)};"
+                f" expected {shape}",
+            )
+        return attribute
+
+    def iter_attribute_slots(self, literal: Literal) -> Iterator[ArgumentSlot]:
+        """The slots of a literal: its arguments, and its value unless that is only compared by order.
+
+        Raises:
+            SourceIssue, SortMismatch: as `get_attribute`.
+        """
+        attribute = self.get_attribute(literal.term)
+        yield from zip(literal.term.arguments, attribute.arguments, strict=True)
+        if literal.relation in ("=", "!="):
+            yield literal.value, attribute.range
 
     def iter_body_slots(self, body: Iterable[BodyLiteral]) -> Iterator[ArgumentSlot]:
-        """The argument slots of a body."""
+        """The slots of a body; a positive sort membership `s(X)` has one."""
         for literal in body:
-            if isinstance(literal, Literal):
-                yield from self.iter_literal_slots(literal)
+            if not isinstance(literal, Literal):
+                continue
+            if not self.is_sort(literal):
+                yield from self.iter_attribute_slots(literal)
+            elif len(literal.term.arguments) != 1 or (literal.relation, literal.value) != ("=", Term("true")):
+                name = literal.term.name
+                raise SourceIssue(literal.at, f"{name} is a sort; expected {name}(...) without value")
+            elif not literal.negated:
+                yield literal.term.arguments[0], literal.term.name
 
     def iter_slots(self, clause: Clause) -> Iterator[ArgumentSlot]:
-        """The argument slots of a clause without those of a dynamic range, which has its own variables."""
+        """The slots of a clause without those of a dynamic range, which has its own variables."""
         head = get_head(clause)
-        return self.iter_body_slots((head, *get_body(clause)) if head else get_body(clause))
+        if head:
+            yield from self.iter_attribute_slots(head)
+        yield from self.iter_body_slots(get_body(clause))
 
     def iter_range_slots(self, selection: Selection) -> Iterator[ArgumentSlot]:
-        """The argument slots of a dynamic range, its variable first."""
+        """The slots of a dynamic range, its variable first."""
         if selection.range:
             yield selection.range.variable, self.attributes[selection.term.name].range
             yield from self.iter_body_slots(selection.range.condition)

@@ -83,14 +83,14 @@ class SortTable:
 
 def _check_size(count: int, what: str, at: Place) -> None:
     if count > MAX_SORT_SIZE:
-        raise SourceIssue(at, f"the {what} {count} members; expected at most {MAX_SORT_SIZE}")
+        raise SourceIssue(at, f"the {what} {count} members; a sort has at most {MAX_SORT_SIZE}")
 
 
 # sort expressions
 
 
 @dataclass(frozen=True, repr=False)
-class IntervalTerm(SyntaxNode):
+class Interval(SyntaxNode):
     """`low..high`, including both ends."""
 
     low: int
@@ -130,7 +130,7 @@ class SortName(SyntaxNode):
 class SortSet(SyntaxNode):
     """`{elements}`."""
 
-    elements: tuple[Expression | IntervalTerm, ...]
+    elements: tuple[Expression | Interval, ...]
 
     def __str__(self) -> str:
         return f"{{{', '.join(map(str, self.elements))}}}"
@@ -139,7 +139,7 @@ class SortSet(SyntaxNode):
         """Return the elements; `name` is the name of the sort in messages."""
         members: Members = {}
         for element in self.elements:
-            if isinstance(element, IntervalTerm):
+            if isinstance(element, Interval):
                 new = element.evaluate(table)
             else:
                 table.count_work(1, element.at)
@@ -237,4 +237,4 @@ def _is_satisfied(condition: Condition, row: Sequence[str], places: Mapping[str,
     return compare_values(left, condition.relation, right)
 
 
-SortExpression = SortName | SortSet | RecordSort | SortOperation | IntervalTerm
+SortExpression = SortName | SortSet | RecordSort | SortOperation
