@@ -17,6 +17,7 @@ from lcorpp.reasoning.language.syntax import (
     Clause,
     ComparisonLiteral,
     Expression,
+    Literal,
     Number,
     Probability,
     Selection,
@@ -42,7 +43,7 @@ def check_variables(clause: Clause, signature: Signature) -> None:
     sorts = find_variable_sorts(slots, used, signature)
     # each outcome of a selection counts
     span = len(signature.attributes[clause.term.name].values) if isinstance(clause, Selection) else 1
-    computed = _find_computed_variables(body)
+    computed = _find_computed_variables(body) | _find_joined_variables(clause, signature)
     for name, sorts_of_variable in sorts.items():
         common = signature.count_common_members(sorts_of_variable)
         if not common:
@@ -106,6 +107,15 @@ def _find_computed_variables(body: Iterable[BodyLiteral]) -> set[str]:
             computed.add(variable)
             others |= names
     return computed
+
+
+def _find_joined_variables(clause: Clause, signature: Signature) -> set[str]:
+    """Find the variables whose values the grounder takes from the atoms of attributes, not from sorts."""
+    terms = [clause.term] if isinstance(clause, Probability) else []
+    for literal in get_body(clause):
+        if isinstance(literal, Literal) and not literal.negated and not signature.is_sort(literal):
+            terms.append(literal.term)
+    return find_variables(*(argument for term in terms for argument in term.arguments))
 
 
 def _add_computed_bounds(body: Iterable[BodyLiteral], bounds: dict[str, int]) -> None:
