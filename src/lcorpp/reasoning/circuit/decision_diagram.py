@@ -26,7 +26,7 @@ from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.conditions import ConditionViolation
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import QUERY_TERM
-from lcorpp.reasoning.transitions.linear_recursion import derive_values
+from lcorpp.reasoning.transitions.stratified import derive_values
 from lcorpp.reasoning.transitions.transition import Effect, Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 

@@ -14,7 +14,7 @@ Source: the frontier method for network reliability, Hardy, Lucet and Limnios, I
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.transitions.closure import Closure
@@ -215,33 +215,6 @@ def _is_linear(program: GroundProgram, own: set[int], clauses: Iterable[Clause])
             defaults.add((clause.term, clause.value))
         bodies.update([body for body, _ in edges if body is not None])
     return defaults.isdisjoint(bodies)
-
-
-def derive_values(
-    program: GroundProgram, terms: Sequence[int], clauses: Iterable[Clause], outcome_of: Mapping[int, int]
-) -> dict[int, int]:
-    """Compute the outcomes of a component with linear rules in one world.
-
-    Args:
-        outcome_of: other term -> its outcome in the world.
-    """
-    own = set(terms)
-    edges: list[Edge] = []
-    defaults: list[tuple[Clause, list[GroundLiteral]]] = []
-    for clause in clauses:
-        if all(mask >> outcome_of[term] & 1 for term, mask, _ in clause.body if term not in own):
-            literals = [literal for literal in clause.body if literal[0] in own]
-            found = find_edges(program, clause, literals)
-            edges.extend(found or ())
-            if not found:
-                defaults.append((clause, literals))
-    true = {head for body, head in _close_over(edges, {head for _, head in edges}) if body is None}
-    outcomes = {term: len(program.values[term]) for term in terms}
-    outcomes.update(true)
-    for clause, literals in defaults:
-        if all(mask >> outcomes[term] & 1 for term, mask, _ in literals):
-            outcomes[clause.term] = clause.value
-    return outcomes
 
 
 def _list_atoms(edges: Iterable[Edge]) -> list[Atom]:

@@ -46,6 +46,7 @@ from lcorpp.reasoning.transitions.local_distribution import (
 )
 from lcorpp.reasoning.transitions.recursive_components import build_component
 from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
+from lcorpp.reasoning.transitions.stratified import Stratified
 from lcorpp.reasoning.transitions.transition import Transition
 
 
@@ -58,8 +59,8 @@ class TransitionSystem:
     transitions: step -> the outcomes of its terms and their effect on the state.
     consistent: False if a constraint without body shows that there is no world.
     term_numbers: term as text -> its number in `program`, for the terms that may have a value.
-    recursions: the components with linear rules, (terms, clauses): their transitions decide only the terms
-        that other rules or queries read, see `linear_recursion.derive_values`.
+    recursions: the components of which the transitions decide only the terms that other rules or queries
+        read, (terms, clauses), by step; `stratified.derive_values` completes them.
     probabilities: those computed so far by local distributions.
     """
 
@@ -134,18 +135,18 @@ class _TransitionBuilder:
         self._constraint_bits: dict[int, list[int]] = {}  # the last step of the body -> slot -> bit
         self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
         self.probabilities: ProbabilityCache = {}
-        own_clauses: list[list[Clause]] = [[] for _ in order]
+        self._own_clauses: list[list[Clause]] = [[] for _ in order]
         constraints: dict[int, list[Clause]] = {}  # the last step of the body -> clauses
         for clause in clauses:
             if clause.term < 0:  # a constraint has no head
                 last = max([self._step_of[literal[0]] for literal in clause.body], default=-1)
                 constraints.setdefault(last, []).append(clause)
             else:
-                own_clauses[self._step_of[clause.term]].append(clause)
-        count_by_size = Counter(map(len, own_clauses))
+                self._own_clauses[self._step_of[clause.term]].append(clause)
+        count_by_size = Counter(map(len, self._own_clauses))
         self._components = [  # step -> (template, bits)
             self._add_child(terms, own, count_by_size[len(own)] > 1)
-            for terms, own in zip(order, own_clauses, strict=True)
+            for terms, own in zip(order, self._own_clauses, strict=True)
         ]
         count_by_size = Counter(map(len, constraints.values()))
         for own in constraints.values():
@@ -154,7 +155,7 @@ class _TransitionBuilder:
         self._recursion_of: dict[RuleTemplate, LinearRecursion] = {}
         for step, terms in enumerate(order):
             if len(terms) > 1 and terms in tree.linear:
-                self._add_recursion(step, terms, own_clauses[step])
+                self._add_recursion(step)
 
     def _add_child(
         self, terms: tuple[int, ...], clauses: Sequence[Clause], has_equal_sized: bool
@@ -207,16 +208,17 @@ class _TransitionBuilder:
             self._children[steps[parent.rank]].append((template, parent, bits))
         return template, bits
 
-    def _add_recursion(self, step: int, terms: tuple[int, ...], clauses: Sequence[Clause]) -> None:
+    def _add_recursion(self, step: int) -> None:
         """Decide a component with linear rules along its parents, unless its frontier is too large."""
         template, _ = self._components[step]
-        steps = sorted({self._step_of[x[0]] for clause in clauses for x in clause.body} - {step})
+        steps = sorted(
+            {self._step_of[x[0]] for clause in self._own_clauses[step] for x in clause.body} - {step}
+        )
         recursion = LinearRecursion(
             self._program, template, step, steps, self._find_read_terms(template, step)
         )
         if 0 < recursion.width <= MAX_FRONTIER:
             self._recursion_of[template] = recursion
-            self.recursions.append((terms, clauses))
 
     def _find_read_terms(self, template: RuleTemplate, step: int) -> set[int]:
         """Find the terms of a component whose outcomes queries or children read."""
@@ -309,4 +311,7 @@ class _TransitionBuilder:
                 (bits[group.satisfied_slot], group.clause, group.own_literals)
                 for group in template.clause_groups
             ]
-        return build_component(self._program, template.terms, clauses, self.probabilities, read_terms)
+        component = build_component(self._program, template.terms, clauses, self.probabilities, read_terms)
+        if isinstance(component, Stratified) and len(terms) > 1:
+            self.recursions.append((terms, self._own_clauses[step]))
+        return component
