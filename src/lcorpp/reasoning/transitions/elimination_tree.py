@@ -143,20 +143,19 @@ def _number_nodes(
     linear: Collection[tuple[int, ...]],
 ) -> EliminationTree:
     """Number the nodes of a tree depth first; brothers keep their order."""
-    ordered = [own if len(own) < 2 else sorted(own) for own in children]
+    number = [0] * len(components)
     preorder: list[int] = []
     stack = sorted(roots, reverse=True)
     while stack:
         node = stack.pop()
+        number[node] = len(preorder)
         preorder.append(node)
-        stack.extend(ordered[node][::-1])
-    number = [0] * len(components)
-    for new, node in enumerate(preorder):
-        number[node] = new
-    numbered = [tuple([number[child] for child in ordered[node]]) for node in preorder]
+        own = children[node]
+        stack += own if len(own) < 2 else sorted(own, reverse=True)
+    numbered = [tuple(sorted([number[child] for child in children[node]])) for node in preorder]
     ends = list(range(1, len(preorder) + 1))
     for step in range(len(preorder) - 1, -1, -1):
-        if numbered[step]:
+        if numbered[step]:  # the subtree ends with that of the last child
             ends[step] = ends[numbered[step][-1]]
     order = [components[node] for node in preorder]
     return EliminationTree(order, numbered, tuple(sorted([number[root] for root in roots])), ends, linear)

@@ -90,14 +90,13 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
         tree = build_elimination_tree(program, clauses, outcomes)
         term_numbers = {program.names[term]: term for terms in tree.order for term in terms}
-        consistent = not any(c.term < 0 and not c.body for c in clauses)
         needed = {term_numbers[name] for name in queried if name in term_numbers}
         builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
         return TransitionSystem(
             program,
             tree,
             builder.build(),
-            consistent,
+            builder.consistent,
             term_numbers,
             builder.recursions,
             builder.probabilities,
@@ -112,6 +111,8 @@ class _TransitionBuilder:
         outcomes: the mask of the possible outcomes of each term.
         tree: the steps.
         queried: the terms whose outcomes queries read.
+
+    consistent, recursions, probabilities: as in `TransitionSystem`.
     """
 
     def __init__(
@@ -148,6 +149,7 @@ class _TransitionBuilder:
             self._add_child(terms, own, count_by_size[len(own)] > 1)
             for terms, own in zip(order, self._own_clauses, strict=True)
         ]
+        self.consistent = -1 not in constraints
         count_by_size = Counter(map(len, constraints.values()))
         for own in constraints.values():
             self._add_child((), own, count_by_size[len(own)] > 1)
@@ -219,6 +221,8 @@ class _TransitionBuilder:
         )
         if 0 < recursion.width <= MAX_FRONTIER:
             self._recursion_of[template] = recursion
+            for parent in template.parents:
+                parent.releases += recursion.finished.get(parent.rank, ())
 
     def _find_read_terms(self, template: RuleTemplate, step: int) -> set[int]:
         """Find the terms of a component whose outcomes queries or children read."""
@@ -231,36 +235,36 @@ class _TransitionBuilder:
 
     def build(self) -> list[Transition]:
         """Allocate the bits step by step and build the transitions."""
-        live_before = dict.fromkeys(self._tree.roots, 0)  # step -> mask of the bits in use before it
+        live_before = [0] * len(self._components)  # step -> mask of the bits in use before it
         transition_of: dict[object, Transition] = {}
         transitions: list[Transition] = []
-        steps = zip(self._components, self._children, self._tree.order, strict=True)
-        for step, ((template, own_bits), children, terms) in enumerate(steps):
-            is_shareable, live = template.is_shared, live_before.pop(step)
+        for step, ((template, own_bits), children) in enumerate(
+            zip(self._components, self._children, strict=True)
+        ):
+            is_shareable, live = template.is_shared, live_before[step]
             for other, parent, bits in children:
                 is_shareable = is_shareable and other.is_shared
                 for slot in parent.allocates:
                     bits[slot] = ~live & (live + 1)  # the lowest bit that is not in use
                     live |= bits[slot]
             closures: list[Closure] = []
-            released: list[tuple[list[int], Sequence[int]]] = []  # (bits, slots)
-            for other, _, bits in children if self._recursion_of else ():
-                recursion = self._recursion_of.get(other)
-                if recursion and recursion.is_touched_at(step):
-                    closure, finished, live = recursion.advance(step, bits, live)
-                    closures.append(closure)
-                    released.append((bits, finished))
+            if self._recursion_of:
+                for other, _, bits in children:
+                    recursion = self._recursion_of.get(other)
+                    if recursion and recursion.is_touched_at(step):
+                        closure, live = recursion.advance(step, bits, live)
+                        closures.append(closure)
             # all bodies of the component are decided, so only bits for "satisfied" are left
             input_mask = sum(own_bits)
             # a bit is free again only now, as the transition reads it together with those allocated above
             live ^= input_mask
             for _, parent, bits in children:
-                if parent.releases:
-                    live ^= sum([bits[slot] for slot in parent.releases])
-                    released.append((bits, parent.releases))
+                for slot in parent.releases:
+                    live ^= bits[slot]
             following = self._tree.children[step]
             live_masks = (live,) if len(following) == 1 else self._split_live_bits(step, live)
-            live_before.update(zip(following, live_masks, strict=True))
+            for child, mask in zip(following, live_masks, strict=True):
+                live_before[child] = mask
             key = None
             if is_shareable:
                 parts: list[object] = [template, live_masks, *own_bits]
@@ -270,6 +274,7 @@ class _TransitionBuilder:
                 key = tuple(parts)
             transition = transition_of.get(key)
             if transition is None:
+                terms = self._tree.order[step]
                 distribution = self._build_distribution(template, own_bits, step, terms)
                 transition = Transition(len(terms), distribution, input_mask, children, live_masks, closures)
                 if key is not None:
@@ -277,8 +282,8 @@ class _TransitionBuilder:
             else:
                 transition.is_shared = True
             transitions.append(transition)
-            for bits, slots in released:  # only now: the transition reads these bits for the last time
-                for slot in slots:
+            for _, parent, bits in children:  # only now: the transition reads these bits for the last time
+                for slot in parent.releases:
                     bits[slot] = 0
         return transitions
 
