@@ -144,15 +144,11 @@ class _TransitionBuilder:
                 constraints.setdefault(last, []).append(clause)
             else:
                 self._own_clauses[self._step_of[clause.term]].append(clause)
-        count_by_size = Counter(map(len, self._own_clauses))
-        self._components = [  # step -> (template, bits)
-            self._add_child(terms, own, count_by_size[len(own)] > 1)
-            for terms, own in zip(order, self._own_clauses, strict=True)
-        ]
         self.consistent = -1 not in constraints
-        count_by_size = Counter(map(len, constraints.values()))
-        for own in constraints.values():
-            self._add_child((), own, count_by_size[len(own)] > 1)
+        members = [*zip(order, self._own_clauses, strict=True), *[((), own) for own in constraints.values()]]
+        count_by_size = Counter([len(own) for _, own in members])
+        added = [self._add_child(terms, own, count_by_size[len(own)] > 1) for terms, own in members]
+        self._components = added[: len(order)]  # step -> (template, bits)
         self.recursions: list[tuple[tuple[int, ...], Sequence[Clause]]] = []
         self._recursion_of: dict[RuleTemplate, LinearRecursion] = {}
         for step, terms in enumerate(order):
@@ -188,11 +184,11 @@ class _TransitionBuilder:
             ranks = tuple([rank_of[step] for step in step_of_needed])
         else:  # usual in chains, and faster
             steps, ranks = step_of_needed, (0,) * len(needed)
-        key = None
-        # the structure does not contain the indexes of terms in components of several terms
-        if structure is not None and not (self._index_of and any(term in self._index_of for term in needed)):
-            structure.append(ranks)
-            key = tuple(structure)
+        if structure is not None:
+            structure += ranks
+            if self._index_of:
+                structure += [self._index_of.get(term, 0) for term in needed]
+        key = tuple(structure) if structure is not None else None
         template = self._template_of.get(key)
         if template is None:
             places = {
