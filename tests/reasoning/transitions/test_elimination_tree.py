@@ -6,7 +6,7 @@ from hypothesis import given, strategies as st
 
 from lcorpp.reasoning import parse_plog
 from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.transitions.strong_components import find_strongly_connected_components
+from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 

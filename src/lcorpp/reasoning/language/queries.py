@@ -124,16 +124,17 @@ def _parse_formulas(cursor: Cursor) -> Body:
 def _parse_formula(cursor: Cursor) -> Body:
     at = cursor.at
     if cursor.accept("!"):
-        cursor.enter_nesting()
-        first, *others = _parse_formula(cursor)
-        cursor.leave_nesting()
+        first, *others = cursor.parse_nested(_parse_formula)
         if others or isinstance(first, ComparisonLiteral) or first.negated:
             raise SourceIssue(at, "'!' is only supported before a single literal")
         return (replace(first, negated=True, at=at),)
     if cursor.kind != "(":
         return (parse_body_literal(cursor),)
     cursor.take()
-    cursor.enter_nesting()
+    return cursor.parse_nested(_parse_conjunction, ")")
+
+
+def _parse_conjunction(cursor: Cursor) -> Body:
     formulas = list(_parse_formula(cursor))
     while cursor.accept_word("and"):
         formulas.extend(_parse_formula(cursor))
@@ -141,5 +142,4 @@ def _parse_formula(cursor: Cursor) -> Body:
         raise SourceIssue(
             cursor.at, "'or' is not supported in a query; define an attribute with one rule for each case"
         )
-    cursor.leave_nesting(")")
     return tuple(formulas)

@@ -28,8 +28,8 @@ from heapq import heappop, heappush
 from math import log2
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.linear_recursion import find_linear_components
-from lcorpp.reasoning.transitions.strong_components import find_strongly_connected_components
 
 MAX_EXACT_DEGREE = 32
 """The degrees of the members of larger scopes are updated only when one of them is about to be eliminated."""

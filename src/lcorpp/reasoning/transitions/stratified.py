@@ -12,9 +12,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
+from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.local_distribution import ONE, GuardedClause, Outcome
 from lcorpp.reasoning.transitions.rule_templates import DERIVE
-from lcorpp.reasoning.transitions.strong_components import find_strongly_connected_components
 
 Atom = tuple[int, int]
 """(term, value)"""

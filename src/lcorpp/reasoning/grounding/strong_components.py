@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from typing import TypeVar
+
+_Node = TypeVar("_Node", int, str)
 
 
-def find_strongly_connected_components(successors: Mapping[int, Iterable[int]]) -> list[tuple[int, ...]]:
+def find_strongly_connected_components(
+    successors: Mapping[_Node, Iterable[_Node]],
+) -> list[tuple[_Node, ...]]:
     """Return the strongly connected components of a graph, each after the components it points to.
 
     Args:
@@ -14,12 +19,12 @@ def find_strongly_connected_components(successors: Mapping[int, Iterable[int]]) 
     Source: Tarjan, SIAM J. Comput. 1(2), 1972, without recursion.
     """
     finished = len(successors)
-    index: dict[int, int] = {}  # node -> number in the order of visits
-    low: dict[int, int] = {}
-    stack: list[int] = []
-    components: list[tuple[int, ...]] = []
+    index: dict[_Node, int] = {}  # node -> number in the order of visits
+    low: dict[_Node, int] = {}
+    stack: list[_Node] = []
+    components: list[tuple[_Node, ...]] = []
     for root in successors:
-        work: list[tuple[int, Iterator[int]]] = []
+        work: list[tuple[_Node, Iterator[_Node]]] = []
         entered = None if root in index else root
         while entered is not None or work:
             if entered is not None:
