@@ -12,7 +12,7 @@ there, so that the cost is exponential in the width of a branch, not of the whol
 The tree is built from its leaves. Of the components that no clause needs any more, the one that shares
 clauses with the fewest others (in bits) is eliminated; the others then share what remains of its clauses.
 This is minimum-degree elimination, kept to topological orders; scopes are merged instead of connecting all
-pairs of their members.
+pairs of their members. If it needs much, two fixed orders are tried, see `_list_levels`.
 
 Source: Amestoy, Davis and Duff, "An approximate minimum degree ordering algorithm", SIAM J. Matrix Anal. 17,
 1996 (quotient graphs); Dechter and Mateescu, "AND/OR search spaces for graphical models", Artificial
@@ -24,12 +24,16 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from graphlib import TopologicalSorter
 from heapq import heappop, heappush
-from math import log2
+from math import inf, log2
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.linear_recursion import find_linear_components
+
+MAX_GREEDY_WIDTH = 10
+"""If an elimination of the cheapest component costs more bits than this, other orders are tried."""
 
 MAX_EXACT_DEGREE = 32
 """The degrees of the members of larger scopes are updated only when one of them is about to be eliminated."""
@@ -103,9 +107,13 @@ def build_elimination_tree(
     ranks = _rank_components(components, linear)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
     sizes = [sum([bits[outcomes[term]] for term in own]) for own in components]
-    children, roots = _eliminate(
-        component_needs, [group for group in constraints if len(group) > 1], sizes, ranks
-    )
+    groups = [group for group in constraints if len(group) > 1]
+    children, roots, width = _eliminate(component_needs, groups, sizes, ranks, [0] * len(components), inf)
+    if width > MAX_GREEDY_WIDTH:
+        for levels in _list_levels(component_needs):
+            other = _eliminate(component_needs, groups, sizes, ranks, levels, width)
+            if other[2] < width:
+                children, roots, width = other
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*linear))
@@ -210,12 +218,30 @@ def _list_by_distance(start: int, neighbours: Mapping[int, set[int]]) -> list[in
     return order
 
 
+def _list_levels(needs: Sequence[set[int]]) -> list[list[int]]:
+    """List two orders from the leaves to the roots: by distance from the leaves, and from the roots.
+
+    Programs of many time slices need them: what is eliminated from one slice makes other components of the
+    slice more expensive, so that the cheapest component is often in the slice before.
+    """
+    order = list(TopologicalSorter(dict(enumerate(needs))).static_order())
+    heights, depths = [0] * len(needs), [0] * len(needs)
+    for i in order:
+        depths[i] = 1 + max([depths[need] for need in needs[i]], default=0)
+    for i in reversed(order):
+        for need in needs[i]:
+            heights[need] = max(heights[need], heights[i] + 1)
+    return [heights, [-depth for depth in depths]]
+
+
 def _eliminate(
     needs: Sequence[set[int]],
     groups: Iterable[Iterable[int]],
     sizes: Sequence[float],
     ranks: Sequence[int],
-) -> tuple[list[list[int]], list[int]]:
+    levels: Sequence[int],
+    limit: float,
+) -> tuple[list[list[int]], list[int], float]:
     """Eliminate components from the leaves of the tree to the roots.
 
     Args:
@@ -223,9 +249,12 @@ def _eliminate(
         groups: the components of each constraint.
         sizes: the bits of each component.
         ranks: a permutation; of equally good components the one with the highest rank is eliminated.
+        levels: components of the lowest level are eliminated first.
+        limit: the elimination ends early if its width is not below this.
 
     Returns:
-        (children, roots): component -> those that follow it in the tree; those that none precedes.
+        (children, roots, width): component -> those that follow it in the tree; those that none precedes; the
+        largest number of bits of the components that share a scope with an eliminated one.
     """
     # scope: components that share a clause or, after the elimination of others, what remains of their clauses
     scopes = [{i, *own} for i, own in enumerate(needs)] + [set(group) for group in groups]
@@ -255,11 +284,12 @@ def _eliminate(
 
     degrees = [-1.0] * len(needs)  # of the components on the heap
     outdated = [False] * len(needs)  # whether the degree may have grown
-    heap: list[tuple[float, int, int]] = []
+    heap: list[tuple[int, float, int, int]] = []
+    width = 0.0
 
     def push(i: int) -> None:
         degrees[i], outdated[i] = compute_degree(i), False
-        heappush(heap, (degrees[i], -ranks[i], i))
+        heappush(heap, (levels[i], degrees[i], -ranks[i], i))
 
     eliminated = [False] * len(needs)
     children: list[list[int]] = [[] for _ in needs]
@@ -271,12 +301,15 @@ def _eliminate(
         else:
             while ready:
                 push(ready.pop())
-            degree, _, i = heappop(heap)
+            _, degree, _, i = heappop(heap)
             if eliminated[i] or degree != degrees[i]:
                 continue
             if outdated[i]:
                 push(i)
                 continue
+            width = max(width, degree)
+            if width >= limit:
+                break
         eliminated[i] = True
         own = [number for number in scopes_of[i] if not merged[number]]
         if not own:
@@ -310,4 +343,4 @@ def _eliminate(
             for member in scope:
                 if not n_users[member] and degrees[member] >= 0:
                     push(member)
-    return children, roots
+    return children, roots, width
