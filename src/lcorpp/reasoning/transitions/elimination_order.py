@@ -42,7 +42,7 @@ def eliminate(
         (children, roots): component -> those that follow it in the tree; those that none precedes.
     """
     best = _eliminate(needs, groups, sizes, ranks, [0] * len(needs), inf)
-    if best[2] > MAX_GREEDY_WIDTH:
+    if best[2] > max([MAX_GREEDY_WIDTH, *[len(own) + 1 for own in needs]]):  # no order divides a clause
         for levels in _list_levels(needs):
             order = _eliminate(needs, groups, sizes, ranks, levels, best[2])
             if order[2] < best[2]:
