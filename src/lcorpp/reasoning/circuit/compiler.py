@@ -190,9 +190,9 @@ class _LayerBuilder:
             for nodes in zip(*[own for own, _ in varying], strict=True)
         ]
         layers = [self._append_product(branch).sources[0] for _, branch in varying]
-        keys = zip(*places, strict=True)
         sources = [
-            (layer, Groups(own, outputs.size)) for (layer, outputs), own in zip(layers, keys, strict=True)
+            (layer, Groups([nodes[i] for nodes in places], outputs.size))
+            for i, (layer, outputs) in enumerate(layers)
         ]
         return rows, _Part((), tuple(sources), len(places))
 
