@@ -22,7 +22,7 @@ def replace_numbers(text: str, numbers: Mapping[tuple[int, int], str], file: str
     copied, remaining = 0, dict(numbers)
     while cursor.kind != END:
         at = cursor.at.line, cursor.at.column
-        if at in remaining and cursor.word in ("[", "pr"):
+        if at in remaining and (cursor.word == "pr" or cursor.texts[cursor.index - 1] == "["):
             start, end = _find_number(cursor)
             parts += [text[copied:start], remaining.pop(at)]
             copied = end
