@@ -59,7 +59,7 @@ def test_examples_have_the_answers_in_their_comments(text: str) -> None:
     assert parse_plog(program_text(program)) == program
     reasoner = Enumeration(program)
     for query, value in expected:
-        answer = reasoner.probability(parse_query(query, program))
+        answer = reasoner.ask(parse_query(query, program))
         if "." in value:  # published to at most six digits
             assert abs(answer - Fraction(value)) <= Fraction(1, 2_000_000), query
         else:

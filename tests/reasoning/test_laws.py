@@ -151,16 +151,16 @@ def test_agrees_with_worlds_counted_in_plain_python(steps: list[Step], data: st.
         worlds = list(brute(steps, {}, Fraction(1), cut))
     except Broken:
         with pytest.raises(ProgramError):
-            Enumeration(program).probability(query)
+            Enumeration(program).ask(query)
         return
     kept = [(world, weight) for world, weight in worlds if all(literal.holds(world) for literal in seen)]
     total = sum(weight for _, weight in kept)
     if total == 0:
         with pytest.raises(UndefinedError):
-            Enumeration(program).probability(query)
+            Enumeration(program).ask(query)
         return
     answer = sum(weight for world, weight in kept if asked.holds(world)) / Fraction(total)
-    assert Enumeration(program).probability(query) == answer
+    assert Enumeration(program).ask(query) == answer
 
 
 @given(steps=programs())

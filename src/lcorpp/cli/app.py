@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lcorpp.cli import ask, check, data, explain, fit, learn, run, show, simulate, solve, translate
+from lcorpp.cli import ask, check, data, explain, fit, learn, run, show, simulate, solve
 
 app = typer.Typer(
     name="lcorpp",
@@ -19,7 +19,7 @@ app.command()(run.run)
 app.command()(explain.explain)
 app.command()(ask.ask)
 app.command()(fit.fit)
-app.command()(translate.translate)
+app.command()(ask.translate)
 app.command()(solve.solve)
 app.command()(simulate.simulate)
 app.command()(show.show)

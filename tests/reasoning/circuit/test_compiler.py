@@ -24,6 +24,15 @@ def test_attributes_named_without_arguments():
     assert circuit({"f(2,g)": "false"})["true"] == 0.0
 
 
+def test_a_node_that_only_an_arc_of_probability_zero_reaches():
+    """The last layer has one output although the layer before it has two."""
+    program = parse_plog("a, b, c : boolean. random(a). pr(a) = 1. b=V :- a=V. c=V :- a=V.")
+    circuit = Reasoner(program).compile(["b"], "b")
+    assert circuit({})["true"] == circuit({"b": "true"})["true"] == 1
+    with pytest.raises(UndefinedError):
+        circuit({"b": "false"})
+
+
 def test_terms_may_have_spaces():
     program = parse_plog("d = {1, 2}. f : d, d -> boolean. random(f(D,E)). #domain d(D;E).")
     assert Reasoner(program).compile(["f( 1 , 2 )"], "f(1, 1)").inputs == ("f(1,2)",)

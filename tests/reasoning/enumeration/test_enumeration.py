@@ -24,7 +24,7 @@ def lcorpp() -> Enumeration:
 
 
 def probability(program: Program, query: str) -> Fraction:
-    return Enumeration(program).probability(parse_query(query, program))
+    return Enumeration(program).ask(parse_query(query, program))
 
 
 def test_golden_marginals_are_exact(lcorpp: Enumeration) -> None:
@@ -40,11 +40,6 @@ def test_golden_marginals_are_exact(lcorpp: Enumeration) -> None:
     assert marginal.values == ("student", "professor", "visitor")
     assert marginal.probabilities == pytest.approx([0.359531, 0.359079, 0.281390], abs=5e-7)  # six digits
     assert lcorpp.posterior("intention", SEEN)["interested"] == pytest.approx(0.220250, abs=5e-7)
-
-
-def test_answers_are_cached(lcorpp: Enumeration) -> None:
-    backwards = dict(reversed(SEEN.items()))
-    assert lcorpp.posterior("identity", SEEN) is lcorpp.posterior("identity", backwards)
 
 
 def test_worlds_are_a_distribution(lcorpp: Enumeration) -> None:
@@ -99,7 +94,9 @@ def test_unknown_evidence_is_named(lcorpp: Enumeration, evidence: dict[str, str]
 
 def test_impossible_evidence_is_undefined_not_zero() -> None:
     program = parse_plog("p : boolean. q : boolean. random(p). q :- p. -q :- -p.", file="pq.plog")
-    with pytest.raises(UndefinedError, match=r"pq\.plog: no possible world has p=true, q=false"):
+    with pytest.raises(
+        UndefinedError, match=r"pq\.plog: no possible world of positive measure has p=true, q=false"
+    ):
         Enumeration(program).posterior("p", {"p": "true", "q": "false"})
     with pytest.raises(UndefinedError, match=r"obs\(not p=true\), obs\(q=true\)"):
         probability(program, "p=true | obs(not p), obs(q)")
@@ -176,7 +173,7 @@ def test_numbers_may_be_computed_from_variables() -> None:
     program = parse_plog("n = {1..4}. k : n. p : boolean. random(k). random(p). pr(p | k=K) = 1/K - 0.05*K.")
     assert probability(program, "p=true | obs(k=2)") == Fraction(2, 5)
     text = "n = {1..3}. k : n. p : boolean. random(k). random(p).\npr(p | k=K) = (2-K)/4."
-    words = r"2:16: the probability -1/4 is not between 0 and 1, in the world \{k=3, p="
+    words = r"2:1: the probability -1/4 is not between 0 and 1, in the world \{k=3, p="
     with pytest.raises(ProgramError, match=words):
         probability(parse_plog(text), "p=true")
 

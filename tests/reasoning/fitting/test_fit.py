@@ -16,8 +16,7 @@ import pytest
 from lcorpp.errors import DataError, ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, Fit, Program, Reasoner, fit, parse_plog, read_plog
 from lcorpp.reasoning.fitting.expectation import Expectation
-from lcorpp.reasoning.fitting.number_model import NumberModel, build_number_model, list_free_statements
-from lcorpp.reasoning.fitting.uncertainty import _compute_scores
+from lcorpp.reasoning.fitting.number_model import NumberModel, build_number_model, list_free_numbers
 from lcorpp.reasoning.language.syntax import Number, Probability
 
 PAPER = Path(__file__).parents[2] / "plog" / "lcorpp.plog"
@@ -48,6 +47,10 @@ PROGRAMS = {
     "no value": """
         a, b : boolean. random(a). random(b) :- a. pr(a) = 0.7. pr(b) = 0.2.
         some :- not b. some : boolean.""",
+    "constraints": """
+        n = {1..3}. a : n. b, c, d : boolean. random(a). random(b). random(c). d :- a=1, not b.
+        pr(a=1) = 0.3. pr(a=2) = 0.6. pr(b | a=1) = 0.5. pr(b | a=2) = 0.1. pr(c | d) = 0.35.
+        :- b, -c. :- a=3, -b. obs(c=true). :- d, c, a=2.""",
 }  # fmt: skip
 
 
@@ -62,10 +65,11 @@ def set_numbers(program: Program, numbers: Mapping[int, Fraction]) -> Program:
 
 
 def likelihoods(program: Program, records: Sequence[Mapping[str, str]]) -> list[Fraction]:
-    """The measure of each record, by enumeration."""
+    """The probability of each record, by enumeration."""
     worlds = Enumeration(program).worlds
+    total = sum(w.measure for w in worlds)
     return [
-        sum((w.measure for w in worlds if record.items() <= w.values.items()), start=Fraction(0))
+        sum((w.measure for w in worlds if record.items() <= w.values.items()), start=Fraction(0)) / total
         for record in records
     ]
 
@@ -89,7 +93,7 @@ def draw(program: Program, count: int, seed: int, hidden: float = 0.0) -> list[d
 
 
 def build(program: Program, terms: Sequence[str]) -> NumberModel:
-    return build_number_model(program, list_free_statements(program, ()), terms)
+    return build_number_model(program, list_free_numbers(program, ()), terms)
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
@@ -97,11 +101,16 @@ def test_likelihoods_and_their_derivatives_are_those_of_the_enumeration(name: st
     program = parse_plog(PROGRAMS[name])
     records = [*draw(program, 8, 1), *draw(program, 8, 2, hidden=0.5), {}]
     model = build(program, sorted({term for record in records for term in record}))
-    log_p, counts = Expectation(model, records).compute(model.start)
-    assert np.exp(log_p) == pytest.approx([float(p) for p in likelihoods(program, records)], rel=1e-12)
-    scores = _compute_scores(model, counts, model.start)
+    values = np.maximum(model.evaluate(model.start), 1e-12)
+    expected = Expectation(model, records, np.ones(len(records))).compute(values)
+    accepted = 1 - expected.rejected
+    assert np.exp(expected.log_p) / accepted == pytest.approx(
+        [float(p) for p in likelihoods(program, records)], rel=1e-12
+    )
+    scores = model.coefficients.T @ (expected.counts / values[:, None])
+    scores = scores[:, :-1] + scores[:, -1:] * expected.rejected / accepted
     step = Fraction(1, 10**5)
-    is_full = {i for case in model.cases if case.is_full for i, _ in case.multiplicities}
+    is_full = {i for case in model.cases if case.is_full for i in case.parameters}
     for i, index in enumerate(model.statements):
         if i in is_full:
             continue
@@ -125,7 +134,7 @@ def test_no_other_numbers_nearby_are_more_likely(name: str, hidden: float) -> No
     assert best == pytest.approx(result.log_likelihood, abs=1e-3)
     assert best >= log_likelihood(program, records) - 1e-9
     model = build(program, ())
-    linked = [{i for i, _ in case.multiplicities} for case in model.cases if case.is_full]
+    linked = [case.parameters for case in model.cases if case.is_full]
     rng, changed = np.random.default_rng(4), 0
     for _ in range(12):
         numbers = [float(x.value) * (1 + 0.02 * rng.normal()) for x in result.numbers]
@@ -176,6 +185,39 @@ def test_hidden_attributes_of_the_paper() -> None:
         low, high = number.interval
         assert low < float(number.value) < high
         assert abs(float(number.value - number.old)) < high - low
+
+
+def test_constraints_select_the_records() -> None:
+    program = parse_plog("a, b : boolean. random(a). random(b). pr(a) = 0.3. pr(b) = 0.3. :- a, b.")
+    counts = {("true", "false"): 20, ("false", "true"): 30, ("false", "false"): 10}
+    records = [{"a": a, "b": b} for (a, b), n in counts.items() for _ in range(n)]
+    result = fit(program, records)
+    # the odds of a are those without b: 20 to 10
+    assert [float(x.value) for x in result.numbers] == pytest.approx([2 / 3, 3 / 4], abs=1e-6)
+    assert result.log_likelihood == pytest.approx(sum(n * log(n / 60) for n in counts.values()))
+    first, second = (x.interval for x in result.numbers)
+    expected = [2 / (2 + np.exp(side * 1.959964 * np.sqrt(1 / 20 + 1 / 10))) for side in (1, -1)]
+    assert first == pytest.approx(expected, rel=1e-4)
+    assert second is not None
+    assert result.numbers[0].cases == pytest.approx(120)  # 60 draws were rejected
+
+
+def test_the_ascent_is_accelerated_and_reports_its_progress() -> None:
+    """Eight coins must agree: few draws are accepted, and expectation-maximisation alone takes 260 steps."""
+    program = parse_plog(
+        "n = {1..8}. #domain n(I). x : n -> boolean. random(x(I)). pr(x(I)) = 0.4.\n"
+        ":- x(I), -x(1). :- x(1), -x(I)."
+    )
+    steps: list[tuple[int, float]] = []
+    result = fit(
+        program,
+        [{"x(1)": "true"}] * 40 + [{"x(3)": "false"}] * 20,
+        progress=lambda n, change: steps.append((n, change)),
+    )
+    assert float(result.numbers[0].value) == pytest.approx(1 / (1 + (20 / 40) ** (1 / 8)), abs=1e-6)
+    assert result.converged
+    assert result.iterations == steps[-1][0] < 60
+    assert steps[-1][1] < 1e-9
 
 
 def test_a_symmetric_mixture_is_not_identifiable() -> None:
@@ -285,8 +327,14 @@ def test_labelled_pr_atoms() -> None:
         ("pr(a) = 0.5.", [{"a": "true"}, {"b": "x"}], ProgramError, r"record 2: 'b'"),
         ("pr(a) = 0.5.", [{"a": "2"}], ProgramError, r"record 1: '2' is not a value of a"),
         ("pr(a) = 1.", [{"a": "true"}], ProgramError, "no pr-atom has a number that is free"),
-        ("pr(a) = 0.5. :- a.", [{"a": "false"}], ProgramError, "exclude worlds of measure 0.5"),
-        ("pr(a) = 0.5. obs(a).", [{"a": "true"}], ProgramError, "exclude worlds of measure 0.5"),
+        (
+            "pr(a) = 0.5. a :- not b. b : boolean. random(b). a=false :- b.",
+            [{}],
+            ProgramError,
+            "exclude worlds",
+        ),
+        ("pr(a) = 0.5. :- a.", [{"a": "false"}, {"a": "true"}], UndefinedError, "record 2"),
+        ("pr(a) = 0.5. obs(a). :- a.", [{}], UndefinedError, "record 1"),
         ("pr(a) = 0.5. b : boolean. b +- .", [{"a": "true"}], ProgramError, "cr-rules"),
         ("pr(a) = 0.5. b : boolean. b :- a.", [{}, {"a": "false", "b": "true"}], UndefinedError, "record 2"),
     ],

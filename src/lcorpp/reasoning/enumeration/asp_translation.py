@@ -1,4 +1,4 @@
-"""Translate the logical part of a program to answer set programming and solve it with clingo.
+"""Translate the logical part of a program to answer set programming.
 
 The translation follows tau(Pi) of Baral, Gelfond and Rushton (TPLP 9(1), 2009, section 3.1) and the general
 axioms of Balai, Gelfond and Zhang (2019, section 3.1, 17 to 22), with one more atom for each pr-atom that
@@ -10,7 +10,7 @@ applies. clingo computes no probabilities. The atoms:
     sel(k,label,I,term)       ... and no intervention sets the term
     pos(k,I,term,value)       the value is in the dynamic range of this selection
     pr(j,label,I,term,value)  pr-atom j applies to this outcome
-    drv(k,term)               rule k derives a value of a selected term (2018 only)
+    drv(term)                 a rule derives a value of a selected term (2018 only)
     cr(k,I)                   an instance of cr-rule k is used; clingo minimises their number
 
 k and j are indexes of statements. Each statement is one line, so that clingo's messages give its place.
@@ -18,13 +18,8 @@ k and j are indexes of statements. Each statement is one line, so that clingo's 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Set
 
-import clingo
-
-from lcorpp.errors import ProgramError
-from lcorpp.reasoning.enumeration.measures import AnswerSet, AssignmentAtom, SelectionAtom
 from lcorpp.reasoning.language.arithmetic import canonical_text, find_variables, iter_variables
 from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.program import Program
@@ -49,94 +44,49 @@ from lcorpp.reasoning.language.syntax import (
 )
 from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions, list_variables
 
+Condition = tuple[str, Set[str | None]]
+"""A term, and the values with which it meets an observation; None is for no value."""
 
-def enumerate_answer_sets(
-    program: Program, do: Mapping[str, str], limit: int, observed: Sequence[Literal] = ()
-) -> Iterator[AnswerSet]:
-    """Enumerate the answer sets of the logical part of a program.
 
-    With cr-rules these are the answer sets of the regular program with each of its abductive supports, the
-    smallest sets of instances of cr-rules that make it consistent; duplicates are dropped.
+def translate_program(
+    program: Program, do: Mapping[str, str], observed: Iterable[Condition] = ()
+) -> tuple[list[str], dict[int, Place]]:
+    """Translate the logical part of a program.
 
     Args:
         do: interventions besides those in the program, term -> value.
-        limit: the maximum number of answer sets.
-        observed: literals that are observed, besides the observations in the program.
+        observed: observations besides those in the program.
 
-    Raises:
-        ProgramError: there are more than `limit` answer sets, or clingo reports an undefined operation.
-
-    Source: supports, Balai, Gelfond and Zhang, 2019, definitions 10 and 11 (by cardinality, as in plog 2.0).
+    Returns:
+        (lines of ASP text, number of a line -> place of its statement).
     """
-    lines, places = _Translator(program).translate(do, observed)
-    messages: list[str] = []
-    options = ["--models=0", *(["--opt-mode=optN"] if program.has_cr_rules else [])]
-    control: Any = clingo.Control(options, logger=lambda _, message: messages.append(message))
-    control.add("base", [], "\n".join(lines))
-    try:
-        control.ground([("base", [])])
-    except RuntimeError as error:
-        raise ProgramError(_locate_message(messages or [str(error)], places, program)) from None
-    if messages:
-        raise ProgramError(_locate_message(messages, places, program))
-    decoded: dict[Any, tuple[str, Any]] = {}
-    known: set[object] = set()
-    count = 0
-    with control.solve(yield_=True) as models:
-        for model in models:
-            if program.has_cr_rules and not model.optimality_proven:
-                continue
-            count += 1
-            if count > limit:
-                raise ProgramError(
-                    f"{program.file}: more than {limit} possible worlds; raise the limit to enumerate them"
-                )
-            symbols = model.symbols(shown=True)
-            if program.has_cr_rules:  # two supports may have the same world
-                key = frozenset(symbols)
-                if key in known:
-                    continue
-                known.add(key)
-            yield _read_answer_set(symbols, decoded)
+    translator = _Translator(program)
+    lines = [
+        "#defined h/2. #defined rnd/4. #defined sel/4. #defined pos/4. #defined pr/5. #defined do/1."
+        " #defined selected/1. #defined drv/1.",
+        "#show h/2. #show sel/4. #show pos/4. #show pr/5. #show drv/1.",
+        "valued(T) :- h(T,_).  :- valued(T), #count { V : h(T,V) } > 1.",
+        "sel(K,L,I,T) :- rnd(K,L,I,T), not do(T).  selected(T) :- sel(_,_,_,T).",
+    ]
+    for sort, members in program.signature.sorts.items():
+        lines.append(" ".join(f"s({sort},{member})." for member in members))
+    places: dict[int, Place] = {}
+    for index, statement in enumerate(program.statements):
+        text = translator.translate_statement(index, statement)
+        if text:
+            lines.append(text)
+            places[len(lines)] = statement.at
+    lines.extend(translator.translate_intervention(term, value) for term, value in do.items())
+    for number, (term, values) in enumerate(observed):
+        conditions = [f"not valued({term})" if value is None else f"h({term},{value})" for value in values]
+        lines.append(_observe(f"q{number}", conditions))
+    return lines, places
 
 
-def _read_answer_set(symbols: Iterable[Any], decoded: dict[Any, tuple[str, Any]]) -> AnswerSet:
-    """Convert an answer set; `decoded` caches the atoms, as most of them are in many answer sets."""
-    parts: dict[str, list[Any]] = {"h": [], "sel": [], "pos": [], "pr": [], "drv": []}
-    for symbol in symbols:
-        atom = decoded.get(symbol)
-        if atom is None:
-            atom = decoded[symbol] = (symbol.name, _decode_atom(symbol.name, symbol.arguments))
-        parts[atom[0]].append(atom[1])
-    return AnswerSet(
-        dict(sorted(parts["h"])),
-        tuple(sorted(parts["sel"])),
-        frozenset(parts["pos"]),
-        tuple(sorted(parts["pr"])),
-        tuple(sorted(parts["drv"])),
-    )
-
-
-def _decode_atom(name: str, arguments: list[Any]) -> tuple[Any, ...]:
-    if name == "h":
-        return str(arguments[0]), str(arguments[1])
-    statement, rest = arguments[0].number, [str(argument) for argument in arguments[1:]]
-    if name == "sel":
-        return SelectionAtom(statement, *rest)
-    if name == "pr":
-        label, _, term, value = rest
-        return AssignmentAtom(statement, label, tuple(map(str, arguments[2].arguments)), term, value)
-    return (statement, *rest)
-
-
-def _locate_message(messages: list[str], places: Mapping[int, Place], program: Program) -> str:
-    """Format the first message of clingo with the place of its statement."""
-    head, _, rest = messages[0].partition(": ")
-    number = head.split(":")[1] if head.count(":") else ""
-    place = places.get(int(number)) if number.isdigit() else None
-    text = " ".join((rest or head).split())
-    return (
-        f"{place or program.file}: cannot be grounded: {text.removeprefix('info: ').removeprefix('error: ')}"
+def _observe(name: str, conditions: Iterable[str]) -> str:
+    """Demand that one of the conditions is true."""
+    return " ".join(
+        [*(f"observed({name}) :- {condition}." for condition in conditions), f":- not observed({name})."]
     )
 
 
@@ -147,30 +97,7 @@ class _Translator:
         self._program, self._signature = program, program.signature
         self._is_2018 = program.semantics == "2018"
 
-    def translate(
-        self, do: Mapping[str, str], observed: Sequence[Literal]
-    ) -> tuple[list[str], dict[int, Place]]:
-        """Translate the program: (lines of ASP text, line number -> place of the statement)."""
-        lines = [
-            "#defined h/2. #defined rnd/4. #defined sel/4. #defined pos/4. #defined pr/5. #defined do/1."
-            " #defined selected/1. #defined drv/2.",
-            "#show h/2. #show sel/4. #show pos/4. #show pr/5. #show drv/2.",
-            "valued(T) :- h(T,_).  :- valued(T), #count { V : h(T,V) } > 1.",
-            "sel(K,L,I,T) :- rnd(K,L,I,T), not do(T).  selected(T) :- sel(_,_,_,T).",
-        ]
-        for sort, members in self._signature.sorts.items():
-            lines.append(" ".join(f"s({sort},{member})." for member in members))
-        places: dict[int, Place] = {}
-        for index, statement in enumerate(self._program.statements):
-            text = self._translate_statement(index, statement)
-            if text:
-                lines.append(text)
-                places[len(lines)] = statement.at
-        lines.extend(self._translate_intervention(term, value) for term, value in do.items())
-        lines.extend(self._translate_observation(f"q{i}", literal) for i, literal in enumerate(observed))
-        return lines, places
-
-    def _translate_statement(self, index: int, statement: Statement, abducible: str = "") -> str:
+    def translate_statement(self, index: int, statement: Statement, abducible: str = "") -> str:
         """Translate a statement; "" if it is a declaration or a query.
 
         Args:
@@ -186,17 +113,13 @@ class _Translator:
             case Probability():
                 return self._translate_probability(index, statement)
             case Observation():
-                return self._translate_observation(f"r{index}", statement.literal)
+                return _observe(f"r{index}", ["; ".join(self._translate_literal(statement.literal, 0))])
             case Intervention():
                 term, value = canonical_text(statement.term), canonical_text(statement.value)
-                return self._translate_intervention(term, value)
+                return self.translate_intervention(term, value)
         return ""
 
-    def _translate_observation(self, name: str, literal: Literal) -> str:
-        conditions = "; ".join(self._translate_literal(literal, 0))
-        return f"observed({name}) :- {conditions}. :- not observed({name})."
-
-    def _translate_intervention(self, term: str, value: str) -> str:
+    def translate_intervention(self, term: str, value: str) -> str:
         """2009: the value is a fact. 2018: a selection of the term must select the value."""
         if self._is_2018:
             return f"do({term}). :- rnd(_,_,_,{term}), not h({term},{value})."
@@ -209,7 +132,7 @@ class _Translator:
         term = _write_expression(rule.head.term)
         text = f"h({term},{_write_expression(rule.head.value)}) :- {conditions}."
         if self._is_2018 and rule.head.term.name in self._signature.selections:
-            text += f" drv({index},{term}) :- {conditions}; selected({term})."
+            text += f" drv({term}) :- {conditions}; selected({term})."
         return text
 
     def _translate_cr_rule(self, index: int, rule: CrRule) -> str:
@@ -218,7 +141,7 @@ class _Translator:
         abducible = f"cr({index},{_write_variables(list_variables(inner))})"
         text = f"{{ {abducible} }} :- {self._translate_body(inner, ())}. "
         text += f"#minimize {{ 1,{index},I : cr({index},I) }}. "
-        return text + self._translate_statement(index, inner, f"{abducible}; ")
+        return text + self.translate_statement(index, inner, f"{abducible}; ")
 
     def _translate_selection(self, index: int, selection: Selection, abducible: str) -> str:
         term = _write_expression(selection.term)

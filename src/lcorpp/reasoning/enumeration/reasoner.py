@@ -6,66 +6,88 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
+from functools import cached_property, partial
 from itertools import accumulate
 from math import lcm
-from types import MappingProxyType
-from typing import TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, UndefinedError, check_type
-from lcorpp.reasoning.answers import PossibleWorld, make_no_value_error
-from lcorpp.reasoning.enumeration.measures import measure_worlds, satisfies
-from lcorpp.reasoning.language.arithmetic import canonical_text
-from lcorpp.reasoning.language.parser import parse_term
+from lcorpp.errors import ProgramError, check_type
+from lcorpp.reasoning.answers import (
+    PossibleWorld,
+    Value,
+    format_conditions,
+    make_no_world_error,
+    normalise_marginal,
+)
+from lcorpp.reasoning.language.arithmetic import as_value, canonical_text, compare_values
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Literal, Query, Term
+from lcorpp.reasoning.language.syntax import Literal, Query
 from lcorpp.reasoning.resolve import (
     check_rng,
+    name_question,
     resolve_evidence,
     resolve_interventions,
     resolve_query,
-    resolve_term,
+    resolve_subject,
 )
 from lcorpp.values import Distribution
 
-NOTHING: Mapping[str, str] = MappingProxyType({})
+if TYPE_CHECKING:
+    from lcorpp.reasoning.enumeration.asp_translation import Condition
+
+NOTHING: Mapping[str, str] = {}
 """No evidence, no interventions."""
 
-ANSWER_CACHE_SIZE = 10_000
-"""A reasoner caches at most this many answers."""
-
 TABLE_CACHE_SIZE = 100
-"""A reasoner caches at most this many tables of worlds, and as many tables to sample from."""
-
-_Key = TypeVar("_Key")
-_Value = TypeVar("_Value")
+"""A reasoner caches at most this many tables of worlds."""
 
 
 @dataclass(frozen=True, eq=False)
 class _WorldTable:
     """Worlds with their measures over a common denominator, so that sums are sums of integers.
 
-    values: the worlds, term -> value. weights: the numerators. total: their sum.
+    values: the worlds, term -> value. weights: the numerators.
     """
 
     values: tuple[Mapping[str, str], ...]
     weights: tuple[int, ...]
-    total: int
 
-    def filter(self, condition: Callable[[Mapping[str, str]], bool]) -> _WorldTable:
-        kept = [i for i, values in enumerate(self.values) if condition(values)]
-        weights = tuple(self.weights[i] for i in kept)
-        return _WorldTable(tuple(self.values[i] for i in kept), weights, sum(weights))
+    @cached_property
+    def cumulative(self) -> list[int]:
+        return list(accumulate(self.weights))
+
+    @property
+    def total(self) -> int:
+        return self.cumulative[-1] if self.weights else 0
+
+    def filter(self, conditions: Iterable[Condition]) -> _WorldTable:
+        """Return the worlds that satisfy all conditions."""
+        conditions = list(conditions)
+        kept = [
+            i
+            for i, values in enumerate(self.values)
+            if all(values.get(term) in allowed for term, allowed in conditions)
+        ]
+        return _WorldTable(tuple([self.values[i] for i in kept]), tuple([self.weights[i] for i in kept]))
+
+    def sum_by_value(self, term: str) -> dict[Value, Fraction]:
+        """Sum the measures by the value of a term or a joint `?a, b`; "" is for no value."""
+        names = term.removeprefix("?").split(", ")
+        sums: dict[Value, int] = {}
+        for values, weight in zip(self.values, self.weights, strict=True):
+            own = tuple([values.get(name, "") for name in names])
+            value = "" if "" in own else own if term.startswith("?") else own[0]
+            sums[value] = sums.get(value, 0) + weight
+        return {value: Fraction(weight) for value, weight in sums.items()}
 
 
 class Enumeration:
     """Answer queries of a program by enumeration of its possible worlds; the methods are those of `Reasoner`.
 
     Each set of interventions enumerates the worlds once, at the first query. Observations filter the worlds.
-    With cr-rules observations can also create worlds, so each set of observations enumerates anew. Answers
-    are cached.
+    With cr-rules observations can also create worlds, so each set of observations enumerates anew.
 
     Args:
         program: the program.
@@ -79,8 +101,6 @@ class Enumeration:
         self.program = program
         self.limit = limit
         self._tables: dict[object, _WorldTable] = {}
-        self._answers: dict[object, Distribution] = {}
-        self._samplers: dict[object, tuple[list[float], tuple[Mapping[str, str], ...]]] = {}
 
     def __reduce__(self) -> tuple[Callable[[Program], Enumeration], tuple[Program]]:
         return partial(Enumeration, limit=self.limit), (self.program,)  # without the caches
@@ -89,12 +109,15 @@ class Enumeration:
         return f"Enumeration({self.program.file}, limit={self.limit})"
 
     def posterior(
-        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
+        self,
+        attribute: str | Sequence[str],
+        evidence: Mapping[str, str] = NOTHING,
+        do: Mapping[str, str] = NOTHING,
     ) -> Distribution:
-        """Compute the marginal of `attribute` given evidence and interventions.
+        """Compute the marginal of an attribute, or of several jointly, given evidence and interventions.
 
         Args:
-            attribute: an attribute or a term of one, such as ``roll(d1)``.
+            attribute: an attribute or a term of one, such as ``roll(d1)``; or several, see `Reasoner`.
             evidence, do: term -> value.
 
         Raises:
@@ -102,57 +125,41 @@ class Enumeration:
                 or a world breaks a condition of the language.
             UndefinedError: no possible world has the evidence.
         """
-        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
-        key = (
-            canonical_text(resolve_term(self.program, attribute)),
-            *map(frozenset, (facts.items(), set_to.items())),
-        )
-        answer = self._answers.get(key)
-        if answer is None:
-            marginal = self.exact(attribute, facts, set_to)
-            answer = Distribution(tuple(marginal), np.array([float(p) for p in marginal.values()]))
-            _store(self._answers, key, answer, ANSWER_CACHE_SIZE)
-        return answer
+        marginal = self.exact(attribute, evidence, do)
+        return Distribution(tuple(marginal), np.array([float(p) for p in marginal.values()]))
 
     def exact(
-        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
-    ) -> dict[str, Fraction]:
+        self,
+        attribute: str | Sequence[str],
+        evidence: Mapping[str, str] = NOTHING,
+        do: Mapping[str, str] = NOTHING,
+    ) -> dict[Value, Fraction]:
         """Compute the same as `posterior`, as fractions by value in the order of the declaration."""
-        subject = resolve_term(self.program, attribute)
-        facts = resolve_evidence(self.program, evidence)
-        return self._compute_marginal(
-            subject, self._filter_by_evidence(facts, resolve_interventions(self.program, do))
-        )
+        term = resolve_subject(self.program, attribute)
+        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
+        table = self._select(_make_conditions(facts), set_to)
+        conditions = format_conditions(facts, set_to)
+        return normalise_marginal(self.program, term, table.sum_by_value(term), conditions)
 
-    def probability(self, query: Query) -> Fraction:
-        """Compute the probability that all literals of a query are true, given its conditions.
-
-        Raises:
-            ProgramError: the query does not fit the program, or asks for a distribution.
-            UndefinedError: no possible world satisfies its observations.
-        """
-        query = resolve_query(self.program, query)
-        if query.subject:
-            raise ProgramError(
-                f"{query.at}: the query asks for a distribution; expected {query.subject}=value"
-            )
-        return self._compute_probability(query)
-
-    def _compute_probability(self, query: Query) -> Fraction:
-        table = self._filter_by_query(query)
-        true = table.filter(lambda values: all(satisfies(literal, values) for literal in query.literals))
-        return Fraction(true.total, table.total)
-
-    def ask(self, query: Query) -> dict[str, Fraction] | Fraction:
+    def ask(self, query: Query) -> dict[Value, Fraction] | Fraction:
         """Answer a query: value -> probability if it asks for a distribution, otherwise a probability.
 
         Raises:
-            ProgramError, UndefinedError: as `exact` and `probability`.
+            ProgramError: as `exact`, or the query does not fit the program.
+            UndefinedError: no possible world satisfies its observations.
         """
         query = resolve_query(self.program, query)
-        if query.subject is None:
-            return self._compute_probability(query)
-        return self._compute_marginal(query.subject, self._filter_by_query(query))
+        do = {canonical_text(item.term): canonical_text(item.value) for item in query.interventions}
+        table = self._select([self._make_condition(o.literal) for o in query.observations], do)
+        parts = [str(part)[:-1] for part in (*query.observations, *query.interventions)]
+        conditions = f" has {', '.join(parts)}" if parts else ""
+        if query.subjects:
+            term = name_question(query)
+            return normalise_marginal(self.program, term, table.sum_by_value(term), conditions)
+        if not table.total:
+            raise make_no_world_error(self.program, conditions)
+        true = table.filter(map(self._make_condition, query.literals))
+        return Fraction(true.total, table.total)
 
     @property
     def worlds(self) -> tuple[PossibleWorld, ...]:
@@ -162,9 +169,9 @@ class Enumeration:
             ProgramError: a world breaks a condition of the language, or there are too many worlds.
             UndefinedError: there is no world of positive measure.
         """
-        table = self._filter_by_evidence({}, {})
+        table = self._select_positive({})
         pairs = zip(table.values, table.weights, strict=True)
-        return tuple(PossibleWorld(values, Fraction(weight, table.total)) for values, weight in pairs)
+        return tuple([PossibleWorld(values, Fraction(weight, table.total)) for values, weight in pairs])
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NOTHING) -> dict[str, str]:
         """Draw one world with its probability given evidence.
@@ -176,88 +183,52 @@ class Enumeration:
             ProgramError, UndefinedError: as `exact`.
         """
         check_rng(rng)
-        facts = resolve_evidence(self.program, given)
-        key = frozenset(facts.items())
-        sampler = self._samplers.get(key)
-        if sampler is None:
-            table = self._filter_by_evidence(facts, {})
-            sampler = ([weight / table.total for weight in accumulate(table.weights)], table.values)
-            _store(self._samplers, key, sampler, TABLE_CACHE_SIZE)
-        cumulative, worlds = sampler  # the last cumulative probability is exactly 1, above each draw
-        return dict(worlds[bisect_right(cumulative, rng.random())])
-
-    def _compute_marginal(self, subject: Term, table: _WorldTable) -> dict[str, Fraction]:
-        name = canonical_text(subject)
-        declared = self.program.attributes[subject.name].values
-        sums: dict[str | None, int] = dict.fromkeys((*declared, None), 0)  # None: no value
-        for values, weight in zip(table.values, table.weights, strict=True):
-            sums[values.get(name)] += weight
-        if sums[None]:
-            raise make_no_value_error(self.program, name, Fraction(sums[None], table.total))
-        return {value: Fraction(sums[value], table.total) for value in declared}
+        table = self._select_positive(resolve_evidence(self.program, given))
+        return dict(table.values[bisect_right(table.cumulative, Fraction(rng.random()) * table.total)])
 
     # tables of worlds
 
-    def _filter_by_query(self, query: Query) -> _WorldTable:
-        """Return the worlds that satisfy the conditions of a resolved query."""
-        interventions = {
-            canonical_text(item.term): canonical_text(item.value) for item in query.interventions
-        }
-        literals = [observation.literal for observation in query.observations]
-        table = self._enumerate(interventions, literals)
-        return self._check_positive(
-            table.filter(lambda values: all(satisfies(literal, values) for literal in literals)),
-            [f"obs({literal})" for literal in literals],
-            interventions,
+    def _select_positive(self, facts: Mapping[str, str]) -> _WorldTable:
+        """Return the worlds with the evidence; raise UndefinedError if their measure is 0."""
+        table = self._select(_make_conditions(facts), {})
+        if not table.total:
+            raise make_no_world_error(self.program, format_conditions(facts, {}))
+        return table
+
+    def _select(self, conditions: Iterable[Condition], do: Mapping[str, str]) -> _WorldTable:
+        """Return the worlds that satisfy conditions, in an order that does not depend on the solver."""
+        chosen = frozenset(conditions)
+        key = chosen, frozenset(do.items())
+        table = self._tables.get(key)
+        if table is None:
+            if chosen and not self.program.has_cr_rules:
+                table = self._select((), do).filter(chosen)
+            else:
+                table = self._enumerate(do, sorted(chosen, key=str))
+            if len(self._tables) >= TABLE_CACHE_SIZE:
+                self._tables.clear()
+            self._tables[key] = table
+        return table
+
+    def _enumerate(self, do: Mapping[str, str], observed: list[Condition]) -> _WorldTable:
+        from lcorpp.reasoning.enumeration.worlds import enumerate_worlds  # here, as it loads clingo
+
+        worlds = sorted(
+            enumerate_worlds(self.program, do, self.limit, observed), key=lambda w: [*w[0].items()]
+        )
+        common = lcm(*[measure.denominator for _, measure in worlds])
+        weights = [measure.numerator * (common // measure.denominator) for _, measure in worlds]
+        return _WorldTable(tuple([values for values, _ in worlds]), tuple(weights))
+
+    def _make_condition(self, literal: Literal) -> Condition:
+        """Find the values with which a term satisfies a literal; with no value, only `not` makes it true."""
+        declared = self.program.attributes[literal.term.name].values
+        bound = as_value(canonical_text(literal.value))
+        allowed = {v for v in declared if compare_values(as_value(v), literal.relation, bound)}
+        return canonical_text(literal.term), frozenset(
+            {*declared, None} - allowed if literal.negated else allowed
         )
 
-    def _filter_by_evidence(self, evidence: Mapping[str, str], do: Mapping[str, str]) -> _WorldTable:
-        """Return the worlds that have the evidence."""
-        facts = tuple(evidence.items())
-        table = self._enumerate(do, [_make_literal(term, value) for term, value in facts])
-        if facts:
-            table = table.filter(lambda values: all(values.get(term) == value for term, value in facts))
-        return self._check_positive(table, [f"{term}={value}" for term, value in facts], do)
 
-    def _check_positive(
-        self, table: _WorldTable, evidence: Iterable[str], do: Mapping[str, str]
-    ) -> _WorldTable:
-        if table.total > 0:
-            return table
-        conditions = ", ".join([*evidence, *(f"do({term}={value})" for term, value in do.items())])
-        world = "possible world of positive measure" if table.values else "possible world"
-        raise UndefinedError(f"{self.program.file}: no {world}{f' has {conditions}' if conditions else ''}")
-
-    def _enumerate(self, do: Mapping[str, str], observed: Sequence[Literal]) -> _WorldTable:
-        """Enumerate the worlds under interventions, in an order that does not depend on the solver.
-
-        Args:
-            observed: literals that may create worlds by cr-rules; the caller filters the worlds.
-        """
-        creating = tuple(sorted(observed, key=str)) if self.program.has_cr_rules else ()
-        key = (frozenset(do.items()), creating)
-        if key not in self._tables:
-            # here, as it loads clingo
-            from lcorpp.reasoning.enumeration.asp_translation import enumerate_answer_sets
-
-            answer_sets = enumerate_answer_sets(self.program, do, self.limit, creating)
-            worlds = list(measure_worlds(self.program, answer_sets))
-            worlds.sort(key=lambda world: tuple(world[0].items()))
-            common = lcm(*{measure.denominator for _, measure in worlds})
-            weights = tuple(measure.numerator * (common // measure.denominator) for _, measure in worlds)
-            table = _WorldTable(tuple(values for values, _ in worlds), weights, sum(weights))
-            _store(self._tables, key, table, TABLE_CACHE_SIZE)
-        return self._tables[key]
-
-
-def _make_literal(term: str, value: str) -> Literal:
-    """Parse a term and a value; return the literal term = value."""
-    parsed = parse_term(term, "<term>")
-    assert isinstance(parsed, Term)
-    return Literal(parsed, "=", parse_term(value, "<value>"))
-
-
-def _store(cache: dict[_Key, _Value], key: _Key, value: _Value, size: int) -> None:
-    if len(cache) >= size:
-        cache.clear()
-    cache[key] = value
+def _make_conditions(facts: Mapping[str, str]) -> list[Condition]:
+    return [(term, frozenset([value])) for term, value in facts.items()]

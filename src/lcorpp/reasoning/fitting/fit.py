@@ -10,37 +10,27 @@ import logging
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
 from lcorpp.errors import DataError, ProgramError, UndefinedError, check_type, expected_one_of
 from lcorpp.reasoning.fitting.expectation import Expectation
 from lcorpp.reasoning.fitting.maximisation import (
+    Progress,
+    climb,
     compute_prior_counts,
     count_cases,
-    group_parameters,
-    maximise,
+    group_cases,
 )
-from lcorpp.reasoning.fitting.number_model import (
-    NumberModel,
-    build_number_model,
-    list_free_statements,
-)
+from lcorpp.reasoning.fitting.number_model import NumberModel, build_number_model, list_free_numbers
+from lcorpp.reasoning.fitting.records import group_records
 from lcorpp.reasoning.fitting.rewriting import replace_numbers
 from lcorpp.reasoning.fitting.uncertainty import compute_uncertainty
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Number, Probability
-from lcorpp.reasoning.resolve import name_value, resolve_evidence
 from lcorpp.values import Array
 
 LOG = logging.getLogger(__name__)
-
-MAX_ITERATIONS = 10_000
-"""Expectation-maximisation ends after this many iterations."""
-
-TOLERANCE = 1e-9
-"""It ends when no number changes by more than this."""
 
 SIGNIFICANT_DIGITS = 6
 """Fitted numbers have this many digits."""
@@ -142,6 +132,7 @@ def fit(
     *,
     fixed: Collection[str | int] = (),
     prior: float = 0.0,
+    progress: Progress | None = None,
 ) -> Fit:
     """Fit the numbers of pr-atoms to records: maximise their likelihood, or the posterior with a prior.
 
@@ -153,6 +144,7 @@ def fit(
         fixed: attributes and lines of the program whose pr-atoms keep their numbers.
         prior: the pseudo-counts of each case: the program's numbers count as this many records in which the
             pr-atoms apply.
+        progress: is called with the number of steps so far, and the largest change of a number in the last.
 
     Raises:
         DataError: there are no records, or `prior` is negative.
@@ -167,43 +159,40 @@ def fit(
         raise DataError(f"expected a number of pseudo-counts that is at least 0, not {prior}")
     if program.has_cr_rules:
         raise ProgramError(f"{program.file}: the numbers of a program with cr-rules cannot be fitted")
-    free = list_free_statements(program, _resolve_fixed(program, fixed))
+    free = list_free_numbers(program, _resolve_fixed(program, fixed))
     if not free:
         raise ProgramError(f"{program.file}: no pr-atom has a number that is free; see `fixed`")
-    distinct, first, repeats = _group_records(program, records)
-    model = build_number_model(program, free, {name: None for record in distinct for name in record})
-    groups = group_parameters(program, model)
+    distinct, rows, repeats = group_records(program, records)
+    model = build_number_model(program, free, {name for record in distinct for name in record})
+    groups = group_cases(program, model)
     _check_mass(program, model)
-    expectation, prior_counts = Expectation(model, distinct), compute_prior_counts(model, prior)
-    parameters, converged, iterations = model.start, False, 0
-    while not converged and iterations < MAX_ITERATIONS:
-        log_p, counts = expectation.compute(parameters)
-        if not iterations and not np.isfinite(log_p).all():
-            row = first[int(np.flatnonzero(~np.isfinite(log_p))[0])]
-            raise UndefinedError(f"{program.file}: record {row} is in no possible world of positive measure")
-        following = maximise(model, groups, parameters, counts @ repeats + prior_counts)
-        converged = bool(np.abs(following - parameters).max() < TOLERANCE)
-        parameters, iterations = following, iterations + 1
+    expectation, prior_counts = Expectation(model, distinct, repeats), compute_prior_counts(model, prior)
+    impossible = np.flatnonzero(np.isinf(expectation.compute(model.evaluate(model.start)).log_p))
+    if len(impossible):
+        raise UndefinedError(
+            f"{program.file}: record {rows[impossible[0]]} is in no possible world of positive measure"
+        )
+    parameters, iterations, converged = climb(model, groups, expectation, prior_counts, progress)
     if not converged:
         LOG.warning("%s: the numbers still change after %d iterations", program.file, iterations)
-    log_p, counts = expectation.compute(parameters)
-    cases = count_cases(model, groups, parameters, counts @ repeats)
-    uncertainty = compute_uncertainty(model, expectation, repeats, prior_counts, parameters, cases)
+    values = model.evaluate(parameters)
+    expected = expectation.compute(values)
+    cases = count_cases(model, values, expected.counts @ expected.repeats)
+    intervals, n_undetermined = compute_uncertainty(model, expectation, prior_counts, parameters)
     statements = list(program.statements)
     numbers = []
     rounded = _round(model, parameters)
-    for i, index in enumerate(free):
-        old = statements[index]
-        assert isinstance(old, Probability)
-        assert isinstance(old.number, Number)
-        statements[index] = new = replace(old, number=Number(rounded[i], at=old.number.at))
-        numbers.append(FittedNumber(new, old.number.value, uncertainty.intervals[i], float(cases[i])))
+    for i, (index, old) in enumerate(free.items()):
+        statement = statements[index]
+        assert isinstance(statement, Probability)
+        statements[index] = new = replace(statement, number=Number(rounded[i], at=statement.number.at))
+        numbers.append(FittedNumber(new, old, intervals[i], float(cases[i])))
     return Fit(
         Program(program.file, tuple(statements), program.semantics),
         tuple(numbers),
         int(repeats.sum()),
-        float(log_p @ repeats),
-        uncertainty.n_undetermined,
+        expected.log_likelihood,
+        n_undetermined,
         iterations,
         converged,
     )
@@ -227,53 +216,14 @@ def _resolve_fixed(program: Program, fixed: Collection[str | int]) -> set[int]:
     return indexes
 
 
-def _group_records(
-    program: Program, records: Iterable[Mapping[str, str]]
-) -> tuple[list[dict[str, str]], list[int], Array]:
-    """Return the distinct records with canonical names, the number of the first of each, and their counts."""
-    numbers: dict[frozenset[tuple[str, Any]], tuple[int, int]] = {}  # record -> (first, count)
-    distinct: list[dict[str, str]] = []
-    resolved: dict[tuple[str, Any], tuple[str, str]] = {}  # a term and its value -> with canonical names
-    for row, record in enumerate(records, start=1):
-        check_type(record, Mapping, f"record {row}", ProgramError)
-        try:
-            key: frozenset[tuple[str, Any]] = frozenset(
-                [(name, name_value(value)) for name, value in record.items()]
-            )
-        except TypeError:  # an unhashable value
-            raise ProgramError(
-                f"record {row}: expected a mapping from terms to values, not {record!r}"
-            ) from None
-        first, count = numbers.get(key, (row, 0))
-        numbers[key] = first, count + 1
-        if count:
-            continue
-        try:
-            for item in key - resolved.keys():
-                (resolved[item],) = resolve_evidence(program, {item[0]: item[1]}).items()
-            facts = dict([resolved[item] for item in key])
-            if len(facts) < len(key):  # two names of a term
-                facts = resolve_evidence(program, record)
-        except ProgramError as error:
-            raise ProgramError(f"record {row}: {error}") from None
-        distinct.append(facts)
-    if not numbers:
-        raise DataError("there are no records")
-    counts = np.array([float(count) for _, count in numbers.values()])
-    return distinct, [first for first, _ in numbers.values()], counts
-
-
 def _check_mass(program: Program, model: NumberModel) -> None:
-    """Check that the measures of the worlds sum to 1.
-
-    Otherwise the likelihood of a record also depends on the worlds that the program excludes.
-    """
-    (log_mass,), _ = Expectation(model, [{}]).compute(model.start)
-    if not abs(np.exp(log_mass) - 1) < _MAX_MASS_ERROR:
+    """Check that the measures of the worlds, with those that constraints exclude, sum to 1."""
+    expected = Expectation(model, [{}], np.ones(1)).compute(model.evaluate(model.start))
+    mass = float(np.exp(expected.log_p[0])) + expected.rejected
+    if not abs(mass - 1) < _MAX_MASS_ERROR:
         raise ProgramError(
-            f"{program.file}: constraints, observations or rules exclude worlds of measure"
-            f" {1 - np.exp(log_mass):.6g}, so its numbers are not frequencies in records and cannot be"
-            " fitted; observations belong into the records"
+            f"{program.file}: rules exclude worlds of measure {1 - mass:.6g}, such as worlds in which they"
+            " derive two values of a term, so its numbers are not frequencies and cannot be fitted"
         )
 
 
@@ -281,8 +231,9 @@ def _round(model: NumberModel, parameters: Array) -> list[Fraction]:
     """Round the numbers; where the sum would exceed 1 or has to equal it, change the largest one."""
     numbers = [Fraction(f"{p:.{SIGNIFICANT_DIGITS}g}") for p in parameters]
     for case in model.cases:
-        excess = sum((m * numbers[i] for i, m in case.multiplicities), start=-case.bound)
+        own = dict(zip(case.parameters.tolist(), map(int, case.multiplicities), strict=True))
+        excess = sum((m * numbers[i] for i, m in own.items()), start=-case.bound)
         if case.is_full or excess > 0:
-            largest, multiplicity = max(case.multiplicities, key=lambda item: numbers[item[0]])
-            numbers[largest] -= excess / multiplicity
+            largest = max(own, key=lambda i: numbers[i])
+            numbers[largest] -= excess / own[largest]
     return numbers

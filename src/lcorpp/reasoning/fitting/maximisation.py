@@ -1,134 +1,165 @@
-"""The maximisation step: the numbers that make given counts most probable.
+"""Maximisation: the numbers that make given counts most probable, and the ascent of the likelihood.
 
 If the same pr-atoms always apply together, their numbers are relative frequencies. Otherwise the objective is
-concave, and each number in turn is set to its best value.
+concave, and a step sets each number in turn to its best value: it is an ECM step. As steps shrink by nearly
+constant factors, the ascent extrapolates them (SQUAREM).
+
+Source: Meng and Rubin, "Maximum likelihood estimation via the ECM algorithm", Biometrika 80(2), 1993;
+Varadhan and Roland, "Simple and globally convergent methods for accelerating the convergence of any EM
+algorithm", Scandinavian Journal of Statistics 35(2), 2008.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from lcorpp.errors import ProgramError
+from lcorpp.reasoning.fitting.expectation import Expectation
 from lcorpp.reasoning.fitting.number_model import Case, NumberModel
 from lcorpp.reasoning.language.program import Program
 from lcorpp.values import Array
 
-SWEEPS = 20
-"""The numbers that share no single case are set this many times."""
+MAX_STEPS = 10_000
+"""The ascent ends after this many steps of expectation-maximisation."""
+
+TOLERANCE = 1e-9
+"""The ascent ends when no number changes by more than this."""
 
 BISECTIONS = 60
 """Enough to halve an interval down to the precision of floating point."""
 
+Group = Sequence[Case]
+"""Cases that share parameters."""
 
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Parameters that cases connect.
-
-    rest: the forms of what the parameters leave for other values.
-    """
-
-    parameters: tuple[int, ...]
-    cases: tuple[Case, ...]
-    rest: tuple[int, ...]
+Progress = Callable[[int, float], None]
+"""Callback with the number of steps, and the largest change of a number in the last one."""
 
 
-def group_parameters(program: Program, model: NumberModel) -> list[Group]:
-    """Group the parameters by the cases that connect them.
+def group_cases(program: Program, model: NumberModel) -> list[Group]:
+    """Group the cases by the parameters that they share.
 
     Raises:
         ProgramError: the numbers of a group sum to 1 in one case, and occur in other sums too.
     """
-    group_of: dict[int, set[int]] = {}  # connected parameters share one set
+    groups: list[tuple[set[int], list[Case]]] = []
     for case in model.cases:
-        members = {parameter for parameter, _ in case.multiplicities}
-        for parameter in list(members):
-            members |= group_of.get(parameter, set())
-        group_of |= dict.fromkeys(members, members)
-    groups = []
-    for members in {id(own): own for own in group_of.values()}.values():
-        cases = tuple(case for case in model.cases if case.multiplicities[0][0] in members)
+        joined = set(case.parameters.tolist()), [case]
+        for group in [group for group in groups if group[0] & joined[0]]:
+            groups.remove(group)
+            joined = joined[0] | group[0], group[1] + joined[1]
+        groups.append(joined)
+    for parameters, cases in groups:
         if len(cases) > 1 and any(case.is_full for case in cases):
-            lines = sorted(program.statements[model.statements[i]].at.line for i in members)
+            lines = sorted(program.statements[model.statements[i]].at.line for i in parameters)
             raise ProgramError(
                 f"{program.file}: the numbers at lines {', '.join(map(str, lines))} sum to 1 in some worlds"
                 " and occur in other sums too, so they cannot be fitted; fix all but one of them"
             )
-        depends = np.flatnonzero(np.any(model.coefficients[:, sorted(members)] != 0, axis=1))
-        rest = tuple(int(form) for form in depends if form >= len(model.statements))
-        groups.append(Group(tuple(sorted(members)), cases, rest))
-    return groups
+    return [cases for _, cases in groups]
 
 
 def compute_prior_counts(model: NumberModel, strength: float) -> Array:
     """Spread `strength` pseudo-counts over the forms of each case, in proportion to the program's numbers."""
-    counts: Array = np.zeros(len(model.constants))
-    start = model.evaluate(model.start)
+    counts, values = np.zeros(len(model.constants)), model.evaluate(model.start)
     for case in model.cases:
-        for form, n_values in case.forms:
-            counts[form] += strength * n_values * start[form]
+        counts[case.parameters] += strength * case.multiplicities * values[case.parameters]
+        counts[case.rest] += strength * values[case.rest]
     return counts
 
 
-def maximise(model: NumberModel, groups: list[Group], parameters: Array, counts: Array) -> Array:
+def maximise(model: NumberModel, groups: Sequence[Group], parameters: Array, counts: Array) -> Array:
     """Return the parameters that maximise ``counts @ log(forms)``; unchanged where all counts are 0."""
     best = parameters.copy()
     for group in groups:
-        own, rest = list(group.parameters), list(group.rest)
-        if counts[own].sum() + counts[rest].sum() == 0:
-            continue
-        if len(group.cases) == 1:
-            (case,) = group.cases
-            multiplicities = np.array([m for _, m in case.multiplicities])
-            total = counts[own].sum() + counts[rest].sum()
-            best[own] = float(case.bound) * counts[own] / (multiplicities * total)
+        if len(group) == 1:
+            (case,) = group
+            own = counts[case.parameters]
+            total = own.sum() + counts[case.rest]
+            if total > 0:
+                best[case.parameters] = float(case.bound) * own / (case.multiplicities * total)
         else:
-            for _ in range(SWEEPS):
-                for parameter in own:
-                    best[parameter] = _maximise_one(model, rest, best, parameter, counts)
+            for i in np.unique(np.concatenate([case.parameters for case in group])):
+                best[i] = _maximise_one(model, [case.rest for case in group], best, i, counts)
     return best
 
 
-def count_cases(model: NumberModel, groups: list[Group], parameters: Array, counts: Array) -> Array:
-    """Return the expected number of times that each pr-atom applied (p,).
-
-    Different cases are not counted apart; there it is what the numbers and the counts imply.
-    """
-    cases: Array = np.zeros(len(parameters))
-    values = model.evaluate(parameters)
-    for group in groups:
-        own, rest = list(group.parameters), list(group.rest)
-        if len(group.cases) == 1:
-            cases[own] = (counts[own].sum() + counts[rest].sum()) / float(group.cases[0].bound)
-            continue
-        for parameter in own:
-            multiplicity = max(dict(case.multiplicities).get(parameter, 0) for case in group.cases)
-            if parameters[parameter] > 0:
-                times = counts[parameter] / parameters[parameter]
-            else:
-                forms = [form for form in rest if values[form] > 0]
-                times = -model.coefficients[forms, parameter] @ (counts[forms] / values[forms])
-            cases[parameter] = times / multiplicity
-    return cases
-
-
-def _maximise_one(
-    model: NumberModel, rest: list[int], parameters: Array, parameter: int, counts: Array
-) -> float:
+def _maximise_one(model: NumberModel, rests: list[int], parameters: Array, i: int, counts: Array) -> float:
     """Return the best value of one parameter, given the others: the root of a decreasing derivative."""
-    if counts[parameter] == 0 and not any(counts[i] for i in rest if model.coefficients[i, parameter]):
-        return float(parameters[parameter])
-    slopes = -model.coefficients[rest, parameter]
-    active = slopes > 0
-    slopes, weights = slopes[active], counts[rest][active]
-    values = (model.constants + model.coefficients @ parameters)[rest][active]
-    limits = parameters[parameter] + values / slopes  # the form is 0 there
+    forms = [form for form in rests if model.coefficients[form, i]]
+    weights = counts[forms]
+    if not counts[i] and not weights.any():
+        return float(parameters[i])
+    values = model.constants[forms] + model.coefficients[forms] @ parameters
+    limits = parameters[i] - values / model.coefficients[forms, i]  # the form is 0 there
     low, high = 0.0, float(limits.min())
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        if counts[parameter] / middle > (weights / (limits - middle)).sum():
+        if counts[i] / middle > (weights / (limits - middle)).sum():
             low = middle
         else:
             high = middle
     return low
+
+
+def climb(
+    model: NumberModel,
+    groups: Sequence[Group],
+    expectation: Expectation,
+    prior: Array,
+    progress: Progress | None = None,
+) -> tuple[Array, int, bool]:
+    """Climb from the numbers of the program to a maximum of the likelihood, or with a prior of the posterior.
+
+    Args:
+        prior: (f,) pseudo-counts of the forms.
+
+    Returns:
+        The parameters, the number of steps, and whether they do not change any more.
+    """
+    used = prior > 0
+    n_steps = 0
+
+    def step(parameters: Array) -> tuple[Array, float]:
+        """Return the parameters after a step, and the objective before it."""
+        nonlocal n_steps
+        n_steps += 1
+        values = model.evaluate(parameters)
+        expected = expectation.compute(values)
+        objective = expected.log_likelihood + float(prior[used] @ np.log(values[used]))
+        counts = expected.counts @ expected.repeats + prior
+        return maximise(model, groups, parameters, counts), objective
+
+    start = following = model.start
+    reached = -np.inf
+    while n_steps < MAX_STEPS:
+        first, objective = step(start)
+        if objective < reached:  # the leap went too far
+            start, reached = following, -np.inf
+            continue
+        following, _ = step(first)
+        change, last_change = first - start, following - first
+        largest = float(np.abs(last_change).max())
+        if progress is not None:
+            progress(n_steps, largest)
+        if largest < TOLERANCE:
+            return following, n_steps, True
+        reached, curvature = objective, last_change - change
+        length = max(1.0, float(np.linalg.norm(change)) / (float(np.linalg.norm(curvature)) + TOLERANCE**2))
+        leap = start + 2 * length * change + length**2 * curvature - following
+        values, falls = model.evaluate(following), -model.coefficients @ leap
+        falls[values == 0] = 0.0
+        start = following + leap * min(1.0, 0.9 / (falls / np.maximum(values, TOLERANCE)).max(initial=0.9))
+    return following, n_steps, False
+
+
+def count_cases(model: NumberModel, values: Array, counts: Array) -> Array:
+    """Return how often each pr-atom applied (p,), given the values and the expected counts of the forms."""
+    times = np.zeros(len(model.statements))
+    for case in model.cases:
+        if values[case.rest] > 0 and not case.is_full:
+            times[case.parameters] += counts[case.rest] / values[case.rest]
+        else:
+            times[case.parameters] += counts[case.parameters].sum() / float(case.bound)
+    return times

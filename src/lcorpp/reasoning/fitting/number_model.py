@@ -1,36 +1,48 @@
-"""The numbers of pr-atoms as parameters, and the probabilities of a decision diagram as functions of them."""
+"""The numbers of pr-atoms as parameters, and the probabilities of a decision diagram as functions of them.
+
+Each probability is a constant times a product of *forms*, affine functions of the parameters: the number of a
+pr-atom, or what the pr-atoms of a case leave for other values.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
+from scipy import sparse
 
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
-from lcorpp.reasoning.fitting.symbolic import Affine, Form, split
+from lcorpp.reasoning.grounding.ground_program import QUERY_TERM, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Number, Probability
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array
 
+REJECTED = QUERY_TERM
+"""The term that has the value `true` in the worlds that constraints and observations exclude."""
+
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A set of pr-atoms that apply together: their numbers sum to at most `bound`, what fixed numbers leave.
+    """A set of pr-atoms that apply together: ``multiplicities @ numbers`` is at most `bound`.
 
-    multiplicities: (parameter, number of values that it is the probability of).
-    is_full: whether no value is left without a pr-atom, so that the sum equals `bound`.
-    forms: (form, number of values with this probability).
+    parameters: (n,) their numbers.
+    multiplicities: (n,) the number of values that have each of them as their probability.
+    bound: what fixed numbers leave.
+    rest: the form of what the numbers leave, ``bound - multiplicities @ numbers``.
+    is_full: whether no value is left for it, so that it is 0.
     """
 
-    multiplicities: tuple[tuple[int, int], ...]
+    parameters: npt.NDArray[np.intp]
+    multiplicities: Array
     bound: Fraction
+    rest: int
     is_full: bool
-    forms: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +53,8 @@ class NumberModel:
     start: (p,) the numbers of the program.
     constants, coefficients: (f,) and (f, p); form i is ``constants[i] + coefficients[i] @ parameters``,
         and the first p forms are the parameters.
-    factors: (outcomes, n) the forms whose product is the probability of an outcome; f is for 1.
     scales: (outcomes,) the constant factor of each outcome.
+    factors: (f, outcomes) how often each form is a factor of an outcome.
     cases: the sets of pr-atoms that apply together.
     """
 
@@ -51,8 +63,8 @@ class NumberModel:
     start: Array
     constants: Array
     coefficients: Array
-    factors: npt.NDArray[np.intp]
     scales: Array
+    factors: sparse.csc_array
     cases: Sequence[Case]
 
     def evaluate(self, parameters: Array) -> Array:
@@ -62,83 +74,123 @@ class NumberModel:
         return values
 
 
-def list_free_statements(program: Program, fixed: Collection[int]) -> list[int]:
-    """List the pr-atoms whose numbers are neither fixed, nor 0 or 1, nor computed from variables."""
-    return [
-        index
+class _Factored(Fraction):
+    """A fraction that remembers the factors of which it is the product; none if it is not a product.
+
+    The compiler computes with the numbers of pr-atoms as with other fractions, and this is how they are found
+    in its results.
+    """
+
+    __slots__ = ("factors",)
+    factors: tuple[Fraction, ...]
+
+    def __new__(cls, value: Fraction, factors: tuple[Fraction, ...] = ()) -> _Factored:
+        number = super().__new__(cls, value)
+        number.factors = factors
+        return number
+
+    def __radd__(self, other):  # type: ignore[no-untyped-def]
+        return _Factored(Fraction.__radd__(self, other))
+
+    __add__ = __radd__
+
+    def __rsub__(self, other):  # type: ignore[no-untyped-def]
+        return _Factored(Fraction.__rsub__(self, other))
+
+    def __truediv__(self, other):  # type: ignore[no-untyped-def]
+        return _Factored(Fraction.__truediv__(self, other))
+
+    def __mul__(self, other):  # type: ignore[no-untyped-def]
+        return _Factored(Fraction.__mul__(self, other), (*_split(self), *_split(other)))
+
+    __rmul__ = __mul__
+
+
+def _split(number: Fraction) -> tuple[Fraction, ...]:
+    return number.factors or (number,) if isinstance(number, _Factored) else (number,)
+
+
+def list_free_numbers(program: Program, fixed: Collection[int]) -> dict[int, Fraction]:
+    """List the numbers of pr-atoms, by statement, that are neither fixed, nor 0 or 1, nor have variables."""
+    return {
+        index: statement.number.value
         for index, statement in enumerate(program.statements)
         if isinstance(statement, Probability)
         and index not in fixed
         and isinstance(statement.number, Number)
         and 0 < statement.number.value < 1
-    ]
+    }
 
 
-def build_number_model(program: Program, free: Sequence[int], observed: Collection[str]) -> NumberModel:
-    """Compile a program with the numbers of the statements `free` as parameters.
+def build_number_model(
+    program: Program, free: Mapping[int, Fraction], observed: Collection[str]
+) -> NumberModel:
+    """Compile a program with some numbers as parameters; excluded worlds remain, see `REJECTED`.
 
     Args:
+        free: index of a statement -> its number.
         observed: the terms that records may name.
 
     Raises:
         ProgramError: a world violates a condition of the language.
         TooLargeError: the program is too large to be compiled.
     """
-    symbols: dict[int, Affine] = {}
-    for parameter, index in enumerate(free):
-        statement = program.statements[index]
-        assert isinstance(statement, Probability)
-        assert isinstance(statement.number, Number)
-        symbols[index] = Affine.create_parameter(parameter, statement.number.value)
     ground = ground_program(program, {})
+    numbers = {index: _Factored(number) for index, number in free.items()}
     for clause in ground.clauses:
         if clause.number is not None:
-            clause.number = symbols.get(clause.statement, clause.number)
-    diagram = build_decision_diagram(build_transition_system(ground, observed))
-    forms: dict[Form, int] = {symbols[index].form: i for i, index in enumerate(free)}
-    outcomes = [split(number) for _, number in diagram.outcomes]
-    products = [[forms.setdefault(x.form, len(forms)) for x in own] for own, _ in outcomes]
+            clause.number = numbers.get(clause.statement, clause.number)
+    _derive_rejection(ground)
+    diagram = build_decision_diagram(build_transition_system(ground, [*observed, REJECTED]))
+    parameters = {id(number): i for i, number in enumerate(numbers.values())}
+    # the numbers are identified by their ids: the diagram and its system keep them
+    forms = {number: (i, 1.0) for number, i in parameters.items()}  # number -> (form, constant factor)
     cases: dict[object, Case] = {}
-    for numbers in diagram.system.probabilities.values():
-        if any(isinstance(number, Affine) for number in numbers):
-            case = _describe_case(numbers, forms)
-            key = case.multiplicities, case.bound
-            if key not in cases or case.is_full:
-                cases[key] = case
-    width = max([len(own) for own in products], default=0)
-    factors = np.full((len(products), width), len(forms), dtype=np.intp)
-    for row, own in zip(factors, products, strict=True):
-        row[: len(own)] = own
-    coefficients = np.zeros((len(forms), len(free)))
-    for (_, terms), i in forms.items():
-        for parameter, coefficient in terms:
-            coefficients[i, parameter] = float(coefficient)
+    for own in diagram.system.probabilities.values():
+        multiplicities = Counter([parameters[id(x)] for x in own if id(x) in parameters])
+        if not multiplicities:
+            continue
+        bound = 1 - sum([x for x in own if not isinstance(x, _Factored)], start=Fraction(0))
+        shares = [x for x in own if isinstance(x, _Factored) and id(x) not in parameters]
+        key = frozenset(multiplicities.items()), bound
+        rest = cases[key].rest if key in cases else len(free) + len(cases)
+        for share in shares:
+            forms[id(share)] = rest, 1 / len(shares)
+        cases[key] = Case(
+            np.array(list(multiplicities)),
+            np.array(list(multiplicities.values()), dtype=float),
+            bound,
+            rest,
+            is_full=not shares or (key in cases and cases[key].is_full),
+        )
+    coefficients = np.vstack([np.eye(len(free)), np.zeros((len(cases), len(free)))])
+    for case in cases.values():
+        coefficients[case.rest, case.parameters] = -case.multiplicities
+    scales = np.ones(len(diagram.outcomes))
+    places: list[tuple[int, int]] = []
+    for outcome, (_, number) in enumerate(diagram.outcomes):
+        for factor in _split(number):
+            form, scale = forms.get(id(factor), (-1, float(factor)))
+            scales[outcome] *= scale
+            if form >= 0:
+                places.append((form, outcome))
+    rows, columns = np.array(places, dtype=np.intp).reshape(-1, 2).T
     return NumberModel(
         diagram,
-        free,
-        np.array([float(symbols[index]) for index in free]),
-        np.array([float(constant) for constant, _ in forms]),
+        list(free),
+        np.array(list(map(float, free.values()))),
+        np.array([0.0] * len(free) + [float(case.bound) for case in cases.values()]),
         coefficients,
-        factors,
-        np.array([float(scale) for _, scale in outcomes]),
+        scales,
+        sparse.csc_array((np.ones(len(rows)), (rows, columns)), shape=(len(coefficients), len(scales))),
         list(cases.values()),
     )
 
 
-def _describe_case(numbers: Sequence[Fraction], forms: dict[Form, int]) -> Case:
-    """Describe the probabilities of the values of a selection; add new forms to `forms`."""
-    multiplicities: dict[int, int] = {}
-    bound, is_full = Fraction(1), True
-    counts: dict[int, int] = {}
-    for number in numbers:
-        if not isinstance(number, Affine):
-            bound -= number
-            continue
-        form = forms.setdefault(number.form, len(forms))
-        counts[form] = counts.get(form, 0) + 1
-        if number.constant == 0 and list(number.coefficients.values()) == [1]:
-            (parameter,) = number.coefficients
-            multiplicities[parameter] = multiplicities.get(parameter, 0) + 1
-        else:
-            is_full = False
-    return Case(tuple(sorted(multiplicities.items())), bound, is_full, tuple(counts.items()))
+def _derive_rejection(ground: GroundProgram) -> None:
+    """Replace constraints by rules that derive `REJECTED`."""
+    for i, clause in enumerate(ground.clauses):
+        if clause.kind is ClauseKind.FORBID:
+            ground.clauses[i] = replace(clause, kind=ClauseKind.DERIVE, term=len(ground.names))
+    ground.names.append(REJECTED)
+    ground.values.append(("true",))

@@ -1,12 +1,21 @@
-"""Records: a CSV file with a column for each observed term."""
+"""Records: read from a CSV file with a column for each observed term, and grouped."""
 
 from __future__ import annotations
 
 import csv
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
+from typing import Any
 
-from lcorpp.errors import DataError
+import numpy as np
+
+from lcorpp.errors import DataError, ProgramError, check_type
 from lcorpp.files import open_text
+from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.resolve import name_value, resolve_evidence
+from lcorpp.values import Array
 
 MISSING = ("", "?")
 """Cells that are not observed."""
@@ -50,3 +59,43 @@ def read_records(path: str | Path) -> list[dict[str, str]]:
         except UnicodeDecodeError:
             raise DataError(f"{path}:{reader.line_num + 1}: not UTF-8 text") from None
     return records
+
+
+def group_records(
+    program: Program, records: Iterable[Mapping[str, str]]
+) -> tuple[list[dict[str, str]], list[int], Array]:
+    """Group equal records.
+
+    Returns:
+        (distinct, rows, repeats): the distinct records with canonical names, the number of the first of each,
+        from 1, and how often each occurs.
+
+    Raises:
+        DataError: there are no records.
+        ProgramError: a term or value is unknown, or a term has two values.
+    """
+    rows: dict[frozenset[tuple[str, str]], int] = {}
+    repeats: Counter[frozenset[tuple[str, str]]] = Counter()
+
+    @cache
+    def resolve(name: str, value: Any) -> tuple[str, str]:
+        (fact,) = resolve_evidence(program, {name: value}).items()
+        return fact
+
+    for row, record in enumerate(records, start=1):
+        check_type(record, Mapping, f"record {row}", ProgramError)
+        try:
+            facts = frozenset([resolve(name, name_value(value)) for name, value in record.items()])
+            if len(facts) < len(record) or len(dict(facts)) < len(facts):  # two names of a term
+                facts = frozenset(resolve_evidence(program, record).items())
+        except TypeError:  # an unhashable value
+            raise ProgramError(
+                f"record {row}: expected a mapping from terms to values, not {record!r}"
+            ) from None
+        except ProgramError as error:
+            raise ProgramError(f"record {row}: {error}") from None
+        rows.setdefault(facts, row)
+        repeats[facts] += 1
+    if not rows:
+        raise DataError("there are no records")
+    return list(map(dict, rows)), list(rows.values()), np.array([float(repeats[facts]) for facts in rows])

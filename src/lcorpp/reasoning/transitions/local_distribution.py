@@ -1,11 +1,8 @@
 """The local distribution of a component, given the clauses whose bodies are true.
 
 A term is derived by rules, selected at random from its dynamic range, set by an intervention, or has no
-value. A random value has the probability that a pr-atom assigns; the values without a pr-atom share the rest
-evenly. This module has the distribution of one term that does not depend on itself.
-
-Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 3.2, equations 3 to 5, Conditions 1 to 3; section
-5.1 for unitarity. Condition 1 of 2018: Balai, Gelfond and Zhang, 2019, section 3.2.
+value. This module has the distribution of one term that does not depend on itself; `conditions` computes the
+probabilities of random values.
 """
 
 from __future__ import annotations
@@ -15,8 +12,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Protocol
 
+from lcorpp.reasoning.conditions import ConditionViolation, compute_probabilities, list_applicable
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
-from lcorpp.reasoning.language.syntax import Probability, Selection, Statement
 from lcorpp.reasoning.transitions.rule_templates import ASSIGN, DERIVE, RANGE, SELECT, RuleTemplate
 
 ONE = Fraction(1)
@@ -32,25 +29,6 @@ bit: the state bit that is set if the literals about other components are satisf
 clause: the clause, for its head.
 body: the literals about the component itself.
 """
-
-
-class ConditionViolation(Exception):
-    """A world breaks a condition of P-log; `decision_diagram` finds the world.
-
-    Args:
-        statement: the index of the statement that breaks the condition.
-        message: with "{term}" for the name of the term, as terms with the same template share violations.
-
-    term_index: the index of the term in its component.
-    """
-
-    def __init__(self, statement: int, message: str) -> None:
-        super().__init__(statement, message)
-        self.statement, self.message, self.term_index = statement, message, 0
-
-    def format(self, statements: Sequence[Statement], names: Sequence[str]) -> str:
-        """Return the message; `names` are the terms of the component."""
-        return f"{statements[self.statement].at}: {self.message.replace('{term}', names[self.term_index])}"
 
 
 @dataclass(slots=True)
@@ -98,7 +76,7 @@ class AcyclicTermDistribution:
         self._group_of_bit = {
             bits[group.satisfied_slot]: index
             for index, group in enumerate(template.clause_groups)
-            if not group.always_true
+            if group.satisfied_slot
         }
 
     def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:
@@ -158,22 +136,20 @@ def enumerate_outcomes(
     possible = _list_dynamic_range(program, term, selections, clauses)
     if do is not None:
         return [(do, ONE, None)] if do in possible and derived <= {do} else []
-    taken = [value for value in possible if value in derived] if derived else possible
+    taken = [value for value in possible if derived <= {value}]
     if not taken:
         return []
-    if derived or len(selections) > 1:
-        violation = _check_condition_1(program, derived, selections)
-        if violation is not None:
-            return [(value, ONE, violation) for value in taken]
-    atoms = [c for c in clauses if c.kind is ASSIGN and _applies_to(program, c, selections[0])]
-    # the clauses of a statement share their number, so its id, which compares fast, identifies it
-    key = (tuple(possible), tuple([(c.value, id(c.number), c.statement) for c in atoms]))
-    probabilities = cache.get(key)
-    if probabilities is None:
-        try:
-            probabilities = cache[key] = _assign_probabilities(program, term, possible, atoms)
-        except ConditionViolation as found:
-            return [(value, ONE, found) for value in taken]
+    assigned = [clause for clause in clauses if clause.kind is ASSIGN]
+    try:
+        atoms = list_applicable(program.source, selections, assigned, derived=bool(derived))
+        # the clauses of a statement share their number, so its id, which compares fast, identifies it
+        key = (tuple(possible), tuple([(c.value, id(c.number), c.statement) for c in atoms]))
+        probabilities = cache.get(key)
+        if probabilities is None:
+            probabilities = compute_probabilities(program.source, program.values[term], possible, atoms)
+            cache[key] = probabilities
+    except ConditionViolation as found:
+        return [(value, ONE, found) for value in taken]
     if not derived:
         return [(value, number, None) for value, number in zip(possible, probabilities, strict=True)]
     return [(value, probabilities[possible.index(value)], None) for value in taken]
@@ -194,83 +170,3 @@ def _list_dynamic_range(
             }
             possible = [value for value in possible if value in members]
     return possible
-
-
-def _check_condition_1(
-    program: GroundProgram, derived: set[int], selections: Sequence[Clause]
-) -> ConditionViolation | None:
-    """Check that one selection applies to a term, and (2018) that no rule derives a value of it."""
-    statements = program.source.statements
-    is_2018 = not program.do_is_fact
-    first = selections[0]
-    for clause in selections[1:]:
-        here, there = statements[first.statement], statements[clause.statement]
-        assert isinstance(here, Selection)
-        assert isinstance(there, Selection)
-        alike = (first.instance, first.label) == (clause.instance, clause.label)
-        labels = [statement.label.name if statement.label else "" for statement in (here, there)]
-        # 2018: random(label, term, range) is an atom, so rules with the same atom are one selection
-        if alike and (here is there or (is_2018 and labels[0] == labels[1] and here.range == there.range)):
-            continue
-        after = " with other values of its variables" if here is there else ""
-        message = f"Condition 1: {{term}} is also selected at random by the rule at {here.at}{after}"
-        return ConditionViolation(clause.statement, message)
-    if is_2018 and derived:
-        message = "Condition 1: {term} is selected at random while a rule derives it"
-        return ConditionViolation(first.statement, message)
-    return None
-
-
-def _applies_to(program: GroundProgram, atom: Clause, selection: Clause) -> bool:
-    """Whether a pr-atom applies to a selection: it has no label, or the label of the selection."""
-    statements = program.source.statements
-    assigned, selected = statements[atom.statement], statements[selection.statement]
-    assert isinstance(assigned, Probability)
-    assert isinstance(selected, Selection)
-    if assigned.label is None:
-        return True
-    if selected.label is None or selected.label.name != assigned.label.name:
-        return False
-    return not assigned.label.arguments or atom.label == selection.label
-
-
-def _assign_probabilities(
-    program: GroundProgram, term: int, possible: Sequence[int], atoms: Sequence[Clause]
-) -> list[Fraction]:
-    """Compute the probability of each value of the dynamic range, in its order.
-
-    Args:
-        atoms: the pr-atoms that apply to the selection.
-
-    Raises:
-        ConditionViolation: Condition 2 or 3 is broken, or the probabilities are not unitary.
-    """
-    values = program.values[term]
-    numbers: dict[int, Fraction] = {}
-    statement_of: dict[int, int] = {}
-    for atom in atoms:
-        value, number, statement = atom.value, atom.number, atom.statement
-        assert number is not None
-        if not 0 <= number <= 1:
-            raise ConditionViolation(statement, f"the probability {number} is not between 0 and 1")
-        if value in numbers:
-            other = statement_of[value]
-            raise ConditionViolation(
-                statement,
-                f"Condition 2: {{term}}={values[value]} also has a pr-atom at"
-                f" {program.source.statements[other].at}"
-                f"{' with other values of its variables' if other == statement else ''}",
-            )
-        if value not in possible:
-            members = ", ".join(values[v] for v in possible)
-            message = f"{{term}}={values[value]} has a pr-atom outside of its dynamic range {{{members}}}"
-            raise ConditionViolation(statement, f"Condition 3: {message}")
-        numbers[value], statement_of[value] = number, statement
-    total = sum(numbers.values(), Fraction(0))
-    n_unassigned = len(possible) - len(numbers)
-    if total > 1 or (total != 1 and not n_unassigned):
-        bound = "at most " if n_unassigned else ""
-        message = f"not unitary: the probabilities of {{term}} sum to {total}, not {bound}1"
-        raise ConditionViolation(min(statement_of.values()), message)
-    share = (1 - total) / n_unassigned if n_unassigned else Fraction(0)
-    return [numbers.get(value, share) for value in possible]

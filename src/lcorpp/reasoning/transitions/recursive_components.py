@@ -19,10 +19,10 @@ from fractions import Fraction
 from typing import Any
 
 from lcorpp.errors import ProgramError
+from lcorpp.reasoning.conditions import ConditionViolation
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.transitions.local_distribution import (
     ONE,
-    ConditionViolation,
     GuardedClause,
     Outcome,
     ProbabilityCache,

@@ -1,0 +1,153 @@
+"""The probabilities of a term that is selected at random, and the conditions of P-log, all checked here.
+
+A pr-atom assigns its number to a value; the values without a pr-atom share the rest evenly. The compiler
+(`transitions`) and the enumeration share this module. Which selections and pr-atoms apply in a world, and
+what the dynamic range is, each finds out in its own way.
+
+Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 3.2, equations 3 to 5, Conditions 1 to 3; section
+5.1 for unitarity. Condition 1 of 2018: Balai, Gelfond and Zhang, 2019, section 3.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Protocol
+
+from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.language.syntax import Probability, Selection, Statement
+from lcorpp.reasoning.language.traversal import as_selection
+
+
+class RuleInstance(Protocol):
+    """A selection or a pr-atom whose body is true.
+
+    statement: its index in the program.
+    label: the arguments of its label as text.
+    instance: what distinguishes the instances of a selection.
+    value, number: of a pr-atom, the index of the value and its probability.
+    """
+
+    @property
+    def statement(self) -> int: ...
+    @property
+    def label(self) -> str: ...
+    @property
+    def instance(self) -> object: ...
+    @property
+    def value(self) -> int: ...
+    @property
+    def number(self) -> Fraction | None: ...
+
+
+class ConditionViolation(Exception):
+    """A world breaks a condition of P-log; who found the world adds it to the message.
+
+    Args:
+        statement: the index of the statement that breaks the condition.
+        message: with "{term}" for the name of the term, as terms with the same rules share violations.
+
+    term_index: the index of the term in its component.
+    """
+
+    def __init__(self, statement: int, message: str) -> None:
+        super().__init__(statement, message)
+        self.statement, self.message, self.term_index = statement, message, 0
+
+    def format(self, statements: Sequence[Statement], names: Sequence[str]) -> str:
+        """Return the message; `names` are the terms of the component."""
+        return f"{statements[self.statement].at}: {self.message.replace('{term}', names[self.term_index])}"
+
+
+def list_applicable(
+    program: Program, selections: Sequence[RuleInstance], atoms: Sequence[RuleInstance], *, derived: bool
+) -> list[RuleInstance]:
+    """List the pr-atoms that apply to the selection of a term, after checking that there is only one.
+
+    Args:
+        selections: the selections of the term whose bodies are true, at least one.
+        atoms: the pr-atoms about the term whose conditions are true.
+        derived: whether a rule derives a value of the term.
+
+    Raises:
+        ConditionViolation: Condition 1 is broken.
+    """
+    if not atoms and not derived and len(selections) == 1:
+        return []
+    first = selections[0]
+    here = as_selection(program.statements[first.statement])
+    assert here is not None
+    is_2018 = program.semantics == "2018"
+    for other in selections[1:]:
+        there = as_selection(program.statements[other.statement])
+        assert there is not None
+        # 2018: random(label, term, range) is an atom, so rules with the same atom are one selection
+        is_same = here is there or (is_2018 and _name(here) == _name(there) and here.range == there.range)
+        if not is_same or (first.instance, first.label) != (other.instance, other.label):
+            after = " with other values of its variables" if here is there else ""
+            raise ConditionViolation(
+                other.statement,
+                f"Condition 1: {{term}} is also selected at random by the rule at {here.at}{after}",
+            )
+    if is_2018 and derived:
+        raise ConditionViolation(
+            first.statement, "Condition 1: {term} is selected at random while a rule derives it"
+        )
+    applicable = []
+    for instance in atoms:
+        atom = program.statements[instance.statement]
+        assert isinstance(atom, Probability)
+        if atom.label is None or (
+            atom.label.name == _name(here) and (not atom.label.arguments or instance.label == first.label)
+        ):
+            applicable.append(instance)
+    return applicable
+
+
+def _name(selection: Selection) -> str:
+    return selection.label.name if selection.label else ""
+
+
+def compute_probabilities(
+    program: Program, values: Sequence[str], possible: Sequence[int], atoms: Sequence[RuleInstance]
+) -> list[Fraction]:
+    """Compute the probability of each value of the dynamic range of a selection.
+
+    Args:
+        values: all values of the term.
+        possible: the dynamic range, indexes of values.
+        atoms: the pr-atoms that apply to the selection.
+
+    Raises:
+        ConditionViolation: Condition 2 or 3 is broken, or the probabilities are not unitary.
+    """
+    atom_of: dict[int, RuleInstance] = {}
+    numbers: dict[int, Fraction] = {}
+    for atom in atoms:
+        value, number = atom.value, atom.number
+        assert number is not None
+        if not 0 <= number <= 1:
+            message = f"the probability {number} is not between 0 and 1"
+            raise ConditionViolation(atom.statement, message)
+        if value in atom_of:
+            other = atom_of[value].statement
+            raise ConditionViolation(
+                atom.statement,
+                f"Condition 2: {{term}}={values[value]} also has a pr-atom at {program.statements[other].at}"
+                f"{' with other values of its variables' if other == atom.statement else ''}",
+            )
+        if value not in possible:
+            members = ", ".join([values[v] for v in possible])
+            message = f"{{term}}={values[value]} has a pr-atom outside of its dynamic range {{{members}}}"
+            raise ConditionViolation(atom.statement, f"Condition 3: {message}")
+        atom_of[value], numbers[value] = atom, number
+    total = sum(numbers.values(), Fraction(0))
+    n_unassigned = len(possible) - len(numbers)
+    if total > 1 or (total != 1 and not n_unassigned):
+        bound = "at most " if n_unassigned else ""
+        raise ConditionViolation(
+            min([atom.statement for atom in atom_of.values()]),
+            f"not unitary: the probabilities of {{term}} sum to {total}, not {bound}1",
+        )
+    share = (1 - total) / n_unassigned if n_unassigned else Fraction(0)
+    return [numbers.get(value, share) for value in possible]
