@@ -7,19 +7,19 @@ from dataclasses import replace
 from itertools import chain
 
 from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.signature import BOOLEAN, mangle_name
+from lcorpp.reasoning.language.signature import mangle_name
+from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortSet
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     Expression,
     Literal,
     Number,
     Probability,
-    SortDefinition,
     Statement,
     Term,
     Variable,
 )
-from lcorpp.reasoning.language.traversal import iter_literals, map_literals
+from lcorpp.reasoning.language.traversal import list_literals, map_literals
 
 _RESERVED = {
     "attributes",
@@ -75,7 +75,7 @@ class SharedSorts:
 
 def _iter_positions(statement: Statement) -> Iterator[tuple[Position, Expression]]:
     """Iterate over the positions in a statement with the expressions there."""
-    for literal, _ in iter_literals(statement):
+    for literal in list_literals(statement):
         for index, argument in enumerate(literal.term.arguments):
             yield (literal.term.name, index), argument
         if literal.value is not literal.term:  # a term without value
@@ -90,7 +90,7 @@ def declare(statements: Sequence[Statement], sorts: SharedSorts) -> tuple[Statem
     Attributes are named `p/n` (p with n arguments) in the statements, then p, or `p_n` if p is taken.
     """
     terms: dict[str, Term] = {}  # name -> the first term that has it
-    for literal, _ in chain.from_iterable(map(iter_literals, statements)):
+    for literal in chain.from_iterable(map(list_literals, statements)):
         terms.setdefault(literal.term.name, literal.term)
     taken = {*_RESERVED, *sorts.texts}
 
@@ -116,7 +116,7 @@ def declare(statements: Sequence[Statement], sorts: SharedSorts) -> tuple[Statem
                 Term("none", at=at),
             )  # of a predicate that is always false
             own = take(f"{names[name]}_{index + 1 or 'value'}", 0)
-            defined[root] = SortDefinition(own, elements, at=at)
+            defined[root] = SortDefinition(own, SortSet(elements, at=at), at=at)
         return defined[root].name
 
     def rename(literal: Literal) -> Literal:

@@ -45,7 +45,7 @@ from lcorpp.reasoning.language.syntax import (
     Variable,
 )
 from lcorpp.reasoning.language.translation.declarations import SharedSorts, declare
-from lcorpp.reasoning.language.traversal import iter_expressions, iter_literals
+from lcorpp.reasoning.language.traversal import iter_expressions, list_literals
 
 MAX_INSTANCES = 10_000
 """Maximal number of instances of a query with variables."""
@@ -198,7 +198,7 @@ def _find_uncertain(clauses: Sequence[_Clause], questions: Iterable[Query | Obse
     """Return the predicates that depend on chance; check that all predicates have clauses."""
     heads = [(clause, head.term.name) for clause in clauses for _, head in clause.heads]
     defined = {name for _, name in heads}
-    asked = (literal for question in questions for literal, _ in iter_literals(question))
+    asked = (literal for question in questions for literal in list_literals(question))
     for literal in chain(*(_literals(clause.body) for clause in clauses), asked):
         if literal.term.name not in defined:
             words = "has no clause; builtin and library predicates are not translated"
@@ -264,7 +264,7 @@ def _translate(clause: _Clause, uncertain: set[str], plain: set[str]) -> Iterato
 
 def _instantiate(question: Query | Observation, sorts: SharedSorts) -> Iterator[Query | Observation]:
     """Iterate over the instances of a query with variables."""
-    ((literal, _),) = iter_literals(question)
+    (literal,) = list_literals(question)
     arguments = literal.term.arguments
     names = sorted(find_variables(*arguments))
     if not names:
