@@ -22,6 +22,7 @@ from lcorpp.reasoning.language.syntax import (
     Selection,
     Statement,
     Term,
+    syntax_node,
 )
 from lcorpp.reasoning.language.traversal import as_selection, get_body, get_head
 
@@ -29,7 +30,7 @@ ArgumentSlot = tuple[Expression, str]
 """An expression and the sort required at its position."""
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class Attribute(AttributeDeclaration):
     """A declared attribute.
 
