@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from tests.reasoning.circuit.programs import Case, cases
-from tests.reasoning.circuit.test_agreement import SUITE, check, outcome
+from tests.reasoning.circuit.test_agreement import SUITE, check_batch, close, outcome
 
 from lcorpp.errors import ParseError, ProgramError, TooLargeError, UndefinedError
 from lcorpp.reasoning import (
@@ -23,6 +23,7 @@ from lcorpp.reasoning import (
     read_plog,
     save_circuit,
 )
+from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.values import Likelihood
 
 PLOG = Path(__file__).parents[1] / "plog"
@@ -72,7 +73,17 @@ def test_queries_without_values_ask_for_the_joint():
 def test_joints_of_random_programs_agree_with_the_enumeration(case: Case, data: st.DataObject):
     others = [name for name in case.inputs if name != case.query]
     names = data.draw(st.permutations([case.query, *others[:2]]))
-    check(Case(**{**vars(case), "query": "?" + ", ".join(names)}))
+    program, evidence, do = parse_plog(case.text), dict(case.evidence), dict(case.do)
+    reasoner, worlds = Reasoner(program), Enumeration(program)
+    expected = outcome(lambda: worlds.exact(names, evidence, do))
+    assert outcome(lambda: reasoner.exact(names, evidence, do)) == expected
+    close(outcome(lambda: reasoner.posterior(names, evidence, do)), expected)
+    circuit = outcome(lambda: reasoner.compile(case.inputs, "?" + ", ".join(names), do))
+    if isinstance(circuit, Circuit):
+        assert outcome(lambda: circuit.exact(evidence)) == expected
+        check_batch(circuit, worlds, do)
+    else:
+        assert circuit == expected
 
 
 def test_the_joint_has_the_marginals():

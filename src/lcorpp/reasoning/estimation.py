@@ -47,8 +47,8 @@ class Estimate(float):
     def estimate_mean(numbers: Sequence[Fraction], shares: Sequence[Estimate]) -> Estimate:
         """Estimate the expectation of a number from the shares of its values.
 
-        The normal interval with four more worlds, two of the smallest and two of the largest number, so that it
-        has a width even if all worlds have the same number.
+        The normal interval with four more worlds, two of the smallest and two of the largest number, so that
+        it has a width even if all worlds have the same number.
 
         Source: Agresti and Coull, "Approximate is better than 'exact' for interval estimation of binomial
         proportions", The American Statistician 52(2), 1998, for numbers of which two are possible.

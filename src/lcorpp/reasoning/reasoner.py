@@ -9,10 +9,10 @@ has confidence intervals), unless their evidence is too improbable for sampling.
 from __future__ import annotations
 
 import logging
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from lcorpp.errors import ProgramError, TooLargeError, check_type
 from lcorpp.reasoning.answers import (
@@ -64,11 +64,9 @@ Facts = Mapping[str, str]
 
 NOTHING: Facts = {}
 
-_Value = TypeVar("_Value")
-
 
 class Reasoner:
-    """Answers queries of a program; `Enumeration` is the reference with the same methods.
+    """Answers queries of a program; `Enumeration` is the reference.
 
     Args:
         program: the program.
@@ -87,8 +85,8 @@ class Reasoner:
             if number < lowest:
                 raise ProgramError(f"{name} is {number}; expected at least {lowest}")
         self.program, self.samples, self.seed = program, samples, seed
-        self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
-        self._answers: dict[Hashable, Distribution] = {}
+        self._circuits: dict[object, Circuit | TooLargeError] = {}
+        self._answers: dict[object, Distribution] = {}
         self.build_model = lru_cache(CACHE_SIZE)(partial(QueryModel, program))
 
     def __repr__(self) -> str:
@@ -113,8 +111,8 @@ class Reasoner:
             ProgramError: a name is unknown, `attribute` may have no value under the evidence, or a world
                 violates a condition of the language.
             UndefinedError: no possible world satisfies the evidence.
-            TooLargeError: the program is too large to be compiled, and the evidence too improbable for
-                sampling; or the attributes have more than 10,000 combinations of values.
+            TooLargeError: the program is too large, and the evidence too improbable for sampling; or the
+                attributes have more than 10,000 combinations of values.
         """
         try:
             asked = tuple(attribute) if isinstance(attribute, list) else attribute
@@ -173,9 +171,7 @@ class Reasoner:
             Worlds, with the values of these attributes only, and their probabilities given the evidence.
 
         Raises:
-            ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: the program is too large to be compiled, or the attributes have more than 10,000
-                combinations of values.
+            ProgramError, UndefinedError, TooLargeError: as `exact`.
         """
         check_count(count)
         if of is not None:
@@ -241,10 +237,9 @@ class Reasoner:
         """Count the possible worlds of the program without listing them. Raises the errors of `exact`."""
         if self.program.has_cr_rules:
             return len(self._enumeration.worlds)
-        worlds = self.build_model(Query()).worlds
-        if not any(worlds.compute_float_weights("", {}).values()):
+        if not self.list_worlds(Query(), 1):
             raise make_no_world_error(self.program, "")
-        return worlds.count()
+        return self.build_model(Query()).worlds.count()
 
     @pause_gc()
     def ask(self, query: Query, *, exact: bool = False) -> QueryAnswer:
@@ -269,15 +264,13 @@ class Reasoner:
         try:
             worlds = model.worlds
         except TooLargeError as error:
-            if exact:
-                raise
             from lcorpp.reasoning.estimation import estimate_answer  # imports numpy
 
+            if exact:
+                raise
             return estimate_answer(model, error, self.samples, self.seed)
         weigh = worlds.compute_exact_weights if exact else worlds.compute_float_weights
         return answer_query(self.program, query, lambda question: weigh(question, {}))
-
-    # methods of answering
 
     def _compute_posterior(
         self, attribute: Subject, evidence: Mapping[str, Label], do: Facts
@@ -288,7 +281,7 @@ class Reasoner:
         facts, likelihoods = resolve_labels(self.program, evidence)
         set_to = resolve_interventions(self.program, do)
         names = sorted((*facts, *likelihoods))
-        key = (question, frozenset(names), frozenset(set_to.items()))
+        key = question, tuple(names), frozenset(set_to.items())
         circuit = self._circuits.get(key)
         if circuit is None:
             try:
@@ -320,7 +313,7 @@ def ask(program: Program, query: Query) -> QueryAnswer:
     return Reasoner(program).ask(query, exact=True)
 
 
-def _store(cache: dict[Hashable, _Value], key: Hashable, value: _Value) -> None:
+def _store(cache: dict[Any, Any], key: object, value: object) -> None:
     if len(cache) >= CACHE_SIZE:
         cache.clear()
     cache[key] = value
