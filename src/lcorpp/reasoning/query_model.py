@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
+from lcorpp.errors import ProgramError, check_type
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
@@ -27,6 +28,7 @@ class QueryModel:
     """
 
     def __init__(self, program: Program, query: Query, facts: tuple[str, ...] = ()) -> None:
+        check_type(query, Query, "query", ProgramError)
         self.query = query
         observed = [observation.formula for observation in query.observations]
         terms = (*list_questions(query), *facts)

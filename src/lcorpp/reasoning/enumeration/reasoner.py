@@ -114,6 +114,7 @@ class Enumeration:
 
     def __init__(self, program: Program, *, limit: int = 200_000) -> None:
         check_type(program, Program, "program", ProgramError)
+        check_type(limit, int, "limit", ProgramError)
         self.program = program
         self.limit = limit
         self._tables: dict[object, _WorldTable] = {}

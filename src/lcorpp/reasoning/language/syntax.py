@@ -298,10 +298,8 @@ class Intervention(Statement):
 
 @syntax_node
 class Query(Statement):
-    """A question to a program: `?asked | conditions.`
-
-    It asks for the probability of a formula, `{a=1, b=2 or c=3}`; for the joint distribution of subjects,
-    `a, b`; or for the expectation of an expression in which the subjects are variables, `E[a+b]`.
+    """`?{formula} | conditions.` for a probability, `?subjects | conditions.` for a joint distribution, or
+    `?E[expression] | conditions.` for an expectation; the subjects are the variables of the expression.
     """
 
     formula: Formula = ()
@@ -311,11 +309,8 @@ class Query(Statement):
     interventions: tuple[Intervention, ...] = ()
 
     def __str__(self) -> str:
-        if self.expression:
-            asked = f"E[{self.expression}]"
-        elif self.subjects:
-            asked = ", ".join(map(str, self.subjects))
-        else:
+        asked = f"E[{self.expression}]" if self.expression else ", ".join(map(str, self.subjects))
+        if not self.subjects:
             asked = f"{{{_format_formula(self.formula, ', ')}}}"
         return f"?{asked}{' | ' if self.conditions else ''}{', '.join(self.conditions)}."
 
