@@ -39,6 +39,7 @@ from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import (
     Body,
     Expression,
+    Fact,
     Intervention,
     Literal,
     Observation,
@@ -46,7 +47,7 @@ from lcorpp.reasoning.language.syntax import (
     Rule,
     Selection,
 )
-from lcorpp.reasoning.language.traversal import get_head, iter_expressions, list_expressions, list_fact_values
+from lcorpp.reasoning.language.traversal import get_head, iter_expressions, list_expressions
 
 
 def ground_program(
@@ -93,6 +94,8 @@ class _Grounder:
                 term, value = canonical_text(statement.term), canonical_text(statement.value)
                 if self._do.setdefault(term, value) != value:
                     self._contradictory.add(term)
+            elif isinstance(statement, Fact):
+                self._clauses[statement.name].append((index, statement))
             elif isinstance(statement, Rule | Selection) and (head := get_head(statement)):
                 self._clauses[head.term.name].append((index, statement))
         self._find_atoms()
@@ -159,9 +162,8 @@ class _Grounder:
         rows: list[tuple[Value, ...]] = [*set_to]
         is_certain = not set_to
         for index, clause in self._clauses[name]:
-            values = list_fact_values(clause) if isinstance(clause, Rule) else None
-            if values:
-                rows.append(values)
+            if isinstance(clause, Fact):
+                rows.append(clause.values)
                 continue
             table = self._tables[index] = self._instantiate(clause, clause.body)
             if isinstance(clause, Rule) and clause.head:
@@ -190,14 +192,17 @@ class _Grounder:
     # statements
 
     def _ground_rule(self, index: int, rule: Rule) -> None:
-        if rule.head is None:
-            table = self._instantiate(rule, rule.body)
-            self._emit(table, ClauseKind.FORBID, -1, 0, rule.body, index)
-            return
-        table = self._tables.pop(index) if index in self._tables else BindingTable(rule.at)
-        number = self.terms.number_terms(table, rule.head.term)
-        value = self.terms.index_values(table, rule.head.term, rule.head.value)
-        self._emit(table, ClauseKind.DERIVE, number, value, rule.body, index)
+        if isinstance(rule, Fact):
+            *arguments, constant = rule.values
+            term = self.terms.numbers[rule.name][arguments[0] if len(arguments) == 1 else tuple(arguments)]
+            self._add(Clause(ClauseKind.DERIVE, term, self.terms.indexes[rule.name][constant], (), index))
+        elif rule.head:
+            table, head = self._tables.pop(index), rule.head
+            numbers = self.terms.number_terms(table, head.term)
+            values = self.terms.index_values(table, head.term, head.value)
+            self._emit(table, ClauseKind.DERIVE, numbers, values, rule.body, index)
+        else:
+            self._emit(self._instantiate(rule, rule.body), ClauseKind.FORBID, -1, 0, rule.body, index)
 
     def _ground_selection(self, index: int, selection: Selection) -> None:
         """Add the clauses of a selection, and those of its dynamic range for each of its instances.

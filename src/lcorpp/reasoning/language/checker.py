@@ -24,6 +24,7 @@ from lcorpp.reasoning.language.syntax import (
     BodyLiteral,
     Clause,
     DynamicRange,
+    Fact,
     Intervention,
     Literal,
     Number,
@@ -40,7 +41,6 @@ from lcorpp.reasoning.language.traversal import (
     get_body,
     get_head,
     list_expressions,
-    list_fact_values,
 )
 
 
@@ -67,11 +67,11 @@ def check_statements(statements: Sequence[Statement]) -> Signature:
 
 
 def _check_clause(clause: Clause, signature: Signature) -> None:
+    if isinstance(clause, Fact) and _is_valid(clause, signature):
+        return
     head = get_head(clause)
     if head:
         check_attribute(head.term, signature)
-        if isinstance(clause, Rule) and _is_valid_fact(clause, head.term.name, signature):
-            return
     _check_body(get_body(clause), signature)
     if isinstance(clause, Probability):
         _check_probability(clause, signature)
@@ -80,13 +80,13 @@ def _check_clause(clause: Clause, signature: Signature) -> None:
         _check_range(clause, clause.range, signature)
 
 
-def _is_valid_fact(rule: Rule, name: str, signature: Signature) -> bool:
-    """Whether a rule is a fact of integers and names in their sorts, which needs no other checks."""
-    values, attribute = list_fact_values(rule), signature.attributes[name]
-    if values is None:
+def _is_valid(fact: Fact, signature: Signature) -> bool:
+    """Whether the values of a fact are in their sorts, so that it needs no other checks."""
+    attribute = signature.attributes.get(fact.name)
+    if attribute is None or len(attribute.arguments) + 1 != len(fact.values):
         return False
     sorts = (*attribute.arguments, attribute.range)
-    return all(str(value) in signature.sorts[sort] for value, sort in zip(values, sorts, strict=True))
+    return all(str(value) in signature.sorts[sort] for value, sort in zip(fact.values, sorts, strict=True))
 
 
 def _check_body(body: Iterable[BodyLiteral], signature: Signature) -> None:

@@ -18,6 +18,7 @@ from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     DomainDirective,
     Expression,
+    Fact,
     Literal,
     Observation,
     Query,
@@ -78,7 +79,7 @@ def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Stat
         observed.setdefault(term.name, term)
         return replace(literal, term=_make_observed_term(term, value, polarity, literal.term.at))
 
-    rewritten = [map_literals(statement, rewrite) for statement in statements]
+    rewritten = [s if isinstance(s, Fact) else map_literals(s, rewrite) for s in statements]
     if not observed:
         return statements
     declared = {s.name: s for s in statements if isinstance(s, AttributeDeclaration)}

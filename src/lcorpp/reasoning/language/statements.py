@@ -35,6 +35,7 @@ from lcorpp.reasoning.language.syntax import (
     CrRule,
     DomainDirective,
     DynamicRange,
+    Fact,
     Literal,
     Number,
     Probability,
@@ -65,6 +66,9 @@ def _parse_declaration_or_rule(cursor: Cursor) -> Iterator[Statement]:
     at = cursor.at
     if cursor.kind == HASH_NAME:
         yield parse_sort(cursor, parse_sort_name(cursor), at)
+        return
+    if fact := cursor.take_fact():
+        yield Fact(*fact, at)
         return
     left = parse_sum(cursor, plus_minus_is_arrow=True)
     if cursor.kind == ":" or (cursor.kind == "," and cursor.second_kind == NAME and is_name(left)):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Literal as OneOf, get_args
+from typing import Any, Literal as OneOf, get_args
 
 from lcorpp.reasoning.language.issues import SYNTHETIC_PLACE, Place
 
@@ -225,6 +225,46 @@ class Rule(Statement):
 
     def __str__(self) -> str:
         return f"{self.head or ''}{_format_body(self.body)}.".lstrip()
+
+
+class Fact(Rule):
+    """A fact of integers and names. A program may have many, so its head is made when it is read.
+
+    name: the attribute.
+    values: the arguments and the value.
+    offsets: the columns where they begin, counted from that of the fact.
+    """
+
+    __slots__ = ("at", "name", "offsets", "values")
+
+    name: str
+    values: tuple[int | str, ...]
+    offsets: tuple[int, ...]
+
+    def __init__(self, name: str, values: tuple[int | str, ...], offsets: tuple[int, ...], at: Place) -> None:
+        set_once = object.__setattr__
+        set_once(self, "at", at)
+        set_once(self, "name", name)
+        set_once(self, "values", values)
+        set_once(self, "offsets", offsets)
+
+    @property
+    def head(self) -> Literal:
+        """The head as a literal."""
+        places = [self.at._replace(column=self.at.column + offset) for offset in self.offsets]
+        *arguments, value = [
+            Term(value, at=at) if isinstance(value, str) else Number(Fraction(value), at=at)
+            for value, at in zip(self.values, places, strict=True)
+        ]
+        return Literal(Term(self.name, tuple(arguments), at=self.at), "=", value, at=self.at)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Rule) and (self.head, self.body) == (other.head, other.body)
+
+    __hash__ = Rule.__hash__
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Fact, (self.name, self.values, self.offsets, self.at)
 
 
 Clause = Rule | Selection | Probability
