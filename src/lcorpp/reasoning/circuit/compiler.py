@@ -11,7 +11,6 @@ from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
 from lcorpp.reasoning.circuit.matrices import Groups, Layer
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_inputs, resolve_interventions, resolve_queries
@@ -27,7 +26,6 @@ _Entries = Mapping[tuple[tuple[int, ...], int, int], float]
 """(node and the outcomes of later observed terms, outcome of the next one, input) -> weight"""
 
 
-@pause_gc()
 def compile_program(
     program: Program,
     inputs: Sequence[str],

@@ -43,6 +43,18 @@ def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
     return [clause for clause in clauses if clause.term in random or clause.kind in plain], outcomes
 
 
+def find_constants(
+    program: GroundProgram, clauses: Sequence[Clause], outcomes: Sequence[int]
+) -> dict[int, None]:
+    """Find the terms to which only facts give a value; bodies of simplified clauses do not name them."""
+    derive = ClauseKind.DERIVE
+    terms = dict.fromkeys([clause.term for clause in clauses if not clause.body and clause.kind is derive])
+    for clause in clauses:
+        if clause.body or clause.kind is not derive:
+            terms.pop(clause.term, None)
+    return {term: None for term in terms if outcomes[term].bit_count() == 1 and term not in program.do}
+
+
 def _compute_possible_values(program: GroundProgram) -> list[int]:
     """Compute the mask of the values that each term may have in some world: the least fixed point."""
     possible = [0] * len(program.values)
