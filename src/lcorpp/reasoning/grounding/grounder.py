@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.grounding.binding_table import BindingTable, Memo, Part
+from lcorpp.reasoning.grounding.binding_table import BindingTable, Key, Memo, Part
 from lcorpp.reasoning.grounding.ground_program import (
     QUERY_TERM,
     Clause,
@@ -269,9 +269,20 @@ class _Grounder:
         number: Part[Fraction] | None = None,
     ) -> None:
         """Add one clause for each binding of the variables of a statement; its parts as in `Clause`."""
-        literals = table.zip([self.terms.translate(table, x) for x in self._list_uncertain(body)])
-        parts = (kind, term, value, literals, index, label, instance, number)
-        self.result.clauses.extend(map(Clause, *map(table.iterate, parts)))
+        literals = self._list_uncertain(body)
+        bodies = table.zip([self.terms.translate(table, literal) for literal in literals])
+        parts = (kind, term, value, bodies, index, label, instance, number)
+        clauses: Iterable[Clause] = map(Clause, *map(table.iterate, parts))
+        if kind in (ClauseKind.DERIVE, ClauseKind.FORBID) and self._may_repeat(index, literals, table):
+            clauses = {(c.term, c.value, frozenset(c.body)): c for c in clauses}.values()
+        self.result.clauses.extend(clauses)
+
+    def _may_repeat(self, index: int, literals: Sequence[Literal], table: BindingTable) -> bool:
+        """Whether clauses of a rule may be equal: literals are interchangeable, or lack a variable."""
+        head = self.program.statements[index].head  # type: ignore[attr-defined]
+        kinds = {(literal.term.name, literal.relation, literal.negated) for literal in literals}
+        used = find_variables(*iter_expressions([*literals, head] if head else literals))
+        return len(kinds) < len(literals) or not table.columns.keys() <= used
 
 
 def _split_term(term: str) -> tuple[str, tuple[Value, ...]]:
@@ -283,7 +294,10 @@ def _split_term(term: str) -> tuple[str, tuple[Value, ...]]:
 def _evaluate_numbers(table: BindingTable, number: Expression) -> Part[Fraction]:
     """Evaluate the number of a pr-atom in each binding; equal values share one fraction."""
     names = sorted(find_variables(number))
-    fractions: Memo[tuple[Value, ...], Fraction] = Memo(
-        lambda values: evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
-    )
-    return table.look_up(fractions, table.zip([table.columns[name] for name in names]))
+
+    def evaluate(key: Key) -> Fraction:
+        values = key if isinstance(key, tuple) else (key,)
+        return evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
+
+    fractions = Memo(evaluate)
+    return table.look_up(fractions, *[table.columns[name] for name in names])

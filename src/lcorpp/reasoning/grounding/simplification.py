@@ -16,9 +16,6 @@ from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, Ground
 SUPPORTING_KINDS = (ClauseKind.DERIVE, ClauseKind.SELECT)
 """The kinds of clauses that give values to terms."""
 
-PLAIN_KINDS = (ClauseKind.DERIVE, ClauseKind.FORBID)
-"""The kinds of clauses that equal head and body make redundant."""
-
 
 def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
     """Simplify a ground program.
@@ -88,23 +85,13 @@ def _compute_possible_values(program: GroundProgram) -> list[int]:
 
 
 def _drop_unsupported(clauses: Sequence[Clause], possible: Sequence[int]) -> list[Clause]:
-    """Drop the clauses with a positive literal that needs an impossible value, and duplicate clauses.
-
-    Rules and constraints with interchangeable variables have many equal instances; one remains.
-    """
+    """Drop the clauses with a positive literal that needs an impossible value."""
     kept: list[Clause] = []
-    known: set[object] = set()
     for clause in clauses:
-        body = clause.body
-        for term, allowed, negated in body:
+        for term, allowed, negated in clause.body:
             if not negated and not allowed & possible[term]:
                 break
         else:
-            if len(body) > 1 and clause.kind in PLAIN_KINDS:
-                key = clause.term, clause.value, frozenset(body)
-                if key in known:
-                    continue
-                known.add(key)
             kept.append(clause)
     return kept
 

@@ -119,9 +119,10 @@ class RuleTemplate:
             outcomes: the mask of the possible outcomes of each term.
         """
         groups: dict[object, ClauseGroup] = {}
+        part_of: dict[GroundLiteral, tuple[int, Conditions]] = {}
         recursive = len(terms) > 1
         for index, clause in enumerate(clauses):
-            own_literals, body = _split_body(clause, places, outcomes)
+            own_literals, body = _split_body(clause, places, outcomes, part_of)
             kind = clause.kind
             key: object = index  # equal keys: one group
             if own_literals:
@@ -197,18 +198,23 @@ bits: slot -> bit of the state, 0 before the slot is allocated and after it is r
 
 
 def _split_body(
-    clause: Clause, places: Mapping[int, tuple[int, int]], outcomes: Sequence[int]
+    clause: Clause,
+    places: Mapping[int, tuple[int, int]],
+    outcomes: Sequence[int],
+    part_of: dict[GroundLiteral, tuple[int, Conditions]],
 ) -> tuple[list[GroundLiteral], RankedBody]:
     """Split a body into literals about the component itself and conditions on earlier steps."""
     own_literals: list[GroundLiteral] = []
     parts: list[tuple[int, Conditions]] = []
     for literal in clause.body:
         term = literal[0]
-        if term in places:
-            rank, index = places[term]
-            parts.append((rank, ((index, literal[1] & outcomes[term]),)))
-        else:
+        if term not in places:
             own_literals.append(literal)
+            continue
+        if literal not in part_of:  # many bodies share it
+            rank, index = places[term]
+            part_of[literal] = rank, ((index, literal[1] & outcomes[term]),)
+        parts.append(part_of[literal])
     if len(parts) > 1:
         parts.sort()
         if len({rank for rank, _ in parts}) < len(parts):
