@@ -11,7 +11,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from lcorpp.reasoning.grounding.ground_program import GroundProgram
+from lcorpp.reasoning.grounding.binding_table import Memo
+from lcorpp.reasoning.grounding.ground_program import GroundLiteral, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.local_distribution import ONE, GuardedClause, Outcome
 from lcorpp.reasoning.transitions.rule_templates import DERIVE
@@ -82,28 +83,23 @@ class Stratified:
         number_of: dict[Atom, int] = {}
         for _, clause, _ in derivations:
             number_of.setdefault((clause.term, clause.value), len(number_of))
+
+        def list_atoms(literal: GroundLiteral) -> tuple[int, ...]:
+            term, mask, negated = literal
+            values = [v for v in range(len(program.values[term])) if (mask >> v & 1) != negated]
+            return tuple([number_of[term, v] for v in values if (term, v) in number_of])
+
+        atoms_of = Memo(list_atoms)
         rules: list[_Rule] = []
         needs: dict[int, set[int]] = {number: set() for number in number_of.values()}
-        negations: list[tuple[int, int]] = []  # (head, negated atom)
         for bit, clause, body in derivations:
-            head = number_of[clause.term, clause.value]
-            positive: list[tuple[int, ...]] = []
-            negative: list[int] = []
-            for term, mask, negated in body:
-                atoms = tuple(
-                    [n for v in range(len(program.values[term])) if (mask >> v & 1) != negated
-                     and (n := number_of.get((term, v), -1)) >= 0]
-                )  # fmt: skip
-                needs[head].update(atoms)
-                if negated:
-                    negative.extend(atoms)
-                    negations.extend((head, n) for n in atoms)
-                else:
-                    positive.append(atoms)
-            rules.append(_Rule(head, bit, tuple(positive), tuple(negative)))
+            positive = tuple([atoms_of[literal] for literal in body if not literal[2]])
+            negative = tuple([atom for literal in body if literal[2] for atom in atoms_of[literal]])
+            rules.append(_Rule(number_of[clause.term, clause.value], bit, positive, negative))
+            needs[rules[-1].head].update(negative, *positive)
         order = find_strongly_connected_components(needs)
         stratum_of = {atom: i for i, atoms in enumerate(order) for atom in atoms}
-        if any(stratum_of[head] == stratum_of[atom] for head, atom in negations):
+        if any(stratum_of[rule.head] == stratum_of[atom] for rule in rules for atom in rule.negative):
             return None
         strata: list[list[_Rule]] = [[] for _ in order]
         for rule in rules:
