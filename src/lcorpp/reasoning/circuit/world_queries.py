@@ -21,7 +21,6 @@ from lcorpp.reasoning.circuit.decision_diagram import Arcs, DecisionDiagram, dec
 if TYPE_CHECKING:
     import numpy as np
 
-    from lcorpp.values import Array
 
 SAMPLER_CACHE_SIZE = 100
 """The tables to sample from are cached for at most this many sets of evidence."""
@@ -58,15 +57,17 @@ class WorldQueries:
             for i, term in enumerate(terms)
         }
 
+    def _excludes(self, evidence: Mapping[str, str]) -> bool:
+        """Whether a term of the evidence has no value in any world, as no rule names it."""
+        return not evidence.keys() <= self.diagram.system.term_numbers.keys()
+
     def _list_arcs(self, evidence: Mapping[str, str]) -> list[Arcs]:
         """List the arcs of each step that agree with the evidence."""
         diagram = self.diagram
         system, outcomes = diagram.system, diagram.outcomes
         arcs_of = list(diagram.arcs)
         for name, value in evidence.items():
-            term = system.term_numbers.get(name)
-            if term is None:  # it has no value in any world
-                return [arcs.select([]) for arcs in arcs_of]
+            term = system.term_numbers[name]
             step, i = self._position_of[term]
             observed = system.program.values[term].index(value)
             labels = arcs_of[step].outcomes
@@ -76,27 +77,16 @@ class WorldQueries:
 
     def compute_exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[Value, Fraction]:
         """Sum the measures of the worlds with the evidence, by the value of a term; "" is for no value."""
+        if self._excludes(evidence):
+            return {}
         arcs_of = self._list_arcs(evidence)
         weights, unit = self._find_integers(arcs_of)
         return {value: w * unit for value, w in self._sum_measures(query, arcs_of, weights).items()}
 
-    def restore_lost(
-        self, evidence: Sequence[Mapping[str, str]], by_query: Mapping[str, tuple[Sequence[str], Array]]
-    ) -> None:
-        """Replace rows of 0 by sums of fractions, if the compiler lost weights to underflow.
-
-        Args:
-            evidence: of each row.
-            by_query: query -> (values, (B, outcomes) weights).
-        """
-        for query, (values, weights) in by_query.items():
-            for row in [i for i, own in enumerate(weights.tolist()) if not any(own)]:
-                exact = self.compute_exact_weights(query, evidence[row])
-                total = sum(exact.values()) or 1
-                weights[row] = [float(exact.get(name, 0) / total) for name in (*values, "")]
-
     def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[Value, float]:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""
+        if self._excludes(evidence):
+            return {}
         arcs_of = self._list_arcs(evidence)
         return self._sum_measures(query, arcs_of, [self.diagram.compute_weights()] * len(arcs_of), scale=True)
 
@@ -185,6 +175,8 @@ class WorldQueries:
 
     def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[PossibleWorld, ...]:
         """Find the most probable worlds with the evidence, best first; none if the evidence is impossible."""
+        if self._excludes(evidence):
+            return ()
         arcs_of = self._list_arcs(evidence)
         weights, _ = self._find_integers(arcs_of)
         mass = self._sum_measures("", arcs_of, weights).get("")
@@ -208,6 +200,8 @@ class WorldQueries:
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str] | None:
         """Draw a world with its probability given evidence; None if the evidence is impossible."""
+        if self._excludes(given):
+            return None
         key = frozenset(given.items())
         if key not in self._samplers:
             if len(self._samplers) >= SAMPLER_CACHE_SIZE:

@@ -34,12 +34,12 @@ from lcorpp.reasoning.language.arithmetic import (
     evaluate_number,
     find_variables,
 )
+from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import (
     Body,
     Expression,
-    Fact,
     Intervention,
     Literal,
     Observation,

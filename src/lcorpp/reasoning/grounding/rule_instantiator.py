@@ -99,10 +99,9 @@ class RuleInstantiator:
         """
         join = _Join(BindingTable(at, bound, bindings))
         variables = find_variables(*scope)
-        domains = [
-            (Variable(name), sort) for name, sort in self.signature.domains.items() if name in variables
-        ]
-        for expression, sort in dict.fromkeys([*domains, *slots]):
+        domains = [(Variable(x), sort) for x, sort in self.signature.domains.items() if x in variables]
+        distinct = {(str(expression), sort): expression for expression, sort in (*domains, *slots)}
+        for (_, sort), expression in distinct.items():
             if find_variables(expression):
                 join.add_source((expression,), self._sorts[sort])
         for literal in body:

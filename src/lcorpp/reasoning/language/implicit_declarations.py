@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.issues import Place
-from lcorpp.reasoning.language.signature import mangle_name
+from lcorpp.reasoning.language.signature import build_signature, mangle_name
 from lcorpp.reasoning.language.sorts import (
     BOOLEAN,
     SortDefinition,
@@ -22,13 +23,10 @@ from lcorpp.reasoning.language.sorts import (
     SortName,
     SortOperation,
     SortSet,
-    SortTable,
 )
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
-    DomainDirective,
     Expression,
-    Fact,
     Literal,
     Statement,
     Variable,
@@ -56,18 +54,10 @@ class _Inference:
     """
 
     def __init__(self, statements: Sequence[Statement]) -> None:
-        self.declared: dict[str, AttributeDeclaration] = {}
+        signature = build_signature(statements)
+        self.declared, self._sorts, self._domains = signature.attributes, signature.sorts, signature.domains
         self.uses: dict[str, dict[int, _Use]] = {}
         self.names: dict[tuple[str, int], str] = {}
-        self._domains: dict[str, str] = {}
-        self._sorts = SortTable()
-        for statement in statements:
-            if isinstance(statement, AttributeDeclaration):
-                self.declared.setdefault(statement.name, statement)
-            elif isinstance(statement, DomainDirective):
-                self._domains.update(dict.fromkeys(statement.variables, statement.sort))
-            elif isinstance(statement, SortDefinition) and statement.name != BOOLEAN:
-                self._sorts.define(statement)
         for statement in statements:
             if isinstance(statement, Fact):
                 self._collect_constants(statement)
@@ -77,7 +67,7 @@ class _Inference:
     def _find_use(self, name: str, count: int, at: Place) -> _Use | None:
         """Find the use of an attribute; None if its declaration is complete, or if it is a sort."""
         declared = self.declared.get(name)
-        if name in self._sorts.known or name == "obs" or (declared and declared.arguments):
+        if name in self._sorts or name == "obs" or (declared and declared.arguments):
             return None
         return self.uses.setdefault(name, {}).setdefault(count, _Use(at, [{} for _ in range(count + 1)]))
 
@@ -102,7 +92,7 @@ class _Inference:
             values = () if literal.value is term else (literal.value,)  # a selected term has no value
             for slot, expression in zip(use.slots, (*term.arguments, *values), strict=False):
                 if isinstance(expression, Variable):
-                    if (sort := sorts.get(expression.name)) in self._sorts.known:
+                    if (sort := sorts.get(expression.name)) in self._sorts:
                         slot[f"#{sort}"] = SortName(str(sort), at=term.at)
                 elif not any(iter_variables(expression)):
                     slot[canonical_text(expression)] = expression
@@ -114,7 +104,7 @@ class _Inference:
             name, arguments = literal.term.name, literal.term.arguments
             attribute = self.declared.get(name)
             pairs: list[tuple[Expression, str]] = []
-            if name in self._sorts.known and len(arguments) == 1:
+            if name in self._sorts and len(arguments) == 1:
                 pairs.append((arguments[0], name))
             elif attribute:
                 if literal.relation == "=":
@@ -149,9 +139,9 @@ class _Inference:
         """Infer the sort of a position: a name, an expression for a new sort, or None if it has no use."""
         names = [use for use in slot.values() if isinstance(use, SortName)]
         constants = {text: use for text, use in slot.items() if not isinstance(use, SortName)}
-        if not names and constants.keys() <= self._sorts.known[BOOLEAN].keys():
+        if not names and constants.keys() <= self._sorts[BOOLEAN].keys():
             return BOOLEAN if constants else None
-        if len(names) == 1 and self._sorts.known[names[0].name].keys() >= constants.keys():
+        if len(names) == 1 and self._sorts[names[0].name].keys() >= constants.keys():
             return names[0].name
         parts: list[SortExpression] = [*names]
         if constants:

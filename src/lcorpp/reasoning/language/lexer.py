@@ -139,47 +139,17 @@ class Cursor:
     def take(self) -> str:
         """Consume the next token and return its text."""
         token = self.texts[self.index]
-        self.index += 1
-        self._expected_kinds.clear()
+        self.skip_to(self.index + 1)
         return token
 
-    def take_fact(self) -> tuple[str, tuple[int | str, ...], tuple[int, ...]] | None:
-        """Consume a fact of names and integers in one line: its attribute, its values and their offsets.
-
-        None if the next tokens are none; then nothing is consumed.
-        """
-        kinds, texts, starts, first = self.kinds, self.texts, self.starts, self.index
-        if kinds[first] != NAME or kinds[first + 1] != "(":
-            return None
-        values: list[int | str] = []
-        offsets: list[int] = []
-        index, sign = first + 2, "("
-        while sign != ".":
-            kind, word = kinds[index], texts[index]
-            if kind == NAME and word not in self.constants:
-                values.append(word)
-            elif kind == INTEGER and len(word) < 10:
-                values.append(int(word))
-            else:
-                return None
-            offsets.append(starts[index] - starts[first])
-            before, sign = sign, kinds[index + 1]
-            index += 2
-            if sign == ")" and before != "=":
-                sign = kinds[index]
-                index += 1
-                if sign == ".":
-                    values.append("true")
-                    offsets.append(0)
-                elif sign != "=":
-                    return None
-            elif sign != ("." if before == "=" else ","):
-                return None
-        if bisect_right(self._lines, starts[first]) != bisect_right(self._lines, starts[index - 1]):
-            return None
+    def skip_to(self, index: int) -> None:
+        """Consume the tokens before an index."""
         self.index = index
         self._expected_kinds.clear()
-        return texts[first], tuple(values), tuple(offsets)
+
+    def is_on_one_line(self, first: int, last: int) -> bool:
+        """Whether the tokens from one index to another begin on one line."""
+        return bisect_right(self._lines, self.starts[first]) == bisect_right(self._lines, self.starts[last])
 
     def accept(self, kind: str) -> bool:
         """Return whether the next token is of this kind; if so, consume it, else messages list the kind."""

@@ -9,6 +9,7 @@ from operator import is_
 from typing import Any, TypeVar
 
 from lcorpp.reasoning.language.arithmetic import find_variables
+from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.syntax import (
     Body,
     BodyLiteral,
@@ -16,7 +17,6 @@ from lcorpp.reasoning.language.syntax import (
     CrRule,
     DynamicRange,
     Expression,
-    Fact,
     Literal,
     Probability,
     Rule,

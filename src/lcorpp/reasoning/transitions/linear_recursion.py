@@ -14,7 +14,9 @@ Source: the frontier method for network reliability, Hardy, Lucet and Limnios, I
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from itertools import accumulate
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.transitions.closure import Closure
@@ -40,6 +42,7 @@ class LinearRecursion:
         steps: rank -> the step that decides terms of the bodies.
         read_terms: the terms that other rules or queries read.
 
+    finished: rank of a step -> the slots that no later step uses, as the bits of the frontier replace them.
     width: the largest number of frontier atoms, 0 if all rules are without conditions.
     """
 
@@ -52,17 +55,20 @@ class LinearRecursion:
         read_terms: Collection[int],
     ) -> None:
         groups, self._n_slots = template.clause_groups, template.n_slots
-        self._groups_at: dict[int, list[tuple[ClauseGroup, bool]]] = {}  # step -> (group, whether it is done)
+        self._groups_at: dict[int, list[ClauseGroup]] = {}  # step -> the groups of which it decides bodies
         self._edges_of = {
             id(group): find_edges(program, group.clause, group.own_literals) for group in groups
         }
         self._always = [group for group in groups if not group.bodies]
         self._first: dict[Atom, int] = {}  # atom -> the first step that decides a body of its rules
         self._last: dict[Atom, int] = {}
+        self.finished: dict[int, list[int]] = {}
         for group in groups:
-            touched = sorted({steps[body[-1][0]] for body in group.bodies})
-            for at in touched:
-                self._groups_at.setdefault(at, []).append((group, at == touched[-1]))
+            ranks = sorted({body[-1][0] for body in group.bodies})
+            if ranks:
+                self.finished.setdefault(ranks[-1], []).append(group.satisfied_slot)
+            for at in [steps[rank] for rank in ranks]:
+                self._groups_at.setdefault(at, []).append(group)
                 for atom in _list_atoms(self._edges_of[id(group)] or ()):
                     self._first[atom] = min(self._first.get(atom, at), at)
                     self._last[atom] = max(self._last.get(atom, at), at)
@@ -78,10 +84,14 @@ class LinearRecursion:
                 self._last[head] = max(self._last[head], self._first[body])
         self._frontier: list[Atom] = []
         self._bit_of: dict[Edge, int] = {}
-        self.width = max(
-            [sum([self._first[a] <= at <= self._last[a] for a in self._first]) for at in self._groups_at],
-            default=0,
-        )
+        self._starting: dict[int, list[Atom]] = {}  # step -> the atoms of which it is the first
+        growth: Counter[int] = Counter()  # step -> the change of the number of frontier atoms
+        for atom, first in self._first.items():
+            self._starting.setdefault(first, []).append(atom)
+            growth[first] += 1
+            growth[self._last[atom] + 1] -= 1
+        sizes = accumulate([growth[at] for at in sorted(growth)])
+        self.width = max(sizes) if self._groups_at else 0
 
     def _find_kept(self, groups: Sequence[ClauseGroup], read_terms: Collection[int]) -> Iterator[Atom]:
         """Find the atoms that the last step decides: of terms that are read or that may have two values."""
@@ -104,7 +114,7 @@ class LinearRecursion:
         """Whether a step decides bodies of the rules."""
         return step in self._groups_at
 
-    def advance(self, step: int, bits: list[int], live: int) -> tuple[Closure, list[int], int]:
+    def advance(self, step: int, bits: list[int], live: int) -> tuple[Closure, int]:
         """Move the frontier over a step that decides bodies of the rules.
 
         Args:
@@ -112,22 +122,18 @@ class LinearRecursion:
             live: the mask of all bits in use.
 
         Returns:
-            (closure, slots, live): how the step changes the bits, the slots that no later step uses, and the
-            bits in use then.
+            (closure, live): how the step changes the bits, and the bits in use then.
         """
-        atoms = [*self._frontier, *[atom for atom, first in self._first.items() if first == step]]
+        atoms = [*self._frontier, *self._starting.get(step, ())]
         number_of: dict[Atom | None, int] = {None: -1}
         for i, atom in enumerate(atoms):
             number_of[atom] = i
         sources = [(bit, number_of[body], number_of[head]) for (body, head), bit in self._bit_of.items()]
-        finished: list[int] = []
-        for group, is_done in self._groups_at[step]:
+        for group in self._groups_at[step]:
             bit = bits[group.satisfied_slot]
             sources += [
                 (bit, number_of[body], number_of[head]) for body, head in self._edges_of[id(group)] or ()
             ]
-            if is_done:
-                finished.append(group.satisfied_slot)
         initial = [
             (number_of[body], number_of[head])
             for body, head in self._fixed
@@ -138,7 +144,6 @@ class LinearRecursion:
             [(body, head) for head in self._frontier for body in (None, *self._frontier) if body != head]
         )
         live ^= sum([bit for edge, bit in self._bit_of.items() if edge not in wanted])
-        live ^= sum([bits[slot] for slot in finished])
         before, self._bit_of = self._bit_of, {}
         for edge in wanted:
             self._bit_of[edge] = before.get(edge) or ~live & (live + 1)
@@ -153,7 +158,7 @@ class LinearRecursion:
             [edge for edge in numbered if edge[0] >= 0],
             sum({bit for bit, _, _ in sources}),
         )
-        return closure, finished, live
+        return closure, live
 
     def list_clauses(self) -> list[GuardedClause]:
         """List the clauses that decide the kept terms after the last step, each with its bit."""
@@ -215,33 +220,6 @@ def _is_linear(program: GroundProgram, own: set[int], clauses: Iterable[Clause])
             defaults.add((clause.term, clause.value))
         bodies.update([body for body, _ in edges if body is not None])
     return defaults.isdisjoint(bodies)
-
-
-def derive_values(
-    program: GroundProgram, terms: Sequence[int], clauses: Iterable[Clause], outcome_of: Mapping[int, int]
-) -> dict[int, int]:
-    """Compute the outcomes of a component with linear rules in one world.
-
-    Args:
-        outcome_of: other term -> its outcome in the world.
-    """
-    own = set(terms)
-    edges: list[Edge] = []
-    defaults: list[tuple[Clause, list[GroundLiteral]]] = []
-    for clause in clauses:
-        if all(mask >> outcome_of[term] & 1 for term, mask, _ in clause.body if term not in own):
-            literals = [literal for literal in clause.body if literal[0] in own]
-            found = find_edges(program, clause, literals)
-            edges.extend(found or ())
-            if not found:
-                defaults.append((clause, literals))
-    true = {head for body, head in _close_over(edges, {head for _, head in edges}) if body is None}
-    outcomes = {term: len(program.values[term]) for term in terms}
-    outcomes.update(true)
-    for clause, literals in defaults:
-        if all(mask >> outcomes[term] & 1 for term, mask, _ in literals):
-            outcomes[clause.term] = clause.value
-    return outcomes
 
 
 def _list_atoms(edges: Iterable[Edge]) -> list[Atom]:
