@@ -139,12 +139,17 @@ def estimate_answer(model: QueryModel, reason: TooLargeError, samples: int, seed
             return {}
         worlds = f"{found.drawn} worlds drawn at random"
         if found.accepted < MIN_EFFECTIVE_SAMPLES:
-            few = (
-                "its evidence is too improbable for sampling: an effective sample size of"
-                f" {found.accepted} in {worlds}; expected at least {MIN_EFFECTIVE_SAMPLES}"
+            problem = (
+                "the samples are too few"
+                if found.accepted == found.drawn
+                else "its evidence is too improbable for sampling"
+                if found.accepted
+                else "no sample met the evidence, which is improbable or impossible"
             )
-            none = f"no sample met the evidence, which is improbable or impossible, in {worlds}"
-            raise TooLargeError(f"{reason}, and {few if found.accepted else none}")
+            raise TooLargeError(
+                f"{reason}, and {problem}: an effective sample size of {found.accepted} in {worlds}; expected"
+                f" at least {MIN_EFFECTIVE_SAMPLES}"
+            )
         message = f"{reason}: estimated from {worlds}, effective sample size {found.accepted}"
         warnings.warn(message, ReasoningWarning, stacklevel=_find_caller())
         return found.counts

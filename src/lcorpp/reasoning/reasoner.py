@@ -26,7 +26,6 @@ from lcorpp.reasoning.answers import (
     normalise_marginal,
     rank_values,
 )
-from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.query_model import QueryModel
@@ -241,7 +240,6 @@ class Reasoner:
             raise make_no_world_error(self.program, "")
         return self.build_model(Query()).worlds.count()
 
-    @pause_gc()
     def ask(self, query: Query, *, exact: bool = False) -> QueryAnswer:
         """Answer a query: compute a distribution, a probability or an expectation.
 
