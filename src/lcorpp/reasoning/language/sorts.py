@@ -6,7 +6,6 @@ The total work for one program is bounded by `MAX_HANDLED_MEMBERS`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from math import prod
 
@@ -21,6 +20,7 @@ from lcorpp.reasoning.language.syntax import (
     SyntaxNode,
     Term,
     Variable,
+    syntax_node,
 )
 
 MAX_SORT_SIZE = 100_000
@@ -36,7 +36,7 @@ Members = dict[str, None]
 """The members of a sort in order, as text."""
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class SortDefinition(Statement):
     """`name = {elements}.` or, a construct of plog 2.0, `#name = expression.`"""
 
@@ -89,7 +89,7 @@ def _check_size(count: int, what: str, at: Place) -> None:
 # sort expressions
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class Interval(SyntaxNode):
     """`low..high`, including both ends."""
 
@@ -109,7 +109,7 @@ class Interval(SyntaxNode):
         return dict.fromkeys(map(str, range(self.low, self.high + 1)))
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class SortName(SyntaxNode):
     """`#name`: the members of a sort defined earlier."""
 
@@ -126,7 +126,7 @@ class SortName(SyntaxNode):
         return table.known[self.name]
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class SortSet(SyntaxNode):
     """`{elements}`."""
 
@@ -153,7 +153,7 @@ class SortSet(SyntaxNode):
         return members
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class SortOperation(Operation):
     """The union `+`, difference `-` or intersection `*` of sorts."""
 
@@ -172,7 +172,7 @@ class SortOperation(Operation):
         return {member: None for member in left if (member in right) == (self.operator == "*")}
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class Connective(Operation):
     """`left & right` or `left | right` in the condition of a record sort."""
 
@@ -186,7 +186,7 @@ class Connective(Operation):
 Condition = ComparisonLiteral | Connective
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class RecordSort(SyntaxNode):
     """`name(part(Variable), part) : condition`: records with arguments from the parts.
 
