@@ -148,8 +148,8 @@ def fit(
 
     Raises:
         DataError: there are no records, or `prior` is negative.
-        ProgramError: a name is unknown, no number is free, the program has cr-rules, constraints or
-            observations exclude worlds of it, or a world violates a condition of the language.
+        ProgramError: a name is unknown, no number is free, the program has cr-rules, its rules derive two
+            values of a term, or a world violates a condition of the language.
         UndefinedError: a record is impossible.
         TooLargeError: the program is too large to be compiled.
     """
