@@ -30,24 +30,21 @@ MAX_CELLS = 4_000_000
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """The expected counts of n distinct records, and of the rejected draws after them.
+    """The expected counts of n distinct records, of a draw that is not rejected, and of one that is.
 
-    log_p: (n,) log probabilities of the records, of worlds that are not rejected.
-    rejected: the probability of rejected worlds.
-    repeats: (n + 1,) the number of records and of rejected draws.
-    counts: (forms, n + 1) how often each form is a factor of the probability of one; 0 if it is impossible.
+    log_p: (n + 2,) their log probabilities.
+    repeats: (n + 2,) the number of records, 0, and the number of rejected draws.
+    counts: (forms, n + 2) how often each form is a factor of the probability of one; 0 if it is impossible.
     """
 
     log_p: Array
-    rejected: float
     repeats: Array
     counts: Array
 
     @property
     def log_likelihood(self) -> float:
         """The log likelihood of the records."""
-        n_records = self.repeats[:-1].sum()
-        return float(self.log_p @ self.repeats[:-1] - n_records * np.log1p(-self.rejected))
+        return float((self.log_p[:-2] - self.log_p[-2]) @ self.repeats[:-2])
 
 
 class _Step(NamedTuple):
@@ -77,7 +74,7 @@ class Expectation:
     def __init__(self, model: NumberModel, records: Sequence[Mapping[str, str]], repeats: Array) -> None:
         self._model, self._repeats, diagram = model, repeats, model.diagram
         tree, sizes = diagram.system.tree, diagram.sizes
-        evidence = [*[{**record, REJECTED: ""} for record in records], {REJECTED: "true"}]
+        evidence = [*[{**record, REJECTED: ""} for record in (*records, {})], {REJECTED: "true"}]
         self._possible, codes = self._encode(evidence)
         self._steps: list[_Step] = []
         for arcs, size, children, terms in zip(diagram.arcs, sizes, tree.children, tree.order, strict=True):
@@ -119,10 +116,9 @@ class Expectation:
             weights = self._model.scales * np.exp(self._model.factors.T @ np.log(values))
             parts = [self._compute_batch(weights, batch) for batch in self._batches]
         log_p = np.concatenate([part[0] for part in parts])
-        rejected = min(float(np.exp(log_p[-1])), 1.0)
-        n_rejected = self._repeats.sum() * rejected / (1 - rejected) if rejected < 1 else 0.0
         counts = np.concatenate([part[1] for part in parts], axis=1)
-        return Expected(log_p[:-1], rejected, np.append(self._repeats, n_rejected), counts)
+        n_rejected = self._repeats.sum() * np.exp(log_p[-1] - log_p[-2]) if np.isfinite(log_p[-2]) else 0.0
+        return Expected(log_p, np.append(self._repeats, [0.0, n_rejected]), counts)
 
     def _compute_batch(self, weights: Array, batch: slice) -> tuple[Array, Array]:
         """Return the log probability (n,) and the expected counts (f, n) of n records."""
