@@ -32,7 +32,6 @@ from lcorpp.reasoning.circuit.compiler import build_layers
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.evidence import Codes, EncodedEvidence, EvidenceEncoder
 from lcorpp.reasoning.circuit.passes import differentiate, evaluate
-from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.slices import split_slices
@@ -79,7 +78,6 @@ class Filter:
         TooLargeError: the program is too large to be compiled, or has too many states.
     """
 
-    @pause_gc()
     def __init__(
         self,
         program: Program,
