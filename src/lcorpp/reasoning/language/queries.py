@@ -134,6 +134,8 @@ def _replace_terms(expression: Expression) -> tuple[Expression, tuple[Term, ...]
     """Replace the terms of an expression by variables of their names; return it with the terms."""
     if isinstance(expression, Term):
         return Variable(str(expression), at=expression.at), (expression,)
+    if isinstance(expression, Variable):
+        raise SourceIssue(expression.at, f"variable {expression} is not allowed here; expected a value")
     if not isinstance(expression, Arithmetic):
         return expression, ()
     (left, before), (right, after) = map(_replace_terms, (expression.left, expression.right))
