@@ -5,15 +5,13 @@ from __future__ import annotations
 import logging
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from heapq import nsmallest
 from typing import TYPE_CHECKING
 
 from lcorpp.cli.console import format_bar
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning.explanation import Explanation, explain
 from lcorpp.reasoning.language.parser import parse_query, read_plog
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.reasoner import DEFAULT_SAMPLES, Reasoner
@@ -21,7 +19,11 @@ from lcorpp.reasoning.reasoner import DEFAULT_SAMPLES, Reasoner
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from lcorpp.reasoning.answers import Numeric, QueryAnswer
+    from lcorpp.reasoning.answers import Numeric, PossibleWorld, QueryAnswer
+    from lcorpp.reasoning.explanation import FiredRule
+
+    _Without = Sequence[tuple[str, QueryAnswer | str]]
+    _Worlds = Sequence[tuple[PossibleWorld, Sequence[FiredRule]]]
 
 WHY_WORLDS = 3
 """The number of worlds that --why prints."""
@@ -65,26 +67,26 @@ def print_answers(
             _print(str(question), bold=True)
         with _warnings_to_stderr():
             if why and queries:
-                explanation = explain(reasoner, question, count=worlds or WHY_WORLDS)
+                from lcorpp.reasoning.explanation import explain
+
+                found = explain(reasoner, question, count=worlds or WHY_WORLDS)
+                answer, without, listed = found.answer, found.without, found.worlds
             else:
-                listed = reasoner.list_worlds(question, worlds) if worlds else ()
-                answer = reasoner.ask(question, exact=exact) if queries else None
-                explanation = Explanation(question, answer, (), tuple([(world, ()) for world in listed]))
-            if best is not None and queries:
-                explanation = replace(explanation, answer=_select_best(explanation, best))
-            if as_json:
-                _print_json(explanation, exact)
-            else:
-                _print_explanation(explanation, exact)
-            if explanation.answer is None and (queries or not explanation.worlds):
+                answer, without = reasoner.ask(question, exact=exact) if queries else None, ()
+                best_worlds = reasoner.list_worlds(question, worlds) if worlds else ()
+                listed = tuple([(world, ()) for world in best_worlds])
+            if best is not None and answer is not None:
+                answer = _select_best(question, answer, best)
+            report = _print_json if as_json else _print_report
+            report(question, answer, without, listed, exact)
+            if answer is None and (queries or not listed):
                 raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
 
 
-def _select_best(explanation: Explanation, count: int) -> QueryAnswer | None:
-    answer = explanation.answer
-    if answer is not None and not isinstance(answer, dict):
-        raise ProgramError(f"--best {count}: {explanation.query} asks for a number, not for values")
-    return dict(nsmallest(count, answer.items(), key=lambda pair: -pair[1])) if answer else None
+def _select_best(query: Query, answer: QueryAnswer, count: int) -> QueryAnswer:
+    if not isinstance(answer, dict):
+        raise ProgramError(f"--best {count}: {query} asks for a number, not for values")
+    return dict(nsmallest(count, answer.items(), key=lambda pair: -pair[1]))
 
 
 @contextmanager
@@ -126,17 +128,18 @@ def _print_answer(query: Query, answer: QueryAnswer, exact: bool) -> None:
         _print(f"  {line}  {_format_number(probability, exact)}  {bar}")
 
 
-def _print_explanation(explanation: Explanation, exact: bool) -> None:
-    query = explanation.query
-    if explanation.answer is not None:
-        _print_answer(query, explanation.answer, exact)
-    for condition, answer in explanation.without:
+def _print_report(
+    query: Query, answer: QueryAnswer | None, without: _Without, worlds: _Worlds, exact: bool
+) -> None:
+    if answer is not None:
+        _print_answer(query, answer, exact)
+    for condition, other in without:
         _print(f"\n  without {condition}:")
-        if isinstance(answer, str):
-            _print(f"  {answer}")
+        if isinstance(other, str):
+            _print(f"  {other}")
         else:
-            _print_answer(query, answer, exact)
-    for number, (world, fired) in enumerate(explanation.worlds, start=1):
+            _print_answer(query, other, exact)
+    for number, (world, fired) in enumerate(worlds, start=1):
         _print(f"\n  world {number}, probability {_format_number(world.measure, exact)}:", bold=True)
         _print(f"  {', '.join(f'{term}={value}' for term, value in world.values.items())}")
         width = max((len(rule.effect) for rule in fired), default=0)
@@ -144,11 +147,11 @@ def _print_explanation(explanation: Explanation, exact: bool) -> None:
             _print(f"    line {rule.at.line:<4} {rule.effect:<{width}}  {rule.statement}")
 
 
-def _print_json(explanation: Explanation, exact: bool) -> None:
+def _print_json(
+    query: Query, answer: QueryAnswer | None, without: _Without, worlds: _Worlds, exact: bool
+) -> None:
     """Print a line of JSON: query, answer, the answers without each condition, worlds."""
     from json import dumps
-
-    query = explanation.query
 
     def encode(answer: QueryAnswer | str | None) -> object:
         if isinstance(answer, dict):
@@ -165,17 +168,21 @@ def _print_json(explanation: Explanation, exact: bool) -> None:
             return answer
         return str(answer) if exact else float(answer)
 
-    worlds = [
-        {"probability": encode(world.measure), "values": dict(world.values)}
-        | ({"rules": [{"line": r.at.line, "effect": r.effect, "statement": r.statement} for r in fired]}
-           if fired else {})
-        for world, fired in explanation.worlds
-    ]  # fmt: skip
-    without = [{"condition": condition, "answer": encode(a)} for condition, a in explanation.without]
     record: dict[str, object] = {}
     if query != Query():
-        record = {"query": str(query), "answer": encode(explanation.answer)}
-    _print(dumps(record | ({"without": without} if without else {}) | ({"worlds": worlds} if worlds else {})))
+        record = {"query": str(query), "answer": encode(answer)}
+    if without:
+        record["without"] = [
+            {"condition": condition, "answer": encode(other)} for condition, other in without
+        ]
+    if worlds:
+        record["worlds"] = [
+            {"probability": encode(world.measure), "values": dict(world.values)}
+            | ({"rules": [{"line": r.at.line, "effect": r.effect, "statement": r.statement} for r in fired]}
+               if fired else {})
+            for world, fired in worlds
+        ]  # fmt: skip
+    _print(dumps(record))
 
 
 def _format_number(probability: Numeric, exact: bool) -> str:

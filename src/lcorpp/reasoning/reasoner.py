@@ -273,11 +273,15 @@ class Reasoner:
     def _compute_posterior(
         self, attribute: Subject, evidence: Mapping[str, Label], do: Facts
     ) -> Distribution:
-        if self.program.has_cr_rules:
-            return self._enumeration.posterior(attribute, evidence, do)  # type: ignore[arg-type]
         question = resolve_subject(self.program, attribute)
         facts, likelihoods = resolve_labels(self.program, evidence)
         set_to = resolve_interventions(self.program, do)
+        if self.program.has_cr_rules and likelihoods:
+            raise ProgramError(
+                f"{self.program.file}: soft evidence has no meaning for a program with cr-rules"
+            )
+        if self.program.has_cr_rules:
+            return self._enumeration.posterior(question, facts, set_to)
         names = sorted((*facts, *likelihoods))
         key = question, tuple(names), frozenset(set_to.items())
         circuit = self._circuits.get(key)
