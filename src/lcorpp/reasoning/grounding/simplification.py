@@ -47,11 +47,11 @@ def split_constants(
     """Split the terms to which only facts give a value from simplified clauses, whose bodies lack them."""
     derive = ClauseKind.DERIVE
     terms = dict.fromkeys([clause.term for clause in clauses if not clause.body and clause.kind is derive])
-    for clause in clauses:
-        if clause.body or clause.kind is not derive:
+    for clause in clauses if terms else ():
+        if clause.body or clause.kind is not derive or outcomes[clause.term] != 1 << clause.value:
             terms.pop(clause.term, None)
-    constants = {term: None for term in terms if outcomes[term].bit_count() == 1 and term not in program.do}
-    return [clause for clause in clauses if clause.term not in constants], tuple(constants)
+    constants = terms.keys() - program.do.keys()
+    return [clause for clause in clauses if clause.term not in constants], tuple(sorted(constants))
 
 
 def _compute_possible_values(program: GroundProgram) -> tuple[list[int], set[int]]:

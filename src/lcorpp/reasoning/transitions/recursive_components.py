@@ -1,10 +1,13 @@
 """Compilation, step 2: the local distribution of a recursive component, by the stable models of its clauses.
 
-A component is recursive if its terms depend on each other or on themselves. Without selections and with
-stratified negation (`p = false :- not p`, reachability), least fixed points give the model for all states at
-once (`stratified`). Otherwise clingo enumerates the stable models for each state. This covers components that
-are dynamically causally ordered although they are not statically, and even loops with several stable models
-for one selection.
+A component is recursive if its terms depend on each other or on themselves. The cheapest method applies:
+
+- a single term (`p = false :- not p`): test each outcome against its own reduct;
+- no selections, and stratified negation (e.g. reachability): least fixed points for all states at once
+  (`stratified`);
+- otherwise clingo enumerates the stable models for each state. This covers components that are dynamically
+  causally ordered although they are not statically, and even loops with several stable models for one
+  selection.
 """
 
 from __future__ import annotations
@@ -74,10 +77,43 @@ class RecursiveComponent:
 
     def _compute_outcomes(self, state: int) -> list[Outcome]:
         clauses = [guarded for guarded in self.clauses if not guarded[0] or state & guarded[0]]
-        models = self._enumerate_models(clauses)
+        models = (
+            self._enumerate_single_term_models(clauses)
+            if len(self.terms) == 1
+            else self._enumerate_clingo_models(clauses)
+        )
         return [outcome for model in models if (outcome := self._weigh(model, clauses))]
 
-    def _enumerate_models(self, clauses: Sequence[GuardedClause]) -> Iterator[dict[int, int]]:
+    def _enumerate_single_term_models(self, clauses: Sequence[GuardedClause]) -> Iterator[dict[int, int]]:
+        """Enumerate the stable models of one term: each outcome that is the least model of its own reduct.
+
+        `mask >> outcome & 1` is 1 if the outcome satisfies the literal with this mask.
+        """
+        term = self.terms[0]
+        no_value = len(self.program.values[term])
+        do_value = self.program.do.get(term)  # None without an intervention
+        for guess in range(no_value + 1):
+            # the clauses whose negated literals the guess satisfies
+            reduct = [c for c in clauses if all(not n or mask >> guess & 1 for _, mask, n in c[2])]
+            values = {do_value} if do_value is not None and self.program.do_is_fact else set()
+            grown = True
+            while grown and len(values) < 2:
+                before = set(values)
+                for _, clause, body in reduct:
+                    if all(n or any(mask >> v & 1 for v in values) for _, mask, n in body):
+                        if clause.kind is DERIVE:
+                            values.add(clause.value)
+                        elif clause.kind is SELECT and do_value is not None:
+                            values.add(do_value)
+                        elif clause.kind is SELECT and guess < no_value:
+                            values.add(guess)  # other selected values are tested by their own guess
+                        elif clause.kind is SELECT:
+                            values |= {0, 1}  # contradicts the guess that the term has no value
+                grown = values != before
+            if values == ({guess} if guess < no_value else set()):
+                yield {term: guess}
+
+    def _enumerate_clingo_models(self, clauses: Sequence[GuardedClause]) -> Iterator[dict[int, int]]:
         import clingo  # here, as few programs need it
 
         file = self.program.source.file
