@@ -35,7 +35,7 @@ LOG = logging.getLogger(__name__)
 SIGNIFICANT_DIGITS = 6
 """Fitted numbers have this many digits."""
 
-_MAX_MASS_ERROR = 1e-9
+_MAX_EXCLUDED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -148,8 +148,8 @@ def fit(
 
     Raises:
         DataError: there are no records, or `prior` is negative.
-        ProgramError: a name is unknown, no number is free, the program has cr-rules, constraints or
-            observations exclude worlds of it, or a world violates a condition of the language.
+        ProgramError: a name is unknown, no number is free, the program has cr-rules, its rules derive two
+            values of a term, or a world violates a condition of the language.
         UndefinedError: a record is impossible.
         TooLargeError: the program is too large to be compiled.
     """
@@ -165,9 +165,15 @@ def fit(
     distinct, rows, repeats = group_records(program, records)
     model = build_number_model(program, free, {name for record in distinct for name in record})
     groups = group_cases(program, model)
-    _check_mass(program, model)
     expectation, prior_counts = Expectation(model, distinct, repeats), compute_prior_counts(model, prior)
-    impossible = np.flatnonzero(np.isinf(expectation.compute(model.evaluate(model.start)).log_p))
+    log_p = expectation.compute(model.evaluate(model.start)).log_p
+    excluded = 1 - np.exp(log_p[-2:]).sum()
+    if abs(excluded) > _MAX_EXCLUDED:
+        raise ProgramError(
+            f"{program.file}: rules exclude worlds of measure {excluded:.6g}, such as worlds in which they"
+            " derive two values of a term, so its numbers are not frequencies and cannot be fitted"
+        )
+    impossible = np.flatnonzero(np.isinf(log_p[:-2]))
     if len(impossible):
         raise UndefinedError(
             f"{program.file}: record {rows[impossible[0]]} is in no possible world of positive measure"
@@ -214,17 +220,6 @@ def _resolve_fixed(program: Program, fixed: Collection[str | int]) -> set[int]:
             )
         indexes |= own
     return indexes
-
-
-def _check_mass(program: Program, model: NumberModel) -> None:
-    """Check that the measures of the worlds, with those that constraints exclude, sum to 1."""
-    expected = Expectation(model, [{}], np.ones(1)).compute(model.evaluate(model.start))
-    mass = float(np.exp(expected.log_p[0])) + expected.rejected
-    if not abs(mass - 1) < _MAX_MASS_ERROR:
-        raise ProgramError(
-            f"{program.file}: rules exclude worlds of measure {1 - mass:.6g}, such as worlds in which they"
-            " derive two values of a term, so its numbers are not frequencies and cannot be fitted"
-        )
 
 
 def _round(model: NumberModel, parameters: Array) -> list[Fraction]:

@@ -59,9 +59,9 @@ def compute_uncertainty(
         expected = expectation.compute(values)
         scores = model.coefficients.T @ (expected.counts / values[:, None])
         total = scores @ expected.repeats + model.coefficients.T @ (prior / values)
-        repeats = expected.repeats[:-1]
+        repeats = expected.repeats[:-2]
         rejected = scores[:, -1:] * expected.repeats[-1] / repeats.sum()
-        return total, (scores[:, :-1] + rejected) * np.sqrt(repeats)
+        return total, (scores[:, :-2] + rejected) * np.sqrt(repeats)
 
     score, by_record = differentiate(parameters)
     _, sizes, rows = np.linalg.svd(np.linalg.qr(by_record.T @ basis, mode="r"))

@@ -19,9 +19,6 @@ SUPPORTING_KINDS = (ClauseKind.DERIVE, ClauseKind.SELECT)
 ATTENDANT_KINDS = (ClauseKind.RANGE, ClauseKind.ASSIGN)
 """The kinds of clauses that matter only for random terms."""
 
-PLAIN_KINDS = (ClauseKind.DERIVE, ClauseKind.FORBID)
-"""The kinds of clauses that equal head and body make redundant."""
-
 
 def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
     """Simplify a ground program.
@@ -42,6 +39,19 @@ def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
         clauses = shorter
         narrowed = _compute_outcomes(program, clauses, outcomes)
     return clauses, outcomes
+
+
+def split_constants(
+    program: GroundProgram, clauses: Sequence[Clause], outcomes: Sequence[int]
+) -> tuple[list[Clause], tuple[int, ...]]:
+    """Split the terms to which only facts give a value from simplified clauses, whose bodies lack them."""
+    derive = ClauseKind.DERIVE
+    terms = dict.fromkeys([clause.term for clause in clauses if not clause.body and clause.kind is derive])
+    for clause in clauses:
+        if clause.body or clause.kind is not derive:
+            terms.pop(clause.term, None)
+    constants = {term: None for term in terms if outcomes[term].bit_count() == 1 and term not in program.do}
+    return [clause for clause in clauses if clause.term not in constants], tuple(constants)
 
 
 def _compute_possible_values(program: GroundProgram) -> tuple[list[int], set[int]]:
@@ -85,25 +95,15 @@ def _compute_possible_values(program: GroundProgram) -> tuple[list[int], set[int
 def _drop_unsupported(
     clauses: Sequence[Clause], possible: Sequence[int], random: Collection[int]
 ) -> list[Clause]:
-    """Drop clauses with a positive literal that needs an impossible value, idle clauses and duplicates.
-
-    Rules and constraints with interchangeable variables have many equal instances; one remains.
-    """
+    """Drop idle clauses and those with a positive literal that needs an impossible value."""
     kept: list[Clause] = []
-    known: set[object] = set()
     for clause in clauses:
         if clause.term not in random and clause.kind in ATTENDANT_KINDS:
             continue
-        body = clause.body
-        for term, allowed, negated in body:
+        for term, allowed, negated in clause.body:
             if not negated and not allowed & possible[term]:
                 break
         else:
-            if len(body) > 1 and clause.kind in PLAIN_KINDS:
-                key = clause.term, clause.value, frozenset(body)
-                if key in known:
-                    continue
-                known.add(key)
             kept.append(clause)
     return kept
 

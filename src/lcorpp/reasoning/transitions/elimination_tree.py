@@ -35,6 +35,7 @@ class EliminationTree:
     roots: the first steps of the parts that are independent from the start.
     ends: step -> the end of the range of its subtree.
     linear: the components of several terms with linear rules, see `linear_recursion`.
+    constants: the terms with the same value in every world, which one step decides.
     """
 
     order: Sequence[tuple[int, ...]]
@@ -42,6 +43,7 @@ class EliminationTree:
     roots: Sequence[int]
     ends: Sequence[int]
     linear: Collection[tuple[int, ...]]
+    constants: tuple[int, ...]
 
     def list_branches(self, step: int) -> list[range]:
         """List the steps of each branch that follows a step."""
@@ -53,13 +55,17 @@ class EliminationTree:
 
 
 def build_elimination_tree(
-    program: GroundProgram, clauses: Sequence[Clause], outcomes: Sequence[int]
+    program: GroundProgram,
+    clauses: Sequence[Clause],
+    outcomes: Sequence[int],
+    constants: tuple[int, ...] = (),
 ) -> EliminationTree:
     """Build the elimination tree of a ground program.
 
     Args:
         clauses: the simplified clauses.
         outcomes: the mask of the possible outcomes of each term.
+        constants: the terms with the same value in every world; no clause names them.
     """
     needs: defaultdict[int, set[int]] = defaultdict(set)  # term -> the terms in the bodies of its clauses
     joint: set[frozenset[int]] = set()  # the terms of each constraint
@@ -100,7 +106,11 @@ def build_elimination_tree(
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*linear))
-    return _number_nodes(components, children, roots, frozenset(linear))
+    if constants:
+        roots = [*roots, len(components)]
+        components.append(constants)
+        children.append([])
+    return _number_nodes(components, children, roots, frozenset(linear), constants)
 
 
 def _merge_deterministic(
@@ -132,6 +142,7 @@ def _number_nodes(
     children: Sequence[Sequence[int]],
     roots: Iterable[int],
     linear: Collection[tuple[int, ...]],
+    constants: tuple[int, ...],
 ) -> EliminationTree:
     """Number the nodes of a tree depth first; brothers keep their order."""
     order: list[tuple[int, ...]] = []
@@ -149,7 +160,7 @@ def _number_nodes(
     for step in range(len(order) - 1, -1, -1):
         if numbered[step]:  # the subtree ends with that of the last child
             ends[step] = ends[numbered[step][-1]]
-    return EliminationTree(order, numbered, new_roots, ends, linear)
+    return EliminationTree(order, numbered, new_roots, ends, linear, constants)
 
 
 def _rank_components(

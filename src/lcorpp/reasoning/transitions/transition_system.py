@@ -32,14 +32,14 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
-from lcorpp.reasoning.grounding.simplification import simplify
+from lcorpp.reasoning.grounding.simplification import simplify, split_constants
 from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.elimination_tree import EliminationTree, build_elimination_tree
 from lcorpp.reasoning.transitions.linear_recursion import MAX_FRONTIER, LinearRecursion
 from lcorpp.reasoning.transitions.local_distribution import (
     AcyclicTermDistribution,
+    Constants,
     LocalDistribution,
     Outcome,
     ProbabilityCache,
@@ -85,22 +85,17 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
     Args:
         queried: the terms whose outcomes queries read.
     """
-    with pause_gc():
-        clauses, outcomes = simplify(program)
-        program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
-        tree = build_elimination_tree(program, clauses, outcomes)
-        term_numbers = {program.names[term]: term for terms in tree.order for term in terms}
-        needed = {term_numbers[name] for name in queried if name in term_numbers}
-        builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
-        return TransitionSystem(
-            program,
-            tree,
-            builder.build(),
-            builder.consistent,
-            term_numbers,
-            builder.recursions,
-            builder.probabilities,
-        )
+    clauses, outcomes = simplify(program)
+    program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
+    clauses, constants = split_constants(program, clauses, outcomes)
+    tree = build_elimination_tree(program, clauses, outcomes, constants)
+    term_numbers = {program.names[term]: term for terms in tree.order for term in terms}
+    needed = {term_numbers[name] for name in queried if name in term_numbers}
+    builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
+    transitions, consistent = builder.build(), builder.consistent
+    return TransitionSystem(
+        program, tree, transitions, consistent, term_numbers, builder.recursions, builder.probabilities
+    )
 
 
 class _TransitionBuilder:
@@ -130,7 +125,12 @@ class _TransitionBuilder:
             for term in terms:
                 self._step_of[term] = step
         # term -> its index in a component of several terms
-        self._index_of = {term: i for terms in order if len(terms) > 1 for i, term in enumerate(terms)}
+        self._index_of = {
+            term: i
+            for terms in order
+            if len(terms) > 1 and terms is not tree.constants
+            for i, term in enumerate(terms)
+        }
         self._template_of: dict[object, RuleTemplate] = {}  # description of the structure -> template
         self._children: list[list[Child]] = [[] for _ in order]  # of each step
         self._constraint_bits: dict[int, list[int]] = {}  # the last step of the body -> slot -> bit
@@ -298,6 +298,8 @@ class _TransitionBuilder:
     def _build_distribution(
         self, template: RuleTemplate, bits: list[int], step: int, terms: tuple[int, ...]
     ) -> LocalDistribution:
+        if terms is self._tree.constants:
+            return Constants([self._outcomes[term].bit_length() - 1 for term in terms])
         if not template.recursive:
             cache = self._outcomes_of.setdefault(template, {})
             return AcyclicTermDistribution(self._program, template, bits, cache, self.probabilities)
