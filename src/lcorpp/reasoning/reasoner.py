@@ -60,7 +60,6 @@ CACHE_SIZE = 1000
 
 Subject = str | Sequence[str]
 Facts = Mapping[str, str]
-
 NOTHING: Facts = {}
 
 
