@@ -118,12 +118,12 @@ def _parse_term(cursor: Cursor, at: Place) -> Term | Number:
     if not cursor.accept("("):
         constant = cursor.constants.get(name)
         return Term(name, at=at) if constant is None else replace(constant, at=at)
-    arguments = cursor.parse_nested(_parse_arguments, ")")
+    cursor.enter_nesting()  # few Python calls for each level, so that a hundred levels are no problem
+    arguments = [parse_value(cursor)]
+    while cursor.accept(","):
+        arguments.append(parse_value(cursor))
+    cursor.leave_nesting(")")
     return _check_depth(Term(name, tuple(arguments), at=at))
-
-
-def _parse_arguments(cursor: Cursor) -> list[Expression]:
-    return cursor.parse_list(parse_value)
 
 
 def _negate(at: Place, expression: Expression) -> Expression:
