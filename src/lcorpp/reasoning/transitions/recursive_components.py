@@ -54,11 +54,8 @@ def build_component(
         read_terms: the terms whose outcomes other rules or queries read.
     """
     is_random = any(clause.kind is SELECT for _, clause, _ in clauses)
-    if not is_random and program.do.keys().isdisjoint(terms):
-        stratified = Stratified.from_clauses(program, terms, clauses, read_terms)
-        if stratified:
-            return stratified
-    return RecursiveComponent(program, terms, clauses, probabilities)
+    stratified = None if is_random else Stratified.from_clauses(program, terms, clauses, read_terms)
+    return stratified or RecursiveComponent(program, terms, clauses, probabilities)
 
 
 @dataclass(slots=True, eq=False)
