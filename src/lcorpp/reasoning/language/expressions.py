@@ -82,9 +82,7 @@ def _parse_product(cursor: Cursor) -> Expression | Literal:
     return parse_chain(cursor, ("*", "/", "\\", "mod"), parse_factor, _make_arithmetic)
 
 
-@lru_cache(maxsize=1024)
-def _parse_fraction(text: str) -> Fraction:
-    return Fraction(int(text)) if text.isdigit() else Fraction(text)
+_parse_fraction = lru_cache(maxsize=1024)(Fraction)
 
 
 def parse_factor(cursor: Cursor) -> Expression | Literal:
