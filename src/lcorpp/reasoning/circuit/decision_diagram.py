@@ -294,7 +294,7 @@ def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) ->
         for terms, values in zip(system.tree.order, outcomes, strict=True)
         for term, value in zip(terms, values, strict=True)
     }
-    for component, clauses in system.recursions:
+    for component, clauses in system.derived:
         outcome_of |= derive_values(program, component, clauses, outcome_of)
     world = {
         program.names[term]: program.values[term][value]

@@ -58,31 +58,40 @@ class LinearRecursion:
             id(group): find_edges(program, group.clause, group.own_literals) for group in groups
         }
         self._always = [group for group in groups if group.always_true]
-        self._first: dict[Atom, int] = {}  # atom -> the first step that decides a body of its rules
-        self._last: dict[Atom, int] = {}
+        self._first: dict[Atom, int] = {}  # atom -> the first step that decides a rule about it
+        self._last_head: dict[Atom, int] = {}  # atom -> the last step that decides a rule with it as head
+        self._last_body: dict[Atom, int] = {}  # the same in the body; the last of all steps if it is kept
         for group in groups:
             touched = sorted({steps[body[-1][0]] for body in group.bodies})
             for at in touched:
                 self._groups_at.setdefault(at, []).append((group, at == touched[-1]))
-                for atom in _list_atoms(self._edges_of[id(group)] or ()):
-                    self._first[atom] = min(self._first.get(atom, at), at)
-                    self._last[atom] = max(self._last.get(atom, at), at)
+                for body, head in self._edges_of[id(group)] or ():
+                    self._extend(body, head, at)
         start = min(self._groups_at, default=step)
         for atom in self._find_kept(groups, read_terms):
             self._first.setdefault(atom, start)
-            self._last[atom] = step
+            self._last_body[atom] = step
         fixed = [edge for group in self._always for edge in self._edges_of[id(group)] or ()]
-        self._fixed = _close_over(fixed, self._first)
+        self._fixed = [edge for edge in _close_over(fixed, (None, *self._first)) if edge[1] in self._first]
         for body, head in self._fixed:
-            if body is not None:
-                self._last[body] = max(self._last[body], self._first[head])
-                self._last[head] = max(self._last[head], self._first[body])
+            self._extend(body, head, max(self._first[head], self._first.get(body, -1)))
         self._frontier: list[Atom] = []
         self._bit_of: dict[Edge, int] = {}
         self.width = max(
-            [sum([self._first[a] <= at <= self._last[a] for a in self._first]) for at in self._groups_at],
+            [sum([self._first[a] <= at <= self._find_last(a) for a in self._first]) for at in self._groups_at],
             default=0,
         )
+
+    def _extend(self, body: Atom | None, head: Atom, step: int) -> None:
+        """Keep two atoms on the frontier until a step that decides a rule about them."""
+        self._last_head[head] = max(self._last_head.get(head, step), step)
+        self._first[head] = min(self._first.get(head, step), step)
+        if body is not None:
+            self._last_body[body] = max(self._last_body.get(body, step), step)
+            self._first[body] = min(self._first.get(body, step), step)
+
+    def _find_last(self, atom: Atom) -> int:
+        return max(self._last_head.get(atom, -1), self._last_body.get(atom, -1))
 
     def _find_kept(self, groups: Sequence[ClauseGroup], read_terms: Collection[int]) -> Iterator[Atom]:
         """Find the atoms that the last step decides: of terms that are read or that may have two values."""
@@ -135,12 +144,12 @@ class LinearRecursion:
         initial = [
             (number_of[body], number_of[head])
             for body, head in self._fixed
-            if max(self._first[head], -1 if body is None else self._first[body]) == step
+            if max(self._first[head], self._first.get(body, -1)) == step
         ]
-        self._frontier = [atom for atom in atoms if self._last[atom] > step]
-        wanted: list[Edge] = [
-            (body, head) for head in self._frontier for body in (None, *self._frontier) if body != head
-        ]
+        self._frontier = [atom for atom in atoms if self._find_last(atom) > step]
+        bodies = [atom for atom in self._frontier if self._last_head.get(atom, -1) > step]  # may become true
+        heads = [atom for atom in self._frontier if self._last_body.get(atom, -1) > step]  # are used later
+        wanted: list[Edge] = [(body, head) for head in heads for body in (None, *bodies) if body != head]
         unwanted = self._bit_of.keys() - set(wanted)
         allocator.release(sum([self._bit_of[edge] for edge in unwanted]), self._step)
         allocator.release(sum([bits[slot] for slot in finished]), self._step)
@@ -224,9 +233,8 @@ def derive_values(
             edges.extend(found or ())
             if not found:
                 defaults.append((clause, literals))
-    true = {head for body, head in _close_over(edges, {head for _, head in edges}) if body is None}
     outcomes = {term: len(program.values[term]) for term in terms}
-    outcomes.update(true)
+    outcomes.update(head for _, head in _close_over(edges, [None]))
     for clause, literals in defaults:
         if all(mask >> outcomes[term] & 1 for term, mask, _ in literals):
             outcomes[clause.term] = clause.value
@@ -237,15 +245,13 @@ def _list_atoms(edges: Iterable[Edge]) -> list[Atom]:
     return [atom for edge in edges for atom in edge if atom is not None]
 
 
-def _close_over(edges: Iterable[Edge], atoms: Collection[Atom]) -> list[Edge]:
-    """Find the edges between some atoms that follow from edges between all."""
+def _close_over(edges: Iterable[Edge], starts: Iterable[Atom | None]) -> list[Edge]:
+    """Find all edges from some atoms that follow from edges."""
     heads_of: dict[Atom | None, list[Atom]] = {}
     for body, head in edges:
         heads_of.setdefault(body, []).append(head)
     closed: list[Edge] = []
-    for start in (None, *atoms):
-        if start not in heads_of:
-            continue
+    for start in starts:
         reached: set[Atom] = set()
         stack: list[Atom | None] = [start]
         while stack:
@@ -253,5 +259,5 @@ def _close_over(edges: Iterable[Edge], atoms: Collection[Atom]) -> list[Edge]:
                 if head not in reached:
                     reached.add(head)
                     stack.append(head)
-        closed.extend((start, atom) for atom in reached if atom in atoms and atom != start)
+        closed.extend((start, atom) for atom in reached if atom != start)
     return closed

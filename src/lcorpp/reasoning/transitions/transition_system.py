@@ -46,6 +46,7 @@ from lcorpp.reasoning.transitions.local_distribution import (
     ProbabilityCache,
 )
 from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent, build_component
+from lcorpp.reasoning.transitions.relevance import DerivedComponent, separate_irrelevant_rules
 from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
 from lcorpp.reasoning.transitions.stratified import merge_deterministic_steps
 from lcorpp.reasoning.transitions.transition import Transition
@@ -60,8 +61,9 @@ class TransitionSystem:
     transitions: step -> the outcomes of its terms and their effect on the state.
     consistent: False if a constraint without body shows that there is no world.
     term_numbers: term as text -> its number in `program`, for the terms that may have a value.
-    recursions: the components with linear rules, (terms, clauses): their transitions decide only the terms
-        that other rules or queries read, see `linear_recursion.derive_values`.
+    derived: the components whose outcomes `linear_recursion.derive_values` computes if a world is listed:
+        those that no query depends on, and those with linear rules, whose transitions decide only the terms
+        that other rules or queries read.
     probabilities: those computed so far by local distributions.
     """
 
@@ -70,7 +72,7 @@ class TransitionSystem:
     transitions: list[Transition]
     consistent: bool
     term_numbers: dict[str, int]
-    recursions: Sequence[tuple[tuple[int, ...], Sequence[Clause]]]
+    derived: Sequence[DerivedComponent]
     probabilities: ProbabilityCache
 
     def __repr__(self) -> str:
@@ -88,6 +90,8 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
     """
     with pause_gc():
         clauses, outcomes = simplify(program)
+        queried = set(queried)
+        clauses, irrelevant = separate_irrelevant_rules(program, clauses, queried)
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
         tree = build_elimination_tree(program, clauses, outcomes)
         merged = merge_deterministic_steps(program, clauses, tree)
@@ -103,7 +107,13 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
             builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
             transitions = builder.build()
         return TransitionSystem(
-            program, merged, transitions, consistent, term_numbers, builder.recursions, builder.probabilities
+            program,
+            merged,
+            transitions,
+            consistent,
+            term_numbers,
+            [*builder.recursions, *irrelevant],
+            builder.probabilities,
         )
 
 
@@ -153,7 +163,7 @@ class _TransitionBuilder:
         count_by_size = Counter(map(len, constraints.values()))
         for own in constraints.values():
             self._add_child(-1, (), own, count_by_size[len(own)] > 1)
-        self.recursions: list[tuple[tuple[int, ...], Sequence[Clause]]] = []
+        self.recursions: list[DerivedComponent] = []
         self._recursion_of: dict[RuleTemplate, LinearRecursion] = {}
         for step, terms in enumerate(order):
             if len(terms) > 1 and terms in tree.linear:
