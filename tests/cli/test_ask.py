@@ -117,6 +117,19 @@ def test_a_condition_that_is_broken(lcorpp, coin):
     )
 
 
+def test_joint_distributions_are_tables(lcorpp, coin):
+    ended = lcorpp("ask", coin, "p, q", "--exact")
+    assert ended.code == 0, ended.err
+    assert [line.split() for line in ended.out.splitlines()] == [
+        ["?p,", "q."],
+        ["p", "q"],
+        ["true", "true", "3/8", "███████████▎"],
+        ["true", "false", "1/8", "███▊"],
+        ["false", "true", "0"],
+        ["false", "false", "1/2", "███████████████"],
+    ]
+
+
 def test_ask_without_options_loads_only_what_it_needs(coin):
     code = (
         "import sys; from lcorpp.cli.main import main; sys.argv = ['lcorpp', 'ask', sys.argv[1]]; main();"

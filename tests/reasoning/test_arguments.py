@@ -24,7 +24,9 @@ RNG = np.random.default_rng(1)
         (lambda: Reasoner("x"), "program is 'x'; expected Program"),
         (lambda: Reasoner(None), "program is None; expected Program"),
         (lambda: Enumeration(None), "program is None; expected Program"),
-        (lambda: REASONER.posterior(["b"]), "expected the name of an attribute, not"),
+        (lambda: REASONER.posterior([["b"]]), "expected the name of an attribute, not"),
+        (lambda: REASONER.posterior([]), "expected the name of an attribute, not"),
+        (lambda: REASONER.posterior(["b", "b"]), "the query names b twice"),
         (lambda: REASONER.posterior("b", None), "evidence is None; expected Mapping"),
         (lambda: REASONER.posterior("b", ["a"]), "evidence is .*; expected Mapping"),
         (lambda: REASONER.posterior("b", {}, 3), "do is 3; expected Mapping"),
@@ -103,25 +105,3 @@ def test_messages_do_not_show_the_term_of_the_query():
     )
     with pytest.raises(ProgramError, match=r"Condition 1: .* in the world \{a=x, b=x\}$"):
         Reasoner(program).ask(program.queries[0])
-
-
-def test_the_table_of_a_circuit_is_filled_when_it_pays_off():
-    """The first calls compute their own answers only; all answers agree with those of the table."""
-    names = [f"a{i}" for i in range(8)]
-    rules = " ".join(
-        f"{name} : boolean. random({name}). pr({name} | q) = 1/{i + 3}." for i, name in enumerate(names)
-    )
-    reasoner = Reasoner(parse_plog(f"q : boolean. random(q). {rules}"))
-    circuit = reasoner.compile(names, "q")
-    first = circuit(dict.fromkeys(names, "true"))
-    assert circuit._built_table is None
-    rows = RNG.integers(-1, 2, size=(3**8, 8))
-    batch = circuit(rows)
-    assert circuit._built_table is not None
-    single = reasoner.compile(names, "q")
-    for row, expected in zip(rows[:20], batch, strict=False):
-        evidence = {
-            name: single.values[name][code] for name, code in zip(names, row, strict=True) if code >= 0
-        }
-        assert single(evidence).probabilities == pytest.approx(expected, abs=1e-12)
-    assert circuit(dict.fromkeys(names, True)).probabilities == pytest.approx(first.probabilities, abs=1e-12)

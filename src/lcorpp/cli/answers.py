@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from lcorpp.reasoning.answers import Numeric, QueryAnswer
     from lcorpp.reasoning.explanation import Explanation
+    from lcorpp.reasoning.language.syntax import Query
 
 _BOLD, _CYAN = 1, 36
 """Codes of the terminal."""
@@ -61,7 +62,7 @@ def print_answers(
                 if explanation.answer is None:
                     raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
             else:
-                _print_answer(reasoner.ask(question, exact=exact), exact)
+                _print_answer(question, reasoner.ask(question, exact=exact), exact)
 
 
 @contextmanager
@@ -86,25 +87,32 @@ def _log_to_stderr() -> None:
         log.setLevel(logging.INFO)
 
 
-def _print_answer(answer: QueryAnswer, exact: bool) -> None:
+def _print_answer(query: Query, answer: QueryAnswer, exact: bool) -> None:
+    """Print a number, or a table: one column for each attribute, and the probabilities."""
     if not isinstance(answer, dict):
         _print(f"  {_format_number(answer, exact)}")
         return
-    width = max(map(len, answer))
-    for value, probability in answer.items():
+    rows = [(value,) if isinstance(value, str) else value for value in answer]
+    if len(query.subjects) > 1:
+        rows.insert(0, tuple(map(str, query.subjects)))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ["  ".join(map(str.ljust, row, widths)) for row in rows]
+    if len(query.subjects) > 1:
+        _print(f"  {lines.pop(0)}".rstrip())
+    for line, probability in zip(lines, answer.values(), strict=True):
         bar = _color(format_bar(float(probability)), _CYAN)
-        _print(f"  {value:<{width}}  {_format_number(probability, exact)}  {bar}")
+        _print(f"  {line}  {_format_number(probability, exact)}  {bar}")
 
 
 def _print_explanation(explanation: Explanation, exact: bool) -> None:
     if explanation.answer is not None:
-        _print_answer(explanation.answer, exact)
+        _print_answer(explanation.query, explanation.answer, exact)
     for condition, answer in explanation.without:
         _print(f"\n  without {condition}:")
         if isinstance(answer, str):
             _print(f"  {answer}")
         else:
-            _print_answer(answer, exact)
+            _print_answer(explanation.query, answer, exact)
     for number, (world, fired) in enumerate(explanation.worlds, start=1):
         _print(f"\n  world {number}, probability {_format_number(world.measure, exact)}:", bold=True)
         _print(f"  {', '.join(f'{term}={value}' for term, value in world.values.items())}")

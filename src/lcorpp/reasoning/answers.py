@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, TypeVar
+from itertools import product
+from math import prod
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
 from lcorpp.reasoning.language.program import Program
 
 if TYPE_CHECKING:
@@ -15,8 +17,14 @@ if TYPE_CHECKING:
 
 Numeric = Fraction | float
 
-QueryAnswer = dict[str, Numeric] | Numeric
-"""The distribution of an attribute, value -> probability, or one probability."""
+Value = Any
+"""A value of an attribute as text; of the joint of several attributes a tuple with one for each."""
+
+QueryAnswer = dict[Value, Numeric] | Numeric
+"""The distribution of an attribute or several, value -> probability, or one probability."""
+
+MAX_JOINT_VALUES = 10_000
+"""Several attributes in one query have at most this many combinations of values."""
 
 MAX_SHOWN_TERMS = 8
 """The `repr` of a world shows at most this many terms."""
@@ -48,8 +56,8 @@ def format_world(values: Mapping[str, str]) -> str:
 
 
 def normalise_marginal(
-    program: Program, term: str, weights: Mapping[str, _Number], conditions: str
-) -> dict[str, _Number]:
+    program: Program, term: str, weights: Mapping[Value, _Number], conditions: str
+) -> dict[Value, _Number]:
     """Return the distribution of a term: value -> probability in the order of the declaration.
 
     Args:
@@ -66,7 +74,26 @@ def normalise_marginal(
     if weights.get(""):
         raise make_no_value_error(program, term, weights[""] / total)
     zero = 0 * total
-    return {v: weights.get(v, zero) / total for v in program.attributes[term.partition("(")[0]].values}
+    return {value: weights.get(value, zero) / total for value in list_values(program, term)}
+
+
+def list_values(program: Program, term: str) -> tuple[Any, ...]:
+    """List the values of a term; those of a joint `?a, b` are tuples.
+
+    Raises:
+        TooLargeError: a joint has more than `MAX_JOINT_VALUES`.
+    """
+    ranges = [
+        program.attributes[name.partition("(")[0]].values for name in term.removeprefix("?").split(", ")
+    ]
+    if not term.startswith("?"):
+        return ranges[0]
+    size = prod(map(len, ranges))
+    if size > MAX_JOINT_VALUES:
+        raise TooLargeError(
+            f"{program.file}: {term[1:]} together have {size} values; expected at most {MAX_JOINT_VALUES}"
+        )
+    return tuple(product(*ranges))
 
 
 def format_conditions(facts: Mapping[str, Label], do: Mapping[str, str]) -> str:
@@ -89,6 +116,6 @@ def make_no_value_error(program: Program, term: str, probability: object, where:
         where: the row of a batch, at the beginning of the message.
     """
     return ProgramError(
-        f"{program.file}: {where}{term} has no value with probability {probability};"
-        f" ask for {term}=value instead"
+        f"{program.file}: {where}{term.removeprefix('?')} has no value with probability {probability};"
+        f" ask for {term.removeprefix('?').replace(', ', '=value, ')}=value instead"
     )

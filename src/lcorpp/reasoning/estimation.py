@@ -15,6 +15,7 @@ from lcorpp.reasoning.grounding.ground_program import GroundProgram
 from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, sample_worlds
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 from lcorpp.values import Distribution, Interval
+from lcorpp.values.distribution import format_value
 
 
 class ReasoningWarning(UserWarning):
@@ -63,12 +64,16 @@ class EstimatedDistribution(Distribution):
 
     def __repr__(self) -> str:
         shown = [
-            f"{value}: {interval:.4g}" for value, interval in zip(self.values, self.intervals, strict=True)
+            f"{format_value(value)}: {interval:.4g}"
+            for value, interval in zip(self.values, self.intervals, strict=True)
         ]
         return f"EstimatedDistribution({join_some(shown)}; effective sample size {self.effective})"
 
     def _repr_html_(self) -> str:
-        rows = [(v, f"{interval:.4g}") for v, interval in zip(self.values, self.intervals, strict=True)]
+        rows = [
+            (format_value(value), f"{interval:.4g}")
+            for value, interval in zip(self.values, self.intervals, strict=True)
+        ]
         return html_table(("value", "probability"), rows)
 
 

@@ -24,9 +24,13 @@ import numpy.typing as npt
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_type, expected_one_of
 from lcorpp.notebook import join_some
-from lcorpp.reasoning.answers import format_conditions, make_no_value_error, make_no_world_error
-from lcorpp.reasoning.circuit.answer_table import Codes
-from lcorpp.reasoning.circuit.evidence import EvidenceEncoder
+from lcorpp.reasoning.answers import (
+    format_conditions,
+    list_values,
+    make_no_value_error,
+    make_no_world_error,
+)
+from lcorpp.reasoning.circuit.evidence import Codes, EvidenceEncoder
 from lcorpp.reasoning.circuit.joint_weights import JointWeights
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
@@ -85,7 +89,7 @@ class Filter:
         self.inputs = tuple(resolve_inputs(program, inputs))
         self.queries, self.single = resolve_queries(program, query), isinstance(query, str)
         self._encoder = EvidenceEncoder(program, self.inputs)
-        ranges = [_get_values(program, term) for term in self._new]
+        ranges = [list_values(program, term) for term in self._new]
         self._sizes = [len(values) for values in ranges]
         if prod(self._sizes) > MAX_STATES:
             raise TooLargeError(
@@ -98,13 +102,13 @@ class Filter:
         self._columns: list[tuple[str, tuple[str, ...], slice]] = []  # query, its values, its columns
         end = len(self.states)
         for query in self.queries:
-            values = _get_values(program, query)
+            values = list_values(program, query)
             self._columns.append((query, values, slice(end, end + len(values))))
             end += len(values)
         self._max_cached = max(1, MAX_CACHED_NUMBERS // (len(self.states) * (end + 1)))
 
         initial = resolve_evidence(program, initial)
-        ground = ground_program(program, {})
+        ground = ground_program(program, {}, queried=self.queries)
         past, step = split_slices(ground, self._old, initial)
         start = JointWeights(past, (*self._old, *initial))
         self._check_values(self._old, start.compute((self._old, self._codes)).sum(), float(start.compute()))
@@ -149,7 +153,7 @@ class Filter:
             pass  # reported below
         if matrix is None:
             check_type(evidence, Mapping, "evidence", ProgramError)
-            matrix = self._find_matrix(self._encoder.name_values(self._encoder.canonicalize(evidence)))
+            matrix = self._find_matrix(self._encoder.canonicalize(evidence))
         weights = self.belief @ matrix
         total = weights[-1]
         if not total > 0:
@@ -184,7 +188,7 @@ class Filter:
             answers.append(
                 {
                     term: Distribution(
-                        _get_values(self.program, term), joint.sum(axis=tuple(a for a in axes if a != axis))
+                        list_values(self.program, term), joint.sum(axis=tuple(a for a in axes if a != axis))
                     )
                     for axis, term in enumerate(self._new)
                 }
@@ -272,10 +276,6 @@ def _resolve_carried(program: Program, carried: Mapping[str, str]) -> tuple[tupl
     if len({*old, *new}) < 2 * len(old):
         raise ProgramError(f"the carried terms are {', '.join((*old, *new))}; expected different terms")
     for before, after in zip(old, new, strict=True):
-        if _get_values(program, before) != _get_values(program, after):
+        if list_values(program, before) != list_values(program, after):
             raise ProgramError(f"{before} and {after} have different ranges, so that no value is carried")
     return old, new
-
-
-def _get_values(program: Program, term: str) -> tuple[str, ...]:
-    return program.attributes[term.partition("(")[0]].values

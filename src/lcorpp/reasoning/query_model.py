@@ -15,11 +15,11 @@ from lcorpp.reasoning.answers import (
 )
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.grounding.ground_program import QUERY_TERM
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
+from lcorpp.reasoning.resolve import name_question
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ class QueryModel:
         self.program, self.query, self.samples, self.seed = program, query, samples, seed
         do = {canonical_text(item.term): canonical_text(item.value) for item in query.interventions}
         observed = [observation.literal for observation in query.observations]
-        self.term = canonical_text(query.subject) if query.subject else QUERY_TERM
-        self.ground = ground_program(program, do, observed, query.literals)
+        self.term = name_question(query)
+        self.ground = ground_program(program, do, observed, query.literals, (self.term,))
         self.system = build_transition_system(self.ground, (self.term,))
 
     @cached_property
@@ -81,7 +81,7 @@ class QueryModel:
         worlds = self.worlds
         weights: Mapping[str, Fraction | float]
         weights = (worlds.compute_exact_weights if exact else worlds.compute_float_weights)(self.term, {})
-        if self.query.subject:
+        if self.query.subjects:
             return normalise_marginal(self.program, self.term, weights, conditions)  # type: ignore[type-var, return-value]
         total = sum(weights.values())
         if not total:
@@ -95,7 +95,7 @@ class QueryModel:
         estimates = estimate_probabilities(
             self.ground, self.system, self.term, {}, samples=self.samples, seed=self.seed, reason=reason
         )
-        if self.query.subject is None:
+        if not self.query.subjects:
             return estimates["true"]
         return dict(drop_no_value(self.ground, self.term, estimates))
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, TypeVar
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_type
 from lcorpp.reasoning.answers import (
     QueryAnswer,
+    Value,
     format_conditions,
     make_no_world_error,
     normalise_marginal,
@@ -25,7 +26,6 @@ from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.query_model import EnumeratedQuery, QueryModel
@@ -35,7 +35,7 @@ from lcorpp.reasoning.resolve import (
     resolve_interventions,
     resolve_labels,
     resolve_query,
-    resolve_term,
+    resolve_subject,
 )
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
@@ -91,12 +91,16 @@ class Reasoner:
         return partial(Reasoner, samples=self.samples, seed=self.seed), (self.program,)  # without caches
 
     def posterior(
-        self, attribute: str, evidence: Mapping[str, Label] = NO_EVIDENCE, do: Mapping[str, str] = NO_EVIDENCE
+        self,
+        attribute: str | Sequence[str],
+        evidence: Mapping[str, Label] = NO_EVIDENCE,
+        do: Mapping[str, str] = NO_EVIDENCE,
     ) -> Distribution:
-        """Compute the marginal of an attribute given evidence and interventions.
+        """Compute the marginal of an attribute, or of several jointly, given evidence and interventions.
 
         Args:
-            attribute: an attribute or a term of one, such as ``roll(d1)``.
+            attribute: an attribute or a term of one, such as ``roll(d1)``; or several, such as ``["item",
+                "person"]``: the values are then tuples, ``("cup", "ann")``, of all combinations in order.
             evidence: term -> value, or -> the likelihood of each of its values. Integers and truth values
                 may be given as such: 3 for ``3``, True for ``true``.
             do: term -> value.
@@ -106,43 +110,52 @@ class Reasoner:
                 violates a condition of the language.
             UndefinedError: no possible world satisfies the evidence.
             TooLargeError: the program is too large to be compiled, and the evidence too improbable for
-                sampling.
+                sampling; or the attributes have more than 10,000 combinations of values.
         """
         try:
-            answer = self._answers.get((attribute, tuple(evidence.items()), tuple(do.items())))
+            asked = tuple(attribute) if isinstance(attribute, list) else attribute
+            key = asked, tuple(evidence.items()), tuple(do.items())
+            answer = self._answers.get(key)
         except (AttributeError, TypeError):  # no mapping, or an unhashable value
-            answer = None
+            answer = key = None
         if answer is None:
             answer = self._compute_posterior(attribute, evidence, do)
             # likelihoods rarely repeat, and 1 == True
-            if all(isinstance(value, str) for value in (*evidence.values(), *do.values())):
-                _store(self._answers, (attribute, tuple(evidence.items()), tuple(do.items())), answer)
+            if key and all(isinstance(value, str) for value in (*evidence.values(), *do.values())):
+                _store(self._answers, key, answer)
         return answer
 
     def exact(
-        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NO_EVIDENCE
-    ) -> dict[str, Fraction]:
+        self,
+        attribute: str | Sequence[str],
+        evidence: Mapping[str, str] = NO_EVIDENCE,
+        do: Mapping[str, str] = NO_EVIDENCE,
+    ) -> dict[Value, Fraction]:
         """Compute a posterior in fractions: value -> probability, in the order of the declaration.
 
         Raises:
             ProgramError, UndefinedError: as `posterior`.
             TooLargeError: the program is too large to be compiled.
         """
-        term = canonical_text(resolve_term(self.program, attribute))
+        term = resolve_subject(self.program, attribute)
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
-            return self._enumeration.exact(term, facts, set_to)
+            return self._enumeration.exact(attribute, facts, set_to)
         weights = self._get_world_queries(set_to, (term, *facts)).compute_exact_weights(term, facts)
         return normalise_marginal(self.program, term, weights, format_conditions(facts, set_to))
 
     def compile(
-        self, inputs: Sequence[str], query: str | Sequence[str], do: Mapping[str, str] = NO_EVIDENCE
+        self,
+        inputs: Sequence[str],
+        query: str | Sequence[str | Sequence[str]],
+        do: Mapping[str, str] = NO_EVIDENCE,
     ) -> Circuit:
         """Compile the program into a circuit, a function of the evidence; see `Circuit`.
 
         Args:
             inputs: the terms that evidence may name; an attribute without arguments denotes all its terms.
-            query: a term, or several.
+            query: a term; the joint of several, ``"?item, person"``; or a sequence of such questions, each
+                with an answer of its own.
             do: interventions, term -> value.
 
         Raises:
@@ -234,9 +247,9 @@ class Reasoner:
     # methods of answering
 
     def _compute_posterior(
-        self, attribute: str, evidence: Mapping[str, Label], do: Mapping[str, str]
+        self, attribute: str | Sequence[str], evidence: Mapping[str, Label], do: Mapping[str, str]
     ) -> Distribution:
-        term = canonical_text(resolve_term(self.program, attribute))
+        term = resolve_subject(self.program, attribute)
         facts, likelihoods = resolve_labels(self.program, evidence)
         set_to = resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
@@ -244,7 +257,7 @@ class Reasoner:
                 raise ProgramError(
                     f"{self.program.file}: soft evidence has no meaning for a program with cr-rules"
                 )
-            return self._enumeration.posterior(term, facts, set_to)
+            return self._enumeration.posterior(attribute, facts, set_to)
         names = sorted((*facts, *likelihoods))
         key = (term, frozenset(names), frozenset(set_to.items()))
         circuit = self._circuits.get(key)
@@ -266,7 +279,7 @@ class Reasoner:
     def _get_world_queries(self, do: Mapping[str, str], wanted: Sequence[str]) -> WorldQueries:
         key = frozenset(do.items()), frozenset(wanted)
         if key not in self._worlds:
-            system = build_transition_system(ground_program(self.program, do), wanted)
+            system = build_transition_system(ground_program(self.program, do, queried=wanted), wanted)
             _store(self._worlds, key, WorldQueries(build_decision_diagram(system)))
         return self._worlds[key]
 
@@ -282,7 +295,7 @@ class Reasoner:
     ) -> Distribution:
         from lcorpp.reasoning.estimation import EstimatedDistribution, drop_no_value, estimate_probabilities
 
-        ground = ground_program(self.program, do)
+        ground = ground_program(self.program, do, queried=(term,))
         system = build_transition_system(ground, (term, *facts))
         estimates = estimate_probabilities(
             ground, system, term, facts, samples=self.samples, seed=self.seed, reason=reason

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import product
 from math import prod
 from numbers import Integral
 from typing import TYPE_CHECKING
 
 from lcorpp.errors import ParseError, ProgramError, TooLargeError, check_type, expected_one_of
+from lcorpp.reasoning.grounding.ground_program import QUERY_TERM
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.parser import parse_term
@@ -29,17 +30,25 @@ def resolve_term(program: Program, name: str) -> Term:
     Raises:
         ProgramError: the program has no such term.
     """
-    if not isinstance(name, str):
-        raise ProgramError(f"expected the name of an attribute, not {name!r}")
-    try:
-        term = parse_term(name, "<term>")
-        if not isinstance(term, Term):
-            raise ProgramError(f"{name!r} is not an attribute; {expected_one_of(list(program.attributes))}")
-        subject = program.resolve_query(Query(subject=term)).subject
-    except (ParseError, SourceIssue) as error:
-        raise ProgramError(f"{name!r}: {error.message}") from None
-    assert subject
-    return subject
+    return _resolve_names(program, (name,))[0]
+
+
+def _resolve_names(program: Program, names: Sequence[str]) -> tuple[Term, ...]:
+    terms = []
+    for name in names:
+        if not isinstance(name, str):
+            raise ProgramError(f"expected the name of an attribute, not {name!r}")
+        try:
+            term = parse_term(name, "<term>")
+            if not isinstance(term, Term):
+                raise ProgramError(
+                    f"{name!r} is not an attribute; {expected_one_of(list(program.attributes))}"
+                )
+            terms.append(term)
+            query = program.resolve_query(Query(subjects=tuple(terms)))
+        except (ParseError, SourceIssue) as error:
+            raise ProgramError(f"{name!r}: {error.message}") from None
+    return query.subjects
 
 
 def resolve_terms(program: Program, name: str) -> list[str]:
@@ -74,15 +83,34 @@ def resolve_inputs(program: Program, inputs: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(term for name in inputs for term in resolve_terms(program, name)))
 
 
-def resolve_queries(program: Program, query: str | Iterable[str]) -> tuple[str, ...]:
-    """Return the canonical names of a queried term, or several.
+def resolve_subject(program: Program, attribute: str | Sequence[str]) -> str:
+    """Return the canonical name of a queried term, or of the joint of several, see `name_joint`.
 
     Raises:
-        ProgramError: the program has no such term.
+        ProgramError: the program has no such term, or one is named twice.
     """
+    if isinstance(attribute, str) and not attribute.startswith(QUERY_TERM):
+        return canonical_text(resolve_term(program, attribute))
+    names = attribute[1:].split(", ") if isinstance(attribute, str) else attribute
+    if not isinstance(names, Sequence) or isinstance(names, bytes) or not names:
+        raise ProgramError(f"expected the name of an attribute, not {attribute!r}")
+    return name_joint(_resolve_names(program, names))
+
+
+def name_question(query: Query) -> str:
+    """Return the name of the term whose distribution answers a query."""
+    return canonical_text(query.subjects[0]) if len(query.subjects) == 1 else name_joint(query.subjects)
+
+
+def name_joint(terms: Iterable[Term]) -> str:
+    """Return the name of the joint of terms: `?item, person`; of none `QUERY_TERM`."""
+    return QUERY_TERM + ", ".join(map(canonical_text, terms))
+
+
+def resolve_queries(program: Program, query: str | Iterable[str | Sequence[str]]) -> tuple[str, ...]:
+    """Return the canonical names of a question or several, see `resolve_subject`."""
     check_type(query, (str, Iterable), "query", ProgramError)
-    names = [query] if isinstance(query, str) else query
-    return tuple(canonical_text(resolve_term(program, name)) for name in names)
+    return tuple(resolve_subject(program, name) for name in ([query] if isinstance(query, str) else query))
 
 
 def name_value(value: object) -> object:

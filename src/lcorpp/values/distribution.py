@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +17,12 @@ from lcorpp.values.arrays import Array, freeze
 class Distribution:
     """A distribution over named values, e.g. the marginal of one attribute.
 
-    values: (n,) the names, in the order of their declaration.
+    values: (n,) the names, in the order of their declaration; those of a joint distribution of several
+        variables are tuples, one name for each variable, the last of which varies fastest.
     probabilities: (n,) non-negative, summing to 1.
     """
 
-    values: tuple[str, ...]
+    values: tuple[Any, ...]
     probabilities: Array
 
     def __post_init__(self) -> None:
@@ -29,10 +31,10 @@ class Distribution:
         if p.shape != (len(self.values),) or not len(p):
             raise ModelError(f"a distribution over {len(self.values)} values cannot have shape {p.shape}")
         if not np.all(np.isfinite(p)) or p.min() < 0 or abs(p.sum() - 1) > 1e-9:
-            raise ModelError(f"{p.tolist()} over {', '.join(self.values)} is not a distribution")
+            raise ModelError(f"{p.tolist()} over {', '.join(map(str, self.values))} is not a distribution")
 
     @classmethod
-    def certain(cls, value: str, values: tuple[str, ...]) -> Distribution:
+    def certain(cls, value: Any, values: tuple[Any, ...]) -> Distribution:
         """Return the distribution with probability 1 on `value`.
 
         Raises:
@@ -43,30 +45,36 @@ class Distribution:
         return cls(values, np.array([float(v == value) for v in values]))
 
     @classmethod
-    def unchecked(cls, values: tuple[str, ...], probabilities: Array) -> Distribution:
+    def unchecked(cls, values: tuple[Any, ...], probabilities: Array) -> Distribution:
         """Return a distribution without checks and without a copy of the (read-only) array."""
         distribution = object.__new__(cls)
         object.__setattr__(distribution, "values", values)
         object.__setattr__(distribution, "probabilities", probabilities)
         return distribution
 
-    def __getitem__(self, value: str) -> float:
+    def __getitem__(self, value: Any) -> float:
         if value not in self.values:
             raise ModelError(f"unknown value {value!r}; {expected_one_of(self.values)}")
         return float(self.probabilities[self.values.index(value)])
 
-    def __iter__(self) -> Iterator[tuple[str, float]]:
+    def __iter__(self) -> Iterator[tuple[Any, float]]:
         return iter(zip(self.values, self.probabilities.tolist(), strict=True))
 
     def __repr__(self) -> str:
-        return f"Distribution({join_some([f'{value}: {p:.4g}' for value, p in self])})"
+        return f"Distribution({join_some([f'{format_value(value)}: {p:.4g}' for value, p in self])})"
 
     def _repr_html_(self) -> str:
-        return html_table(("value", "probability"), [(value, f"{p:.4g}") for value, p in self])
+        rows = [(format_value(value), f"{p:.4g}") for value, p in self]
+        return html_table(("value", "probability"), rows)
 
-    def most_likely(self) -> str:
+    def most_likely(self) -> Any:
         """Return the value with the highest probability, the first declared among equals."""
         return self.values[int(np.argmax(self.probabilities))]
+
+
+def format_value(value: str | tuple[str, ...]) -> str:
+    """Format a value: ``cup``, or that of a joint distribution, ``(cup, ann)``."""
+    return value if isinstance(value, str) else f"({', '.join(value)})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

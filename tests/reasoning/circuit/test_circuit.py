@@ -32,11 +32,8 @@ def evidences(circuit):
         yield {n: v for n, v in zip(circuit.inputs, values, strict=True) if v is not None}
 
 
-@pytest.fixture(params=["tables", "passes"])
-def circuit(request, monkeypatch):
-    """The paper's circuit, with and without a table of all answers."""
-    if request.param == "passes":
-        monkeypatch.setattr("lcorpp.reasoning.circuit.answer_table.MAX_TABLE_ROWS", 0)
+@pytest.fixture
+def circuit():
     return REASONER.compile(INPUTS, "intention")
 
 
@@ -58,7 +55,20 @@ def test_batches_are_split_into_chunks(circuit, monkeypatch):
     codes = np.random.default_rng(0).integers(-1, 2, (500, 3))
     whole = circuit(codes)
     monkeypatch.setattr("lcorpp.reasoning.circuit.passes.MAX_CHUNK_NUMBERS", 50)
-    np.testing.assert_allclose(REASONER.compile(INPUTS, "intention")(codes), whole, atol=1e-15)
+    np.testing.assert_allclose(circuit(codes), whole, atol=1e-15)
+
+
+def test_equal_rows_of_a_batch_share_an_answer():
+    """20,000 rows of 3^9 = 19,683 combinations."""
+    program = parse_plog(
+        "i = {1..9}. #domain i(I). a : i -> boolean. q : boolean. random(q). random(a(I))."
+        " pr(a(I) | q) = 1/3."
+    )
+    circuit = Reasoner(program).compile(["a"], "q")
+    codes = np.random.default_rng(0).integers(-1, 2, (20_000, 9))
+    batch = circuit(codes)
+    for row in (0, 777, 19_999):
+        np.testing.assert_allclose(circuit(codes[row : row + 1])[0], batch[row], atol=1e-15)
 
 
 def test_total_probability(circuit):

@@ -57,11 +57,11 @@ def test_sums_over_arcs_are_sums_over_worlds():
 def test_short_representations():
     circuit = Reasoner(COINS).compile(["c1"], "c2")
     assert repr(circuit) == "Circuit(coins.plog: c2 given c1; 2 layers)"
-    assert repr(circuit.layers[0].total) == "Matrix(2 x 1, 2 entries)"
+    assert repr(circuit.layers[0].matrix) == "Matrix(2 x 2, 3 entries)"
     (world,) = circuit.most_probable({})
     assert repr(world) == "PossibleWorld(1/3: {c1=heads, c2=heads})"
     many = Reasoner(parse_plog("i = {1..99}. p : i -> boolean. random(p(I)). #domain i(I)."))
     long = many.compile(["p"], ["p(1)", "p(2)"])
     for value in (long, long.most_probable({})[0], long.world_queries.diagram.system.program):
         assert len(repr(value)) < 200
-    assert long.layers[-1].total.shape[0] == 1
+    assert long.layers[-1].matrix.rows.size == 1

@@ -15,11 +15,8 @@ REASONER = Reasoner(LCORPP)
 INPUTS = ["time", "location", "classifier"]
 
 
-@pytest.fixture(params=["tables", "passes"])
-def circuit(request, monkeypatch):
-    """The paper's circuit, with and without a table of all answers."""
-    if request.param == "passes":
-        monkeypatch.setattr("lcorpp.reasoning.circuit.answer_table.MAX_TABLE_ROWS", 0)
+@pytest.fixture
+def circuit():
     return REASONER.compile(INPUTS, "intention")
 
 

@@ -203,7 +203,7 @@ def test_old_files_can_be_read(circuit):
 def test_old_files_with_sparse_matrices_can_be_read():
     """Three tosses of a coin that shows heads with probability x/65, with x from 1 to 65."""
     old = load_circuit(STORED / "version_1_sparse.circuit")
-    assert any(layer.total.dense is None for layer in old.layers)
+    assert any(layer.matrix.dense is None for layer in old.layers)
     assert (old.inputs, old.do) == (("p(1)", "p(2)"), {"q": "true"})
     squares, cubes = (sum(x**k for x in range(1, 66)) for k in (2, 3))
     given = {"p(1)": "true", "p(2)": "true"}

@@ -9,8 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from tests.reasoning.circuit.maps import maps
+from tests.reasoning.circuit.programs import cases
 
-from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.errors import LcorppError, ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, Reasoner, parse_plog, read_plog
 
 PLOG = Path(__file__).parents[2] / "plog"
@@ -60,6 +63,37 @@ def test_the_most_probable_worlds_given_evidence():
         "morning",
         "one",
     )
+
+
+@settings(max_examples=80, suppress_health_check=list(HealthCheck))
+@given(cases() | maps())
+def test_all_worlds_of_random_programs_in_order(case):
+    program = parse_plog(case.text)
+    try:
+        expected = conditioned(program, dict(case.evidence))
+        circuit = Reasoner(program).compile(case.inputs, case.query)
+    except LcorppError:
+        return
+    if not expected:
+        return
+    found = circuit.most_probable(dict(case.evidence), len(expected) + 5)
+    assert [world.measure for world in found] == [measure for _, measure in expected]
+    assert {tuple(world.values.items()) for world in found} == {values for values, _ in expected}
+    again = Reasoner(program).compile(case.inputs, case.query).most_probable(dict(case.evidence), 7)
+    assert [world.values for world in again] == [world.values for world in found[:7]]
+
+
+def test_many_worlds_of_a_long_chain():
+    """The best worlds leave the best one in few places; each of n places costs a factor of 1/2."""
+    program = parse_plog(
+        "i = {1..300}. x : i -> boolean. random(x(I)). pr(x(I)) = 2/3. #domain i(I)."
+        " y : i -> boolean. random(y(I)). pr(y(I) | x(I)) = 1."
+    )
+    found = Reasoner(program).compile([], "x(1)").most_probable({}, 1000)
+    best = Fraction(2, 3) ** 300
+    assert [world.measure for world in found] == [best] + [best / 4] * 600 + [best / 16] * 399
+    assert len({tuple(world.values.values()) for world in found}) == 1000
+    assert sum(value == "false" for value in found[1].values.values()) in (1, 2)
 
 
 def test_ties_are_complete_and_distinct():

@@ -6,13 +6,13 @@ from hypothesis import given, strategies as st
 
 from lcorpp.reasoning import parse_plog
 from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.transitions.strong_components import find_strongly_connected_components
+from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 
 @given(edges=st.sets(st.tuples(st.integers(0, 7), st.integers(0, 7))))
 def test_components_are_the_classes_of_mutual_reachability(edges):
-    successors = [sorted(b for a, b in edges if a == node) for node in range(8)]
+    successors = {node: sorted(b for a, b in edges if a == node) for node in range(8)}
     reach = [{node} for node in range(8)]
     for _ in range(8):
         reach = [

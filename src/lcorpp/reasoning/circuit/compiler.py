@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from lcorpp.errors import ProgramError
+from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
-from lcorpp.reasoning.circuit.matrices import Index, Layer, Matrix
+from lcorpp.reasoning.circuit.matrices import Groups, Layer
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
@@ -24,19 +23,22 @@ MIN_WEIGHT = 1e-30
 _Row = Mapping[int, float]
 """input -> weight"""
 
-_Entries = Mapping[tuple[int, tuple[int, tuple[int, ...]], int], float]
-"""(outcome of the next observed term, (node, outcomes of the others), input) -> weight"""
+_Entries = Mapping[tuple[tuple[int, ...], int, int], float]
+"""(node and the outcomes of later observed terms, outcome of the next one, input) -> weight"""
 
 
 @pause_gc()
 def compile_program(
-    program: Program, inputs: Sequence[str], query: str | Sequence[str], do: Mapping[str, str]
+    program: Program,
+    inputs: Sequence[str],
+    query: str | Sequence[str | Sequence[str]],
+    do: Mapping[str, str],
 ) -> Circuit:
     """Compile a program.
 
     Args:
         inputs: the terms that evidence may name; an attribute with arguments is short for all its terms.
-        query: a term, or several.
+        query: a question, or several; see `Reasoner.compile`.
         do: interventions, term -> value.
 
     Raises:
@@ -51,27 +53,29 @@ def compile_program(
         )
     do = resolve_interventions(program, do)
     observed = dict.fromkeys((*names, *queries))
-    diagram = build_decision_diagram(build_transition_system(ground_program(program, do), observed))
+    ground = ground_program(program, do, queried=queries)
+    diagram = build_decision_diagram(build_transition_system(ground, observed))
     layers = build_layers(diagram, list(observed))
     query = queries[0] if isinstance(query, str) else queries
-    circuit = Circuit(program, names, query, do, layers, WorldQueries(diagram))
-    circuit.prepare()
-    return circuit
+    return Circuit(program, names, query, do, layers, WorldQueries(diagram))
 
 
 def build_layers(diagram: DecisionDiagram, names: Sequence[str]) -> list[Layer]:
     """Build the layers for the observed terms, each after its sources; the last one has one output."""
     if not diagram.has_worlds:
-        return _build_zeros(len(names))
+        sizes = [len(list_values(diagram.system.program.source, name)) + 1 for name in names]
+        return [
+            Layer.from_entries(i, ((i - 1, Groups([0], 1)),) if i else (), (1, size, 1), {})
+            for i, size in enumerate(sizes)
+        ]
     numbers = diagram.system.term_numbers
     variables = {numbers[name]: i for i, name in enumerate(names) if name in numbers}
-    attributes = diagram.system.program.source.attributes
     layers = []
     for i, name in enumerate(names):
         if name not in numbers:  # a term that no rule names has no value in any world
-            no_value = len(attributes[name.partition("(")[0]].values)
-            layers.append(Layer.from_entries(i, (), (1, 1), {no_value: {(0, 0): 1.0}}))
-    tops = [_Part([{0: 1.0}], ((number, np.zeros(1, dtype=np.intp)),), 1) for number in range(len(layers))]
+            no_value = len(list_values(diagram.system.program.source, name))
+            layers.append(Layer.from_entries(i, (), (1, no_value + 1, 1), {(0, no_value, 0): 1.0}))
+    tops = [_Part([{0: 1.0}], ((number, Groups([0], 1)),), 1) for number in range(len(layers))]
     builder = _LayerBuilder(diagram, variables, layers)
     parts: dict[int, _Part] = {}
     for step in range(len(diagram.arcs) - 1, -1, -1):
@@ -80,12 +84,6 @@ def build_layers(diagram: DecisionDiagram, names: Sequence[str]) -> list[Layer]:
     tops += [parts[root] for root in diagram.system.tree.roots]
     builder.finish(tops)
     return layers
-
-
-def _build_zeros(n_variables: int) -> list[Layer]:
-    """Build the layers of a program without worlds: all weights are 0."""
-    zero, first = Matrix.from_entries((1, 1), {}), np.zeros(1, dtype=np.intp)
-    return [Layer(i, ((i - 1, first),) if i else (), {}, zero) for i in range(n_variables)]
 
 
 @dataclass(slots=True)
@@ -98,7 +96,7 @@ class _Part:
     """
 
     rows: Sequence[_Row]
-    sources: tuple[tuple[int, Index], ...]
+    sources: tuple[tuple[int, Groups], ...]
     n_inputs: int
     n_arcs: int = 0
 
@@ -128,15 +126,14 @@ class _LayerBuilder:
             return _sum_numbers(arcs.sources, arcs.targets, weights, children, n_nodes)
         rows, part = self._multiply_branches(arcs.targets, weights, children)
         if observed:
-            entries: dict[tuple[int, tuple[int, tuple[int, ...]], int], float] = {}
+            entries: dict[tuple[tuple[int, ...], int, int], float] = {}
             for source, outcome, weight, row in zip(arcs.sources, arcs.outcomes, weights, rows, strict=True):
                 values = diagram.outcomes[outcome][0]
-                # the outcomes of the observed terms after the first, which later layers distinguish
-                node = source, tuple([values[i] for i in observed[1:]])
+                node = source, *[values[i] for i in observed[1:]]
                 for start, factor in row.items():
-                    key = values[observed[0]], node, start
+                    key = node, values[observed[0]], start
                     entries[key] = entries.get(key, 0.0) + factor * weight
-            return self._append_observed(part, entries, [variables[terms[i]] for i in observed], n_nodes)
+            return self._append_observed(part, entries, [terms[i] for i in observed], n_nodes)
         sums: list[dict[int, float]] = [{} for _ in range(n_nodes)]
         for source, weight, row in zip(arcs.sources, weights, rows, strict=True):
             own = sums[source]
@@ -192,47 +189,50 @@ class _LayerBuilder:
             {places.setdefault(nodes, len(places)): 1.0}
             for nodes in zip(*[own for own, _ in varying], strict=True)
         ]
-        layers = [self._append_product(branch).sources[0][0] for _, branch in varying]
-        indexes = np.array(list(places), dtype=np.intp).reshape(len(places), len(varying))
-        return rows, _Part((), tuple(zip(layers, indexes.T.copy(), strict=True)), len(places))
+        layers = [self._append_product(branch).sources[0] for _, branch in varying]
+        keys = zip(*places, strict=True)
+        sources = [
+            (layer, Groups(own, outputs.size)) for (layer, outputs), own in zip(layers, keys, strict=True)
+        ]
+        return rows, _Part((), tuple(sources), len(places))
 
     def _append_product(self, part: _Part) -> _Part:
         """Append a layer whose outputs are the nodes of a part, unless it has them already; return them."""
-        if len(part.sources) == 1 and all(row == {i: 1.0} for i, row in enumerate(part.rows)):
-            number, nodes = part.sources[0]
-            height = self._layers[number].total.shape[0]
-            if len(part.rows) == len(nodes) == height and (nodes == np.arange(height)).all():
-                return part
-        entries = {(node, start): w for node, row in enumerate(part.rows) for start, w in row.items()}
-        matrix = Matrix.from_entries((len(part.rows), part.n_inputs), entries)
-        return self._append(Layer(-1, part.sources, {}, matrix))
+        is_identity = all(row == {i: 1.0} for i, row in enumerate(part.rows))
+        is_all = len(part.sources) == 1 and part.sources[0][1].layout is None  # outputs of the layer below
+        if is_all and is_identity and len(part.rows) == part.n_inputs:
+            return part
+        entries = {(node, 0, start): w for node, row in enumerate(part.rows) for start, w in row.items()}
+        return self._append(-1, part, (len(part.rows), 1, part.n_inputs), entries)
 
-    def _append(self, layer: Layer) -> _Part:
-        """Append a layer, and return its outputs."""
-        self._layers.append(layer)
-        height = layer.total.shape[0]
-        return _Part([{i: 1.0} for i in range(height)], ((len(self._layers) - 1, np.arange(height)),), height)
-
-    def _append_observed(
-        self, part: _Part, entries: _Entries, variables: Sequence[int], n_nodes: int
+    def _append(
+        self,
+        variable: int,
+        part: _Part,
+        shape: tuple[int, int, int],
+        entries: Mapping[tuple[int, int, int], float],
     ) -> _Part:
+        """Append a layer with the inputs of a part, see `Layer.from_entries`; return its outputs."""
+        self._layers.append(Layer.from_entries(variable, part.sources, shape, entries))
+        outputs = Groups(range(shape[0]), shape[0])
+        return _Part([{i: 1.0} for i in range(shape[0])], ((len(self._layers) - 1, outputs),), shape[0])
+
+    def _append_observed(self, part: _Part, entries: _Entries, terms: Sequence[int], n_nodes: int) -> _Part:
         """Append a layer for each observed term of one step; return the outputs of the last.
 
-        The nodes between these layers are pairs of a node of the step and the outcomes of the other terms.
+        The outputs of the others are pairs of a node of the step and the outcomes of the terms that follow.
         """
-        for number, variable in enumerate(variables):
-            is_last = number == len(variables) - 1
-            nodes: dict[tuple[int, tuple[int, ...]], int] = {}
-            by_outcome: dict[int, dict[tuple[int, int], float]] = {}
-            for (value, node, start), weight in entries.items():
-                output = node[0] if is_last else nodes.setdefault(node, len(nodes))
-                own = by_outcome.setdefault(value, {})
-                own[output, start] = own.get((output, start), 0.0) + weight
-            height = n_nodes if is_last else max(len(nodes), 1)
-            part = self._append(
-                Layer.from_entries(variable, part.sources, (height, part.n_inputs), by_outcome)
-            )
-            entries = {(rest[0], (node, rest[1:]), i): 1.0 for (node, rest), i in nodes.items()}
+        for i, term in enumerate(terms):
+            is_last = i == len(terms) - 1
+            nodes: dict[tuple[int, ...], int] = {}
+            by_output = {
+                (node[0] if is_last else nodes.setdefault(node, len(nodes)), outcome, start): weight
+                for (node, outcome, start), weight in entries.items()
+            }
+            n_outcomes = len(self._diagram.system.program.values[term]) + 1
+            shape = n_nodes if is_last else max(len(nodes), 1), n_outcomes, part.n_inputs
+            part = self._append(self._variables[term], part, shape, by_output)
+            entries = {((node[0], *node[2:]), node[1], i): 1.0 for node, i in nodes.items()}
         return part
 
 

@@ -287,7 +287,7 @@ def iterate_arcs(arcs: Arcs) -> Iterator[tuple[int, tuple[int, ...], int]]:
 
 
 def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
-    """Convert the outcomes of all steps to term -> value, sorted by term, without `QUERY_TERM`."""
+    """Convert the outcomes of all steps to term -> value, sorted by term, without terms of queries."""
     program = system.program
     outcome_of = {
         term: value
@@ -299,7 +299,6 @@ def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) ->
     world = {
         program.names[term]: program.values[term][value]
         for term, value in outcome_of.items()
-        if value < len(program.values[term])
+        if value < len(program.values[term]) and not program.names[term].startswith(QUERY_TERM)
     }
-    world.pop(QUERY_TERM, None)
     return dict(sorted(world.items()))

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence, Set
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from lcorpp.errors import ProgramError, check_type, expected_one_of
-from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import make_unknown_value_error, name_value, resolve_term
 from lcorpp.values import Array, Label, Likelihood
+
+Codes = npt.NDArray[np.intp]
+"""Evidence as integers: the index of the value in the range of the input, -1 for not observed."""
 
 _Column = TypeVar("_Column")
 
@@ -26,8 +30,10 @@ Column = Label | Sequence[Label | None]
 class EncodedEvidence:
     """A batch of evidence.
 
-    codes: (B, terms) the outcome of each observed term, -1 for no evidence.
-    weights: index of a term -> (B, outcomes) likelihood of each outcome, in place of the codes.
+    codes: (B, terms) the outcome of each observed term, -1 for no evidence; or, if `weights` has the term, a
+        row of it.
+    weights: index of a term -> (n, outcomes) the weights of the outcomes for each of n labels: likelihoods,
+        values and no evidence.
     """
 
     codes: Codes
@@ -35,7 +41,41 @@ class EncodedEvidence:
 
     def take(self, rows: Codes) -> EncodedEvidence:
         """Return some of the rows."""
-        return EncodedEvidence(self.codes[rows], {i: own[rows] for i, own in self.weights.items()})
+        return EncodedEvidence(self.codes[rows], self.weights)
+
+    def number_rows(self) -> tuple[Codes, Codes]:
+        """Number the distinct rows; return the index of one row of each number, and the number of each row.
+
+        If many rows may be distinct, each has its own number.
+        """
+        n_rows, size = len(self.codes), 1
+        keys = np.zeros(n_rows, dtype=np.intp)
+        for column in self.codes.T if n_rows > 1 else ():
+            lowest = column.min()
+            n_codes = int(column.max() - lowest) + 1
+            size *= n_codes
+            if size > 4 * n_rows:
+                break
+            keys = keys * n_codes + (column - lowest)
+        if n_rows < 2 or size > 4 * n_rows:
+            return np.arange(n_rows), np.arange(n_rows)
+        rows, numbers = np.full(size, -1), np.zeros(size, dtype=np.intp)
+        rows[keys] = np.arange(n_rows)
+        distinct = np.flatnonzero(rows >= 0)
+        numbers[distinct] = np.arange(len(distinct))
+        return rows[distinct], numbers[keys]
+
+    def weigh(self, variable: int, outcomes: Codes) -> Array | None:
+        """(n, B) Return the weights of n outcomes of a term; None if no row has evidence about it."""
+        if not 0 <= variable < self.codes.shape[1]:
+            return None
+        codes = self.codes[:, variable]
+        weights: Array | None = None
+        if variable in self.weights:
+            weights = self.weights[variable].T[outcomes][:, codes]
+        elif np.maximum.reduce(codes, initial=-1) >= 0:
+            weights = ((codes == outcomes[:, None]) | (codes < 0)).astype(np.float64)
+        return weights
 
 
 class EvidenceEncoder:
@@ -44,7 +84,6 @@ class EvidenceEncoder:
     names: the terms, in the order of the columns of encoded evidence.
     values: term -> range.
     codes: term -> value -> code.
-    sizes: the number of codes of each input; the first code, -1, is for not observed.
     columns: term -> column.
     """
 
@@ -52,42 +91,28 @@ class EvidenceEncoder:
         self._program, self.names = program, tuple(names)
         self.values = {name: program.attributes[name.partition("(")[0]].values for name in self.names}
         self.codes = {n: {v: i for i, v in enumerate(self.values[n])} for n in self.names}
-        self.sizes = [len(self.values[name]) + 1 for name in self.names]
         self.columns = {name: i for i, name in enumerate(self.names)}
 
     def canonicalize(self, evidence: Mapping[str, _Column]) -> dict[str, _Column]:
-        """Replace the names by those of the inputs: ``f( 1, 2 )`` by ``f(1,2)``; no name may occur twice."""
-        canonical: dict[str, _Column] = {}
+        """Return evidence with the names of inputs and values.
+
+        Names may be spelled differently, as ``f( 1, 2 )`` for ``f(1,2)``; values may be integers and truth
+        values, see `name_value`.
+        """
+        check_type(evidence, Mapping, "evidence", ProgramError)
+        canonical: dict[str, Any] = {}
         for name, value in evidence.items():
-            try:
-                own = name if name in self.columns else canonical_text(resolve_term(self._program, name))
-            except ProgramError:
-                own = name
-            self.check_names((own,))
+            own = name
+            if name not in self.codes:
+                with suppress(ProgramError):
+                    own = canonical_text(resolve_term(self._program, name))
+            if own not in self.codes:
+                raise ProgramError(f"{own!r} is not an input of the circuit; {expected_one_of(self.names)}")
             if own in canonical:
                 raise ProgramError(f"the evidence names {own} twice")
-            canonical[own] = value
+            named = name_value(value)
+            canonical[own] = named if isinstance(named, str) and named in self.codes[own] else value
         return canonical
-
-    def check_names(self, evidence: Iterable[object]) -> None:
-        """Check that all names are inputs."""
-        for name in evidence:
-            if name not in self.codes:
-                raise ProgramError(f"{name!r} is not an input of the circuit; {expected_one_of(self.names)}")
-
-    def resolve(self, evidence: Mapping[str, object]) -> dict[str, str]:
-        """Return evidence with the names of values; check that all names are inputs, with values in range."""
-        check_type(evidence, Mapping, "evidence", ProgramError)
-        self.check_names(evidence)
-        return {name: self.values[name][self.encode_value(name, value)] for name, value in evidence.items()}
-
-    def name_values(self, evidence: Mapping[str, _Column]) -> dict[str, _Column]:
-        """Replace integers and truth values that denote values of their inputs by names; see `name_value`."""
-        named = {name: name_value(value) for name, value in evidence.items()}
-        return {
-            name: own if isinstance(own := named[name], str) and own in self.codes[name] else value  # type: ignore[misc]
-            for name, value in evidence.items()
-        }
 
     def encode_value(self, name: str, value: object, where: str = "") -> int:
         """Return the code of a value of an input; `where` is the beginning of the message of an error."""
@@ -97,94 +122,91 @@ class EvidenceEncoder:
             raise make_unknown_value_error(value, name, self.values[name], where)
         return code
 
-    def encode(self, evidence: Mapping[str, Column]) -> EncodedEvidence:
-        """Encode a batch of evidence, input -> column; a batch without sequences has one row."""
-        check_type(evidence, Mapping, "evidence", ProgramError)
-        self.check_names(evidence)
-        evidence = self.name_values(evidence)
-        one = (str, Likelihood)
+    def resolve(self, evidence: Mapping[str, object]) -> dict[str, str]:
+        """Return evidence with the names of inputs and values; check that all values are in range."""
+        evidence = self.canonicalize(evidence)
+        return {name: self.values[name][self.encode_value(name, value)] for name, value in evidence.items()}
+
+    def encode(self, evidence: Mapping[str, Column]) -> tuple[EncodedEvidence, bool]:
+        """Encode canonical evidence; return it, and whether it is a batch, with a sequence for some input."""
+        columns: dict[str, Sequence[Any]] = {}
         for name, column in evidence.items():
+            if isinstance(column, str | Likelihood):
+                continue
             if isinstance(column, Mapping | Set):
                 raise ProgramError(
                     f"the column of {name} is {reprlib.repr(column)}; expected a sequence of values"
                 )
-            if not (hasattr(column, "__len__") or isinstance(column, one)):
-                self.encode_value(name, column)
-        sizes = {len(column) for column in evidence.values() if not isinstance(column, one)} or {1}
+            if not hasattr(column, "__len__"):
+                raise make_unknown_value_error(column, name, self.values[name])
+            columns[name] = column.tolist() if isinstance(column, np.ndarray) else column
+        sizes = {len(column) for column in columns.values()} or {1}
         if len(sizes) != 1:
             raise ProgramError(f"the columns of a batch have one length, not {sorted(sizes)}")
-        size = sizes.pop()
-        codes = np.full((size, len(self.names)), -1, dtype=np.intp)
+        codes = np.full((sizes.pop(), len(self.names)), -1, dtype=np.intp)
         weights: dict[int, Array] = {}
-        for name, column in evidence.items():
-            values: list[Any] = [column] * size if isinstance(column, one) else list(column)
-            code_of: dict[str | None, int] = {None: -1} | self.codes[name]
-            try:
-                encoded = np.fromiter(map(code_of.__getitem__, values), np.intp, size)
-            except (KeyError, TypeError):  # likelihoods, integers, truth values or unknown values
-                places = (
-                    [f"row {row}: " for row in range(size)] if not isinstance(column, one) else [""] * size
-                )
-                if any(isinstance(value, Likelihood) for value in values):
-                    rows = [self._weigh(name, *own) for own in zip(values, places, strict=True)]
-                    weights[self.columns[name]] = np.array(rows).reshape(size, self.sizes[self.columns[name]])
-                    continue
-                encoded = np.array(
-                    [
-                        -1 if value is None else self.encode_value(name, value, where)
-                        for value, where in zip(values, places, strict=True)
-                    ]
-                )
-            codes[:, self.columns[name]] = encoded
-        return EncodedEvidence(codes, weights)
+        for name, value in evidence.items():
+            number = self.columns[name]
+            if name in columns:
+                codes[:, number] = self._encode_column(number, columns[name], "row {}: ", weights)
+            elif isinstance(value, str):
+                codes[:, number] = self.encode_value(name, value)
+            else:
+                codes[:, number] = self._encode_column(number, [value], "", weights)
+        return EncodedEvidence(codes, weights), bool(columns)
 
-    def encode_values(self, evidence: Mapping[str, Column]) -> Codes:
-        """(B, inputs) Encode a batch of evidence without likelihoods, see `Circuit.encode`."""
-        encoded = self.encode(evidence)
-        if encoded.weights:
-            names = ", ".join([self.names[i] for i in encoded.weights])
-            raise ProgramError(f"the likelihoods of {names} have no codes")
-        return encoded.codes
+    def _encode_column(
+        self, number: int, values: Sequence[Any], where: str, weights: dict[int, Array]
+    ) -> Codes:
+        """Return the codes of a column, and add its weights if it has likelihoods; see `EncodedEvidence`."""
+        name = self.names[number]
+        code_of = {None: -1} | self.codes[name]
+        try:
+            return np.fromiter(map(code_of.__getitem__, values), np.intp, len(values))
+        except (KeyError, TypeError):  # likelihoods, integers, truth values or unknown values
+            pass
+        labels: list[int | Likelihood] = []
+        for row, value in enumerate(values):
+            if isinstance(value, Likelihood):
+                labels.append(value)
+            else:
+                labels.append(-1 if value is None else self.encode_value(name, value, where.format(row)))
+        numbers = {label: i for i, label in enumerate(dict.fromkeys(labels))}
+        if not any(isinstance(label, Likelihood) for label in numbers):
+            return np.array(labels)
+        weights[number] = np.array(
+            [self._list_weights(name, label, where.format(labels.index(label))) for label in numbers]
+        )
+        return np.array([numbers[label] for label in labels])
 
-    def make_row(self, codes: Mapping[int, int]) -> EncodedEvidence:
-        """Encode one evidence, column -> code."""
-        row = np.full((1, len(self.names)), -1, dtype=np.intp)
-        row[0, list(codes)] = list(codes.values())
-        return EncodedEvidence(row)
+    def _list_weights(self, name: str, label: int | Likelihood, where: str) -> list[float]:
+        """List the weights of the outcomes of an input; the last outcome is having no value."""
+        values = self.values[name]
+        if not isinstance(label, Likelihood):
+            return [float(label in (i, -1)) for i in range(len(values) + 1)]
+        weight_of = dict(label)
+        if weight_of.keys() != set(values):
+            raise ProgramError(
+                f"{where}a likelihood of {', '.join(label.values)} for {name}; {expected_one_of(values)}"
+            )
+        return [*[weight_of[value] for value in values], 0.0]
 
     def decode(self, row: Codes) -> dict[str, str]:
         """Return the evidence of one row of codes, term -> value."""
         return {n: self.values[n][i] for n, i in zip(self.names, row.tolist(), strict=True) if i >= 0}
 
-    def _weigh(self, name: str, value: object, where: str) -> list[float]:
-        """Return the weights of the outcomes of an input; the last one is for having no value."""
-        values = self.values[name]
-        if value is None:
-            return [1.0] * (len(values) + 1)
-        if not isinstance(value, Likelihood):
-            code = self.encode_value(name, value, where)
-            return [float(i == code) for i in range(len(values) + 1)]
-        if value.values == values:
-            return [*value.weights.tolist(), 0.0]
-        if set(value.values) != set(values):
-            raise ProgramError(
-                f"{where}a likelihood of {', '.join(value.values)} for {name}; {expected_one_of(values)}"
-            )
-        weight_of = dict(value)
-        return [*[weight_of[v] for v in values], 0.0]
-
-    def check_codes(self, codes: Codes) -> Codes:
-        """Check the shape, type and range of codes (B, inputs); return them with the index type."""
+    def check_codes(self, codes: Codes) -> EncodedEvidence:
+        """Check the shape, type and range of codes (B, inputs)."""
         if codes.ndim != 2 or codes.shape[1] != len(self.names) or codes.dtype.kind not in "iu":
             raise ProgramError(
                 f"expected integer codes of shape (B, {len(self.names)}), not {codes.dtype} {codes.shape}"
             )
-        sizes = np.array(self.sizes, dtype=np.intp)
-        wrong = (codes < -1) | (codes >= sizes - 1)
+        sizes = np.array([len(self.values[name]) for name in self.names], dtype=np.intp)
+        wrong = (codes < -1) | (codes >= sizes)
         if wrong.any():
             row, column = (int(i) for i in np.argwhere(wrong)[0])
             raise ProgramError(
                 f"row {row}: code {codes[row, column]} of {self.names[column]};"
-                f" expected -1 to {self.sizes[column] - 2}"
+                f" expected -1 to {sizes[column] - 1}"
             )
-        return codes.astype(np.intp, copy=False)  # small integer types would overflow
+        return EncodedEvidence(codes.astype(np.intp, copy=False))  # small integer types would overflow

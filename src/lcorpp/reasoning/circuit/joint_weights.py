@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lcorpp.reasoning.circuit.answer_table import Codes
 from lcorpp.reasoning.circuit.compiler import build_layers
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
+from lcorpp.reasoning.circuit.evidence import Codes
 from lcorpp.reasoning.circuit.passes import evaluate
 from lcorpp.reasoning.grounding.ground_program import GroundProgram
 from lcorpp.reasoning.transitions.transition_system import build_transition_system

@@ -1,24 +1,23 @@
 """Compilation, step 4: the layered arithmetic circuit, a tree of sparse matrices; `passes` evaluates it.
 
 Let t1, ..., tn be the terms that evidence may name or a query may read; all other terms are summed out. The
-circuit has a layer for each of them, with one matrix for each value. A layer multiplies a column of inputs by
-the matrix of the observed value; without evidence by the sum of the matrices, which is the circuit with all
-evidence indicators of the term set to 1. Its inputs are products of outputs of the layers before it: one
-factor for each independent branch of the program. So for a chain the probability of t1=v1, ..., tn=vn is
+circuit has a layer for each of them. The inputs of a layer are products of outputs of the layers before it:
+one factor for each independent branch of the program. A layer weighs pairs of an input and an outcome of its
+term by the evidence about the outcome (1 or 0, or its likelihood; 1 without evidence), and multiplies this
+column by a matrix. So for a chain the probability of t1=v1, ..., tn=vn is
 
-    M_1[v1] . M_2[v2] ... M_n[vn] . [1]
+    M_1 (e_v1 * M_2 (e_v2 * ... M_n (e_vn * 1)))
 
-A likelihood replaces the matrix of a value by the weighted sum of the matrices.
+where ``e_v *`` keeps the pairs of outcome v.
 
 Source: Darwiche, "A differential approach to inference in Bayesian networks", J. ACM 50(3), 2003.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -27,136 +26,113 @@ from lcorpp.values import Array
 
 Index = npt.NDArray[np.intp]
 
-_Factor = TypeVar("_Factor")
-
 MAX_DENSE_ENTRIES = 4096
 """Matrices with at most this many entries, zeros included, are dense, which is faster."""
 
 
-@dataclass(frozen=True, eq=False)
-class Matrix:
-    """A non-negative matrix that multiplies columns; dense if it is small, otherwise sparse by rows.
+class Groups:
+    """A map from the rows of an array to groups; an arithmetic sums the rows of each group.
 
-    shape: (outputs, inputs).
-    dense: (outputs, inputs), None if the matrix is sparse.
-    source, weight: (entries,) the input and the weight of each entry, sorted by output.
-    target, start: (rows,) the outputs with entries, and the index of the first entry of each.
-    smallest: the smallest weight, 1 without entries; it is 0 if the compiler lost a weight to underflow.
+    keys: (rows,) the group of each row.
+    size: the number of groups.
     """
 
-    shape: tuple[int, int]
-    dense: Array | None
-    source: Index
-    weight: Array
-    target: Index
-    start: Index
-    smallest: float
+    def __init__(self, keys: npt.ArrayLike, size: int) -> None:
+        self.keys, self.size = np.asarray(keys, dtype=np.intp), size
 
-    @classmethod
-    def from_entries(cls, shape: tuple[int, int], entries: Mapping[tuple[int, int], float]) -> Matrix:
-        """Build a matrix from (output, input) -> weight."""
-        none = np.zeros(0, dtype=np.intp)
-        smallest = min(entries.values(), default=1.0)
-        if shape[0] * shape[1] <= MAX_DENSE_ENTRIES:
-            dense = np.zeros(shape)
-            for place, weight in entries.items():
-                dense[place] = weight
-            return cls(shape, dense, none, np.zeros(0), none, none, smallest)
-        keys = sorted(entries)
-        outputs = np.array([key[0] for key in keys], dtype=np.intp)
-        target, start = np.unique(outputs, return_index=True)
-        source = np.array([key[1] for key in keys], dtype=np.intp)
-        weights = np.array([entries[key] for key in keys])
-        return cls(shape, None, source, weights, target, start.astype(np.intp), smallest)
+    @cached_property
+    def layout(self) -> tuple[Index | slice, Index, Index] | None:
+        """The rows sorted by group, the first row of each group that has rows, and these groups.
+
+        It is None if row i is group i, for all groups.
+        """
+        keys = self.keys
+        if len(keys) == self.size and (keys == np.arange(self.size)).all():
+            return None
+        order: Index | slice = slice(None)
+        if (keys[1:] < keys[:-1]).any():
+            order = np.argsort(keys, kind="stable")
+            keys = keys[order]
+        is_first = np.ones(len(keys), dtype=np.bool_)
+        np.not_equal(keys[1:], keys[:-1], out=is_first[1:])
+        starts = is_first.nonzero()[0]
+        return order, starts, keys[starts]
+
+
+class Matrix:
+    """A non-negative sparse matrix.
+
+    rows, columns: the row and the column of each entry, sorted by row.
+    weights: (entries,) positive.
+    """
+
+    def __init__(self, rows: Groups, columns: Groups, weights: Array) -> None:
+        self.rows, self.columns, self.weights = rows, columns, weights
 
     def __repr__(self) -> str:
-        n_entries = np.count_nonzero(self.dense) if self.dense is not None else len(self.source)
-        return f"Matrix({self.shape[0]} x {self.shape[1]}, {n_entries} entries)"
+        return f"Matrix({self.rows.size} x {self.columns.size}, {len(self.weights)} entries)"
 
-    def list_entries(self) -> dict[tuple[int, int], float]:
-        """List the entries that are not zero: (output, input) -> weight."""
-        outputs, inputs, weights = self.get_arrays()
-        pairs = zip(outputs.tolist(), inputs.tolist(), strict=True)
-        return dict(zip(pairs, weights.tolist(), strict=True))
+    @cached_property
+    def transposed(self) -> Matrix:
+        """The transposed matrix."""
+        return Matrix(self.columns, self.rows, self.weights)
 
-    def get_arrays(self) -> tuple[Index, Index, Array]:
-        """Return the output, the input and the weight of each entry."""
-        if self.dense is None:
-            return self._repeat_targets(), self.source, self.weight
-        outputs, inputs = np.nonzero(self.dense)
-        return outputs, inputs, self.dense[outputs, inputs]
+    @cached_property
+    def smallest(self) -> float:
+        """The smallest weight."""
+        return float(self.weights.min(initial=1.0))
 
-    def forward(self, columns: Array) -> Array:
-        """Multiply columns (inputs, B) by the matrix; return (outputs, B)."""
-        if self.dense is not None:
-            return self.dense @ columns
-        result = np.zeros((self.shape[0], columns.shape[1]))
-        if len(self.source):
-            result[self.target] = np.add.reduceat(columns[self.source] * self.weight[:, None], self.start)
-        return result
-
-    def backward(self, columns: Array) -> Array:
-        """Multiply columns (outputs, B) by the transpose; return (inputs, B)."""
-        if self.dense is not None:
-            return self.dense.T @ columns
-        result = np.zeros((self.shape[1], columns.shape[1]))
-        np.add.at(result, self.source, columns[self._repeat_targets()] * self.weight[:, None])
-        return result
-
-    def _repeat_targets(self) -> Index:
-        """(entries,) The output of each entry of a sparse matrix."""
-        return np.repeat(self.target, np.diff(np.append(self.start, len(self.source))))
+    @cached_property
+    def dense(self) -> Array | None:
+        """The matrix as an array if it is small."""
+        if self.rows.size * self.columns.size > MAX_DENSE_ENTRIES:
+            return None
+        dense = np.zeros((self.rows.size, self.columns.size))
+        dense[self.rows.keys, self.columns.keys] = self.weights
+        return dense
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """The matrices of one observed term, or a product of matrices without observed terms.
+    """The sum over an observed term, or over terms that are not observed.
 
-    variable: the index of the term among the observed terms, -1 for a product.
+    variable: the index of the term among the observed terms, -1 for others.
     sources: (layer, nodes) for each branch before this layer: input i is the product of the outputs
-        `nodes[i]` of these layers. Without branches there is one input, 1.
-    matrices: outcome -> matrix; impossible outcomes are missing.
-    total: the sum of the matrices, or the product.
+        `nodes.keys[i]` of these layers. Without branches there is one input, 1.
+    inputs, outcomes: the input and the outcome of each pair; pairs without entries are missing.
+    matrix: (outputs, pairs).
     """
 
     variable: int
-    sources: Sequence[tuple[int, Index]]
-    matrices: Mapping[int, Matrix]
-    total: Matrix
-
-    @cached_property
-    def smallest(self) -> float:
-        """The smallest weight of the matrices."""
-        return min([matrix.smallest for matrix in self.matrices.values()] or [self.total.smallest])
+    sources: Sequence[tuple[int, Groups]]
+    inputs: Groups
+    outcomes: Groups
+    matrix: Matrix
 
     @classmethod
     def from_entries(
         cls,
         variable: int,
-        sources: Sequence[tuple[int, Index]],
-        shape: tuple[int, int],
-        by_outcome: Mapping[int, Mapping[tuple[int, int], float]],
+        sources: Sequence[tuple[int, Groups]],
+        shape: tuple[int, int, int],
+        entries: Mapping[tuple[int, int, int], float],
     ) -> Layer:
-        """Build the layer of an observed term from outcome -> (output, input) -> weight."""
-        total: dict[tuple[int, int], float] = {}
-        for entries in by_outcome.values():
-            for key, weight in entries.items():
-                total[key] = total.get(key, 0.0) + weight
-        matrices = {o: Matrix.from_entries(shape, entries) for o, entries in sorted(by_outcome.items())}
-        return cls(variable, sources, matrices, Matrix.from_entries(shape, total))
+        """Build a layer from (output, outcome, input) -> weight.
 
-
-def multiply_others(
-    own: _Factor, factors: Sequence[_Factor], multiply: Callable[[_Factor, _Factor], _Factor]
-) -> list[_Factor]:
-    """Multiply a number by all factors but one, for each of the factors."""
-    if len(factors) == 1:
-        return [own]
-    after = [factors[-1]]
-    for factor in reversed(factors[1:-1]):
-        after.append(multiply(factor, after[-1]))
-    before, products = own, []
-    for factor, rest in zip(factors, reversed(after), strict=False):
-        products.append(multiply(before, rest))
-        before = multiply(before, factor)
-    return [*products, before]
+        Args:
+            shape: the number of outputs, outcomes and inputs.
+        """
+        keys = sorted(entries)
+        pairs = sorted({(i, outcome) for _, outcome, i in keys})
+        column_of = {pair: column for column, pair in enumerate(pairs)}
+        return cls(
+            variable,
+            sources,
+            Groups([i for i, _ in pairs], shape[2]),
+            Groups([outcome for _, outcome in pairs], shape[1]),
+            Matrix(
+                Groups([output for output, _, _ in keys], shape[0]),
+                Groups([column_of[i, outcome] for _, outcome, i in keys], len(pairs)),
+                np.array([entries[key] for key in keys]),
+            ),
+        )

@@ -1,8 +1,8 @@
 """Compilation, step 5: an upward and a downward pass over the layers of a circuit answer a query, or many.
 
 They give the joint weight of the evidence and each value of any term: the derivatives with respect to the
-indicators of the values. Columns are scaled to a sum of 1 after each layer. If a number of a column is so
-small that digits may be lost, `extended_range` repeats the passes for it.
+weights of the values. Columns are scaled by powers of two after each layer. If a number of a column is so
+small that digits may be lost, the passes are repeated for it with numbers of extended range.
 
 Source: Darwiche, "A differential approach to inference in Bayesian networks", J. ACM 50(3), 2003; likelihoods
 in place of indicators, Pearl, Probabilistic Reasoning in Intelligent Systems, 1988, section 2.2.2.
@@ -10,199 +10,241 @@ in place of indicators, Pearl, Probabilistic Reasoning in Intelligent Systems, 1
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import reduce
+from operator import mul
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.reasoning.circuit.answer_table import Codes
-from lcorpp.reasoning.circuit.evidence import EncodedEvidence
-from lcorpp.reasoning.circuit.extended_range import differentiate_extended
-from lcorpp.reasoning.circuit.matrices import Layer, Matrix, multiply_others
+from lcorpp.reasoning.circuit.evidence import Codes, EncodedEvidence
+from lcorpp.reasoning.circuit.extended_range import ExtendedArithmetic, ExtendedNumbers
+from lcorpp.reasoning.circuit.matrices import Groups, Index, Layer, Matrix
 from lcorpp.values import Array
 
 MAX_CHUNK_NUMBERS = 4_000_000
 """A pass over a batch keeps at most this many numbers in memory."""
 
 MIN_NUMBER = 1e-100
-"""Columns with a smaller positive number need extended range: long products of such numbers underflow."""
+"""Columns with a smaller positive number need extended range: products of three such numbers underflow."""
+
+_MIN_DIVISOR = 5e-324
 
 MAX_UNCHECKED = 50_000
 """The numbers of a pass are checked in blocks of about this size, which fit into the cache."""
 
 _MIN_BITS = np.float64(MIN_NUMBER).view(np.uint64) - np.uint64(1)
 
+_Numbers = TypeVar("_Numbers", Array, ExtendedNumbers)
+
+
+class _Arithmetic(Protocol[_Numbers]):
+    """The operations of a pass on (n, B) numbers, see `ExtendedArithmetic`."""
+
+    def convert(self, numbers: Array) -> _Numbers: ...
+    def multiply(self, a: _Numbers, b: _Numbers) -> _Numbers: ...
+    def sum(self, groups: Groups, numbers: _Numbers) -> _Numbers: ...
+    def apply(self, matrix: Matrix, columns: _Numbers) -> _Numbers: ...
+    def get_ratios(self, numbers: _Numbers) -> Array: ...
+    def get_root(self, numbers: _Numbers) -> ExtendedNumbers: ...
+
 
 def differentiate(
-    layers: Sequence[Layer], evidence: EncodedEvidence, queries: Mapping[int, int]
+    layers: Sequence[Layer], evidence: EncodedEvidence, queries: Collection[int]
 ) -> dict[int, Array]:
     """Compute the joint weights of the evidence and each outcome of the queried terms.
 
     Args:
         layers: each after its sources; the last one has one output, the weight of the evidence.
         evidence: of the observed terms.
-        queries: index of a queried term -> the number of its outcomes.
+        queries: the indexes of queried terms.
 
     Returns:
         index -> (B, outcomes) weights; only the ratios within a row matter. A row is 0 only for impossible
         evidence.
     """
-    n_rows = len(evidence.codes)
-    width = sum(sum(layer.total.shape) for layer in layers)
-    size = max(1, MAX_CHUNK_NUMBERS // width)
-    result = {variable: np.zeros((n_rows, n_outcomes)) for variable, n_outcomes in queries.items()}
-    for start in range(0, n_rows, size):
-        rows = np.arange(start, min(start + size, n_rows))
-        weights, is_extreme = _Passes(layers, evidence.take(rows) if n_rows > size else evidence).run(queries)
-        for variable, own in weights.items():
-            result[variable][rows] = own
-        extreme = rows[is_extreme]
-        step = max(1, size // 16)  # passes of extended range take more memory
-        for first in range(0, len(extreme), step):
-            part = extreme[first : first + step]
-            for variable, own in differentiate_extended(layers, evidence.take(part), queries).items():
-                result[variable][part] = own
+    shapes = {
+        v: (len(evidence.codes), layer.outcomes.size) for layer in layers if (v := layer.variable) in queries
+    }
+    result = {variable: np.zeros(shape) for variable, shape in shapes.items()}
+    for rows, arithmetic, part in _split(layers, evidence):
+        for variable, numbers in _differentiate(arithmetic, layers, part, queries).items():
+            result[variable][rows] = arithmetic.get_ratios(numbers).T
     return result
 
 
 def evaluate(layers: Sequence[Layer], codes: Codes) -> Array:
-    """(B,) Compute the joint weights of outcomes of observed terms, up to one factor for all rows.
+    """(B,) Compute the joint weights of outcomes of observed terms, up to a constant factor.
 
     Args:
         codes: (B, observed terms) the outcome of each observed term, -1 for no evidence.
     """
-    size = max(1, MAX_CHUNK_NUMBERS // sum(sum(layer.total.shape) for layer in layers))
-    chunks = []
-    for start in range(0, len(codes), size):
-        evidence = EncodedEvidence(codes[start : start + size])
-        outputs: list[Array] = []
-        for layer in layers:
-            factors = [outputs[source][nodes] for source, nodes in layer.sources]
-            inputs = reduce(np.multiply, factors) if factors else np.ones((1, len(evidence.codes)))
-            outputs.append(_select(layer, evidence, inputs, Matrix.forward))
-        chunks.append(outputs[-1][0])
-    return np.concatenate(chunks)
+    weights = ExtendedNumbers(np.zeros(len(codes)), np.zeros(len(codes), dtype=np.intp))
+    for rows, arithmetic, part in _split(layers, EncodedEvidence(codes)):
+        outputs, _, _ = _go_up(arithmetic, layers, part)
+        root = arithmetic.get_root(outputs[-1])
+        weights.fraction[rows], weights.exponent[rows] = root.fraction[0], root.exponent[0]
+    return weights.scale(0)
 
 
-class _Passes:
-    """The passes over one chunk of a batch.
+def _split(
+    layers: Sequence[Layer], evidence: EncodedEvidence
+) -> Iterator[tuple[Index, _Arithmetic[Any], EncodedEvidence]]:
+    """Yield chunks of the rows, and of those rows again whose numbers have become too small."""
+    n_rows, width = (
+        len(evidence.codes),
+        sum([layer.matrix.rows.size + 2 * len(layer.inputs.keys) for layer in layers]),
+    )
+    size = max(1, MAX_CHUNK_NUMBERS // width)
+    for start in range(0, n_rows, size):
+        rows = np.arange(start, min(start + size, n_rows))
+        floats = _FloatArithmetic(len(rows))
+        yield rows, floats, evidence.take(rows)
+        extreme = rows[floats.find_extreme_columns()]
+        step = max(1, size // 16)  # passes of extended range take more memory
+        for first in range(0, len(extreme), step):
+            part = extreme[first : first + step]
+            yield part, ExtendedArithmetic(), evidence.take(part)
 
-    is_extreme: (B,) whether digits of a column may be lost.
-    """
 
-    def __init__(self, layers: Sequence[Layer], evidence: EncodedEvidence) -> None:
-        self._layers, self._evidence = layers, evidence
-        self._n_columns = len(evidence.codes)
-        self._is_extreme = np.zeros(self._n_columns, dtype=np.bool_)
+def _go_up(
+    arithmetic: _Arithmetic[_Numbers], layers: Sequence[Layer], evidence: EncodedEvidence
+) -> tuple[list[_Numbers], list[_Numbers], list[_Numbers | None]]:
+    """Return the outputs of each layer, its weighted pairs, and their weights; None if all are 1."""
+    one = arithmetic.convert(np.ones((1, len(evidence.codes))))
+    outputs: list[_Numbers] = []
+    pairs: list[_Numbers] = []
+    weights: list[_Numbers | None] = []
+    for layer in layers:
+        factors = [_take(outputs[source], nodes) for source, nodes in layer.sources]
+        columns = _take(reduce(arithmetic.multiply, factors) if factors else one, layer.inputs)
+        given = evidence.weigh(layer.variable, layer.outcomes.keys)
+        weight = None if given is None else arithmetic.convert(given)
+        weights.append(weight)
+        pairs.append(columns if weight is None else columns * weight)
+        outputs.append(arithmetic.apply(layer.matrix, pairs[-1]))
+    return outputs, pairs, weights
+
+
+def _differentiate(
+    arithmetic: _Arithmetic[_Numbers],
+    layers: Sequence[Layer],
+    evidence: EncodedEvidence,
+    queries: Collection[int],
+) -> dict[int, _Numbers]:
+    """Return the joint weights (outcomes, B) of the queried terms."""
+    outputs, pairs, weights = _go_up(arithmetic, layers, evidence)
+    leads_to_query: list[bool] = []
+    for layer in layers:
+        leads_to_query.append(
+            layer.variable in queries or any(leads_to_query[source] for source, _ in layer.sources)
+        )
+    derivatives = {len(layers) - 1: arithmetic.convert(np.ones((1, len(evidence.codes))))}
+    joint: dict[int, _Numbers] = {}
+    for number in range(len(layers) - 1, -1, -1):
+        if not leads_to_query[number]:
+            continue
+        layer, weight = layers[number], weights[number]
+        by_pair = arithmetic.apply(layer.matrix.transposed, derivatives.pop(number))
+        if layer.variable in queries:
+            joint[layer.variable] = arithmetic.sum(layer.outcomes, by_pair * pairs[number])
+        if not any(leads_to_query[source] for source, _ in layer.sources):
+            continue
+        by_input = arithmetic.sum(layer.inputs, by_pair if weight is None else by_pair * weight)
+        factors = [_take(outputs[source], nodes) for source, nodes in layer.sources]
+        products = _multiply_others(by_input, factors, arithmetic.multiply)
+        for (source, nodes), product in zip(layer.sources, products, strict=True):
+            derivatives[source] = arithmetic.sum(nodes, product)
+    return joint
+
+
+def _take(numbers: _Numbers, groups: Groups) -> _Numbers:
+    """Return the number of the group of each row."""
+    return numbers if groups.layout is None else numbers[groups.keys]
+
+
+def _multiply_others(
+    own: _Numbers, factors: Sequence[_Numbers], multiply: Callable[[_Numbers, _Numbers], _Numbers]
+) -> list[_Numbers]:
+    """Multiply a number by all factors but one, for each of the factors."""
+    before = [own]
+    for factor in factors[:-1]:
+        before.append(multiply(before[-1], factor))
+    products, after = [before[-1]], factors[-1]
+    for factor, rest in zip(factors[-2:0:-1], before[-2:0:-1], strict=True):
+        products.append(multiply(rest, after))
+        after = multiply(factor, after)
+    if len(factors) > 1:
+        products.append(multiply(own, after))
+    return products[::-1]
+
+
+class _FloatArithmetic:
+    """The operations of a pass in floating point, with columns scaled to a maximum of 1."""
+
+    def __init__(self, n_columns: int) -> None:
+        self._is_extreme = np.zeros(n_columns, dtype=np.bool_)
+        self._scales: list[Array] = []
         self._unchecked: list[Array] = []
         self._n_unchecked = 0
 
-    def run(self, queries: Mapping[int, int]) -> tuple[dict[int, Array], npt.NDArray[np.bool_]]:
-        """Return the weights of the outcomes of queried terms, and which columns need extended range."""
-        inputs: list[Array] = []
-        outputs: list[Array] = []
-        layers, evidence = self._layers, self._evidence
-        for layer in layers:
-            inputs.append(self._multiply([outputs[source][nodes] for source, nodes in layer.sources]))
-            outputs.append(self._apply(layer, inputs[-1], Matrix.forward))
-        weights: dict[int, Array] = {}
-        derivatives: dict[int, Array] = {len(layers) - 1: np.ones((1, self._n_columns))}
-        missing = set(queries)
-        for number in range(len(layers) - 1, -1, -1):
-            layer, derivative = layers[number], derivatives.pop(number)
-            if layer.variable in missing:
-                n_outcomes = queries[layer.variable]
-                weights[layer.variable] = _compute_joint(
-                    layer, evidence, inputs[number], derivative, n_outcomes
-                )
-                missing.discard(layer.variable)
-            if not missing:
-                break
-            if not layer.sources:
-                continue
-            own = self._apply(layer, derivative, Matrix.backward)
-            factors = [outputs[source][nodes] for source, nodes in layer.sources]
-            products = multiply_others(own, factors, lambda a, b: self._multiply((a, b)))
-            for (source, nodes), product in zip(layer.sources, products, strict=True):
-                derivatives[source] = np.zeros_like(outputs[source])
-                np.add.at(derivatives[source], nodes, product)
-        for likelihoods in evidence.weights.values():
-            self._is_extreme |= ((likelihoods > 0) & (likelihoods < MIN_NUMBER)).any(axis=1)
-        if self._unchecked:
-            self._find_extremes()
-        return weights, self._is_extreme
+    def convert(self, numbers: Array) -> Array:
+        """Check weights."""
+        return self._check(numbers)
 
-    def _multiply(self, factors: Sequence[Array]) -> Array:
-        """(inputs, B) Multiply the columns of the branches before a layer; 1 if there are none."""
-        if not factors:
-            return np.ones((1, self._n_columns))
-        product = reduce(np.multiply, factors)
-        if len(factors) > 1:
-            self._check(product)
-        if len(factors) > 3 and not product.all():
-            self._is_extreme |= ((product == 0) & reduce(np.logical_and, factors)).any(axis=0)
-        return product
+    def multiply(self, a: Array, b: Array) -> Array:
+        """Multiply the numbers of two branches."""
+        return self._check(a * b)
 
-    def _apply(self, layer: Layer, columns: Array, multiply: Callable[[Matrix, Array], Array]) -> Array:
-        """Multiply each column by the matrix that its evidence selects, and scale it to a sum of 1."""
-        result = _select(layer, self._evidence, columns, multiply)
-        total = result.sum(axis=0)
-        total[total == 0] = 1.0
-        result /= total
-        self._check(result)
-        if layer.smallest < MIN_NUMBER:
-            self._is_extreme[:] = True
+    def sum(self, groups: Groups, numbers: Array) -> Array:
+        """(groups, B) Sum the rows (n, B) of each group."""
+        if groups.layout is None:
+            return numbers
+        order, starts, targets = groups.layout
+        sums = np.add.reduceat(numbers[order], starts) if len(starts) else numbers[:0]
+        if len(starts) == groups.size:
+            return sums
+        result = np.zeros((groups.size, numbers.shape[1]))
+        result[targets] = sums
         return result
 
-    def _check(self, numbers: Array) -> None:
+    def apply(self, matrix: Matrix, columns: Array) -> Array:
+        """(rows, B) Multiply columns (columns, B) by a matrix, and scale them."""
+        if matrix.dense is not None:
+            result = matrix.dense @ columns
+        else:
+            result = self.sum(matrix.rows, columns[matrix.columns.keys] * matrix.weights[:, None])
+        largest = np.maximum(np.maximum.reduce(result, axis=0, initial=0.0), _MIN_DIVISOR)
+        result /= largest
+        self._scales.append(largest)
+        if matrix.smallest < MIN_NUMBER:
+            self._is_extreme[:] = True
+        return self._check(result)
+
+    def get_ratios(self, numbers: Array) -> Array:
+        """Return numbers of which only the ratios within a column matter."""
+        return numbers
+
+    def get_root(self, numbers: Array) -> ExtendedNumbers:
+        """Return the output of the last layer in absolute size."""
+        return reduce(mul, map(ExtendedNumbers.normalise, self._scales), ExtendedNumbers.normalise(numbers))
+
+    def find_extreme_columns(self) -> npt.NDArray[np.bool_]:
+        """(B,) Find the columns in which digits may be lost."""
+        # floats of one sign have the order of their bits; less 1, zeros become the largest integers
+        if self._unchecked:
+            bits = np.concatenate(self._unchecked).view(np.uint64)
+            bits -= np.uint64(1)
+            if bits.size and bits.min() < _MIN_BITS:
+                self._is_extreme |= (bits < _MIN_BITS).any(axis=0)
+            self._unchecked, self._n_unchecked = [], 0
+        return self._is_extreme
+
+    def _check(self, numbers: Array) -> Array:
         """Check (n, B) numbers, many of these arrays together."""
         self._unchecked.append(numbers)
         self._n_unchecked += numbers.size
         if self._n_unchecked > MAX_UNCHECKED:
-            self._find_extremes()
-
-    def _find_extremes(self) -> None:
-        # floats of one sign have the order of their bits; less 1, zeros become the largest integers
-        bits = np.concatenate(self._unchecked).view(np.uint64)
-        bits -= np.uint64(1)
-        if bits.size and bits.min() < _MIN_BITS:
-            self._is_extreme |= (bits < _MIN_BITS).any(axis=0)
-        self._unchecked, self._n_unchecked = [], 0
-
-
-def _select(
-    layer: Layer, evidence: EncodedEvidence, columns: Array, multiply: Callable[[Matrix, Array], Array]
-) -> Array:
-    """Multiply each column by the matrix that its evidence selects."""
-    if layer.variable < 0:
-        return multiply(layer.total, columns)
-    own, weights = evidence.codes[:, layer.variable], evidence.weights.get(layer.variable)
-    shape = layer.total.shape[0 if multiply is Matrix.forward else 1], len(own)
-    if weights is not None:
-        parts = [multiply(matrix, columns) * weights[:, o] for o, matrix in layer.matrices.items()]
-        return reduce(np.add, parts, np.zeros(shape))
-    values = np.unique(own) if len(own) > 1 else own
-    result = np.zeros(shape)
-    for value in values.tolist():
-        matrix = layer.total if value < 0 else layer.matrices.get(value)
-        if matrix and len(values) == 1:
-            return multiply(matrix, columns)
-        if matrix:
-            result[:, own == value] = multiply(matrix, columns[:, own == value])
-    return result
-
-
-def _compute_joint(
-    layer: Layer, evidence: EncodedEvidence, inputs: Array, derivative: Array, n_outcomes: int
-) -> Array:
-    """(B, outcomes) Compute the joint weights of the evidence and the outcomes of the term of a layer."""
-    own, given = evidence.codes[:, layer.variable], evidence.weights.get(layer.variable)
-    weights = np.zeros((len(own), n_outcomes))
-    for value, matrix in layer.matrices.items():
-        weights[:, value] = (matrix.forward(inputs) * derivative).sum(axis=0)
-    if given is not None:
-        return weights * given
-    others = own[:, None] != np.arange(n_outcomes)
-    weights[(own >= 0)[:, None] & others] = 0.0
-    return weights
+            self.find_extreme_columns()
+        return numbers

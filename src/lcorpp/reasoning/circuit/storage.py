@@ -18,20 +18,20 @@ import zlib
 from collections.abc import Mapping, Sequence
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError, LcorppError
 from lcorpp.files import read_bytes, write_atomically
+from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import MAX_ARCS
-from lcorpp.reasoning.circuit.matrices import Layer, Matrix
-from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.circuit.matrices import Groups, Index, Layer
 from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.language.program import Program, program_text
-from lcorpp.reasoning.resolve import resolve_interventions, resolve_term
+from lcorpp.reasoning.resolve import resolve_interventions, resolve_subject
 
 FORMAT, VERSION = "lcorpp circuit", 2
 
@@ -52,21 +52,22 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
     arrays: dict[str, npt.NDArray[Any]] = {}
     layers = []
     for number, layer in enumerate(circuit.layers):
-        outcomes = sorted(layer.matrices)
+        arrays |= {f"{number}/from/{source}": nodes.keys for source, nodes in layer.sources}
+        matrix, pairs = layer.matrix, layer.matrix.columns.keys
+        table = np.stack([matrix.rows.keys, layer.inputs.keys[pairs], matrix.weights], axis=1)
+        own = layer.outcomes.keys[pairs]
+        outcomes = [] if layer.variable < 0 else np.unique(own).tolist()
+        arrays |= {f"{number}/{outcome}": table[own == outcome] for outcome in outcomes}
+        if not outcomes:
+            arrays[f"{number}/every"] = table
         layers.append(
             {
                 "label": layer.variable,
-                "shape": list(layer.total.shape),
+                "shape": [matrix.rows.size, layer.inputs.size],
                 "outcomes": outcomes,
                 "sources": [source for source, _ in layer.sources],
             }
         )
-        for source, nodes in layer.sources:
-            arrays[f"{number}/from/{source}"] = nodes
-        for outcome in outcomes:
-            arrays[f"{number}/{outcome}"] = _make_table(layer.matrices[outcome])
-        if not outcomes:
-            arrays[f"{number}/every"] = _make_table(layer.total)
     head = {
         "format": FORMAT,
         "version": VERSION,
@@ -101,43 +102,20 @@ def load_circuit(path: str | Path) -> Circuit:
         if head["version"] not in (1, VERSION):
             raise DataError(f"its version is {head['version']!r}; this lcorpp reads version {VERSION}")
         program = _parse_program(head)
-        layers = [_read_layer(layer, number, arrays) for number, layer in enumerate(head["layers"])]
-        if head["version"] == 1:
-            layers = _reverse_chain(layers, _read_ending(arrays["ending"]))
+        layers = _read_layers(head, arrays, program)
         query = head["queries"][0] if head["single"] else head["queries"]
-        circuit = Circuit(program, head["inputs"], query, head["do"], layers)
-        _check_layers(circuit)
-        return circuit
+        return Circuit(program, head["inputs"], query, head["do"], layers)
     except LcorppError as error:
         raise DataError(f"{path}: not a circuit that can be used: {error}") from None
     except DECODING_ERRORS as error:
         raise DataError(f"{path}: not a stored circuit, or a damaged one: {error}") from None
 
 
-def _read_ending(ending: npt.NDArray[Any]) -> dict[tuple[int, int], float]:
-    return _read_table(np.stack([np.arange(len(ending)), np.zeros(len(ending)), ending], 1), (len(ending), 1))
-
-
-def _reverse_chain(layers: Sequence[Layer], ending: Mapping[tuple[int, int], float]) -> list[Layer]:
-    """Convert the layers of version 1: the transposed matrices in reverse, after the last row."""
-    result = [Layer(-1, (), {}, Matrix.from_entries((len(ending), 1), ending))]
-    for layer in reversed(layers):
-        sources = ((len(result) - 1, np.arange(layer.total.shape[0])),)
-        matrices = {outcome: _transpose(matrix) for outcome, matrix in layer.matrices.items()}
-        result.append(Layer(layer.variable, sources, matrices, _transpose(layer.total)))
-    return result
-
-
-def _transpose(matrix: Matrix) -> Matrix:
-    entries = {(source, target): weight for (target, source), weight in matrix.list_entries().items()}
-    return Matrix.from_entries((matrix.shape[1], matrix.shape[0]), entries)
-
-
 def _parse_program(head: dict[str, Any]) -> Program:
     """Parse the program and check that it knows all terms of the circuit."""
     program = parse_plog(head["program"], file=head["file"], semantics=head["semantics"])
     for key in ("inputs", "queries"):
-        terms = [canonical_text(resolve_term(program, name)) for name in head[key]]
+        terms = [resolve_subject(program, name) for name in head[key]]
         if terms != head[key] or (key == "inputs" and len(set(terms)) < len(terms)):
             raise DataError(f"its {key} are {head[key]}")
     if not head["queries"]:
@@ -146,55 +124,75 @@ def _parse_program(head: dict[str, Any]) -> Program:
     return program
 
 
-def _check_layers(circuit: Circuit) -> None:
-    """Check that each term has one layer, with outcomes in its range, and that the layers form a tree."""
-    names = dict.fromkeys((*circuit.inputs, *circuit.queries))
-    variables = sorted(layer.variable for layer in circuit.layers if layer.variable != -1)
+def _read_layers(
+    head: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], program: Program
+) -> list[Layer]:
+    """Read layers; check that each term has one, with outcomes in its range, and that they form a tree."""
+    names = dict.fromkeys((*head["inputs"], *head["queries"]))
+    n_outcomes = {-1: 1} | {i: len(list_values(program, name)) + 1 for i, name in enumerate(names)}
+    stored = [_StoredLayer.read(number, own, arrays) for number, own in enumerate(head["layers"])]
+    if head["version"] == 1:
+        ending = dict(enumerate(arrays["ending"].tolist()))
+        last = _StoredLayer(-1, [], (len(ending), 1), {(i, 0, 0): weight for i, weight in ending.items()})
+        stored = [last, *[layer.reverse(number) for number, layer in enumerate(stored[::-1])]]
+    variables = sorted([layer.variable for layer in stored if layer.variable != -1])
     if variables != list(range(len(names))):
         raise DataError(f"its layers are those of {variables}, not of the {len(names)} terms")
-    no_value = [len(circuit.values[name]) for name in names]
-    for layer in circuit.layers:
-        if any(not 0 <= o <= no_value[layer.variable] or layer.variable < 0 for o in layer.matrices):
-            raise DataError(f"a layer has the outcomes {sorted(layer.matrices)}")
+    layers: list[Layer] = []
     used: list[int] = []
-    for number, layer in enumerate(circuit.layers):
-        n_inputs = layer.total.shape[1]
-        if not layer.sources and n_inputs != 1:
-            raise DataError(f"layer {number} takes {n_inputs} inputs, not 1")
+    for number, layer in enumerate(stored):
+        n_outputs, n_inputs = layer.shape
+        shape = n_outputs, n_outcomes[layer.variable], n_inputs
+        if not all(0 <= size <= MAX_ARCS for size in shape) or (n_inputs != 1 and not layer.sources):
+            raise DataError(f"layer {number} has the shape {layer.shape}")
+        for key, weight in layer.entries.items():
+            if not (0 <= weight < inf and all(0 <= i < size for i, size in zip(key, shape, strict=True))):
+                raise DataError(f"a matrix has entries outside of {layer.shape}, or negative ones")
+        sources = []
         for source, nodes in layer.sources:
             if not 0 <= source < number or nodes.shape != (n_inputs,):
                 raise DataError(f"layer {number} does not fit to layer {source} before it")
-            if not ((nodes >= 0) & (nodes < circuit.layers[source].total.shape[0])).all():
+            n_nodes = layers[source].matrix.rows.size
+            if not ((nodes >= 0) & (nodes < n_nodes)).all():
                 raise DataError(f"layer {number} has inputs that are no outputs of layer {source}")
+            sources.append((source, Groups(nodes, n_nodes)))
             used.append(source)
-    if sorted(used) != list(range(len(circuit.layers) - 1)) or circuit.layers[-1].total.shape[0] != 1:
+        layers.append(Layer.from_entries(layer.variable, sources, shape, layer.entries))
+    if sorted(used) != list(range(len(layers) - 1)) or layers[-1].matrix.rows.size != 1:
         raise DataError("its layers do not end in one number")
+    return layers
 
 
-def _make_table(matrix: Matrix) -> npt.NDArray[np.float64]:
-    """Convert a matrix to an array (entries, 3): output, input, weight."""
-    return np.array([(*key, weight) for key, weight in matrix.list_entries().items()]).reshape(-1, 3)
+class _StoredLayer(NamedTuple):
+    """A layer of a file, not checked yet.
 
+    sources: (layer, nodes) for each branch.
+    shape: (outputs, inputs).
+    entries: (output, outcome, input) -> weight.
+    """
 
-def _read_table(table: npt.NDArray[np.float64], shape: tuple[int, int]) -> dict[tuple[int, int], float]:
-    entries = {(int(t), int(s)): float(w) for t, s, w in table}
-    if not all(0 <= t < shape[0] and 0 <= s < shape[1] and 0 <= w < inf for (t, s), w in entries.items()):
-        raise DataError(f"a matrix has entries outside of {shape}, or negative ones")
-    return entries
+    variable: int
+    sources: Sequence[tuple[int, Index]]
+    shape: tuple[int, int]
+    entries: Mapping[tuple[int, int, int], float]
 
+    @classmethod
+    def read(
+        cls, number: int, head: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]]
+    ) -> _StoredLayer:
+        """Read a layer; version 1 has no sources."""
+        sources = [(int(s), arrays[f"{number}/from/{s}"].astype(np.intp)) for s in head.get("sources", ())]
+        n_outputs, n_inputs = map(int, head["shape"])
+        tables = {int(outcome): arrays[f"{number}/{outcome}"] for outcome in head["outcomes"]}
+        entries = {
+            (int(output), outcome, int(start)): weight
+            for outcome, table in (tables or {0: arrays[f"{number}/every"]}).items()
+            for output, start, weight in table.tolist()
+        }
+        return cls(int(head["label"]), sources, (n_outputs, n_inputs), entries)
 
-def _read_layer(head: dict[str, Any], number: int, arrays: dict[str, Any]) -> Layer:
-    shape = int(head["shape"][0]), int(head["shape"][1])
-    if not all(0 <= size <= MAX_ARCS for size in shape):
-        raise DataError(f"layer {number} has the shape {shape}")
-    sources = tuple(
-        [
-            (int(source), arrays[f"{number}/from/{source}"].astype(np.intp))
-            for source in head.get("sources", ())
-        ]
-    )
-    by_outcome = {int(o): _read_table(arrays[f"{number}/{o}"], shape) for o in head["outcomes"]}
-    if by_outcome:
-        return Layer.from_entries(int(head["label"]), sources, shape, by_outcome)
-    product = Matrix.from_entries(shape, _read_table(arrays[f"{number}/every"], shape))
-    return Layer(int(head["label"]), sources, {}, product)
+    def reverse(self, number: int) -> _StoredLayer:
+        """Transpose a layer of version 1; `number` is that of the layer before it."""
+        entries = {(start, outcome, output): w for (output, outcome, start), w in self.entries.items()}
+        sources = [(number, np.arange(self.shape[0]))]
+        return _StoredLayer(self.variable, sources, self.shape[::-1], entries)

@@ -7,15 +7,15 @@ for an arc the nodes of the branches to which it leads (AND).
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property
-from itertools import accumulate
-from math import prod
-from typing import TYPE_CHECKING, Any, TypeVar
+from functools import cached_property, partial
+from itertools import accumulate, islice
+from math import lcm, prod
+from typing import TYPE_CHECKING, Any
 
-from lcorpp.reasoning.answers import PossibleWorld
-from lcorpp.reasoning.circuit.best_paths import find_best_paths
+from lcorpp.reasoning.answers import PossibleWorld, Value
+from lcorpp.reasoning.circuit.best_paths import BestPaths, Choice, Track
 from lcorpp.reasoning.circuit.decision_diagram import Arcs, DecisionDiagram, decode_world, iterate_arcs
 
 if TYPE_CHECKING:
@@ -23,16 +23,17 @@ if TYPE_CHECKING:
 
     from lcorpp.values import Array
 
-_Number = TypeVar("_Number", float, Fraction, int)
-
 SAMPLER_CACHE_SIZE = 100
 """The tables to sample from are cached for at most this many sets of evidence."""
 
 MIN_WEIGHT = 1e-30
 """Weights are scaled up if all of them are below this: only ratios matter, and long products underflow."""
 
-_Sampler = list[dict[int, tuple[list[float], list[tuple[tuple[int, ...], int]]]]]
-"""For each step: node -> (cumulative probabilities, (targets, outcome) of each arc)"""
+_Weights = Sequence[Any] | Mapping[int, Any]
+"""The weight of each outcome."""
+
+_Sampler = list[dict[int, tuple[list[float], list[Choice]]]]
+"""For each step: node -> (cumulative probabilities of its arcs, arcs)"""
 
 
 class WorldQueries:
@@ -43,7 +44,7 @@ class WorldQueries:
 
     def __init__(self, diagram: DecisionDiagram) -> None:
         self.diagram = diagram
-        self._samplers: dict[frozenset[tuple[str, str]], _Sampler | None] = {}
+        self._samplers: dict[frozenset[tuple[str, str]], _Sampler] = {}
 
     def __repr__(self) -> str:
         return f"WorldQueries({self.diagram!r})"
@@ -57,17 +58,15 @@ class WorldQueries:
             for i, term in enumerate(terms)
         }
 
-    def _list_arcs(self, evidence: Mapping[str, str]) -> list[Arcs] | None:
-        """List the arcs of each step that agree with the evidence; None if there is no world."""
+    def _list_arcs(self, evidence: Mapping[str, str]) -> list[Arcs]:
+        """List the arcs of each step that agree with the evidence."""
         diagram = self.diagram
         system, outcomes = diagram.system, diagram.outcomes
-        if not diagram.has_worlds:
-            return None
         arcs_of = list(diagram.arcs)
         for name, value in evidence.items():
             term = system.term_numbers.get(name)
             if term is None:  # it has no value in any world
-                return None
+                return [arcs.select([]) for arcs in arcs_of]
             step, i = self._position_of[term]
             observed = system.program.values[term].index(value)
             labels = arcs_of[step].outcomes
@@ -75,9 +74,11 @@ class WorldQueries:
             arcs_of[step] = arcs_of[step].select(kept)
         return arcs_of
 
-    def compute_exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
+    def compute_exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[Value, Fraction]:
         """Sum the measures of the worlds with the evidence, by the value of a term; "" is for no value."""
-        return self._sum_measures(query, evidence, [number for _, number in self.diagram.outcomes])
+        arcs_of = self._list_arcs(evidence)
+        weights, unit = self._find_integers(arcs_of)
+        return {value: w * unit for value, w in self._sum_measures(query, arcs_of, weights).items()}
 
     def restore_lost(
         self, evidence: Sequence[Mapping[str, str]], by_query: Mapping[str, tuple[Sequence[str], Array]]
@@ -94,21 +95,39 @@ class WorldQueries:
                 total = sum(exact.values()) or 1
                 weights[row] = [float(exact.get(name, 0) / total) for name in (*values, "")]
 
-    def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[str, float]:
+    def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[Value, float]:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""
-        return self._sum_measures(query, evidence, self.diagram.compute_weights(), scale=True)
+        arcs_of = self._list_arcs(evidence)
+        return self._sum_measures(query, arcs_of, [self.diagram.compute_weights()] * len(arcs_of), scale=True)
+
+    def count(self) -> int:
+        """Count the possible worlds."""
+        arcs_of = self._list_arcs({})
+        ones = [[1] * len(self.diagram.outcomes)] * len(arcs_of)
+        return sum(self._sum_measures("", arcs_of, ones).values())
+
+    def _find_integers(self, arcs_of: Sequence[Arcs]) -> tuple[list[dict[int, int]], Fraction]:
+        """Return the weights of the outcomes of each step as integers, and the measure of weight 1."""
+        weights, unit = [], Fraction(1)
+        for arcs in arcs_of:
+            numbers = {outcome: self.diagram.outcomes[outcome][1] for outcome in arcs.outcomes}
+            common = lcm(*[number.denominator for number in numbers.values()])
+            weights.append({o: n.numerator * (common // n.denominator) for o, n in numbers.items()})
+            unit /= common
+        return weights, unit
 
     def _sum_measures(
-        self, query: str, evidence: Mapping[str, str], numbers: Sequence[_Number], *, scale: bool = False
-    ) -> dict[str, Any]:
+        self, query: str, arcs_of: Sequence[Arcs], weights: Sequence[_Weights], *, scale: bool = False
+    ) -> dict[Value, Any]:
         """Sum the measures by the value of a term.
 
         Args:
-            numbers: the weight of each outcome, in the type of the sums.
+            arcs_of: the arcs of each step that worlds may use.
+            weights: for each step the weights of the outcomes, in the type of the sums.
             scale: whether to scale tiny weights up.
         """
-        arcs_of, diagram = self._list_arcs(evidence), self.diagram
-        if arcs_of is None:
+        diagram = self.diagram
+        if not diagram.has_worlds:
             return {}
         tree, program = diagram.system.tree, diagram.system.program
         queried = diagram.system.term_numbers.get(query)
@@ -118,7 +137,7 @@ class WorldQueries:
         on_path = set(path)
         for step in range(len(arcs_of) - 1, -1, -1):
             if step not in on_path:
-                factors = self._multiply_branches(arcs_of[step], tree.children[step], numbers, sums)
+                factors = self._multiply_branches(arcs_of[step], tree.children[step], weights[step], sums)
                 sums[step] = _sum_by_node(arcs_of[step].sources, factors, diagram.sizes[step])
                 if scale and (len(tree.children[step]) > 1 or not step % 8):
                     _rescale(sums[step])
@@ -129,14 +148,14 @@ class WorldQueries:
         for step, following in zip(path, (*path[1:], -1), strict=True):
             branches = [child for child in tree.children[step] if child != following]
             arcs = arcs_of[step]
-            rest = self._multiply_branches(arcs, tree.children[step], numbers, sums, skipped=following)
+            rest = self._multiply_branches(arcs, tree.children[step], weights[step], sums, skipped=following)
             factors = [above[source] * factor for source, factor in zip(arcs.sources, rest, strict=True)]
             if following >= 0:
                 targets = arcs.targets[tree.children[step].index(following)]
                 above = _sum_by_node(targets, factors, diagram.sizes[following])
                 if scale and (branches or not step % 8):
                     _rescale(above)
-        names, result = program.values[queried], dict[str, Any]()
+        names, result = program.values[queried], dict[Value, Any]()
         for label, factor in zip(arcs_of[step_of_query].outcomes, factors, strict=True):
             if factor:
                 value = diagram.outcomes[label][0][index]
@@ -148,7 +167,7 @@ class WorldQueries:
         self,
         arcs: Arcs,
         children: Sequence[int],
-        numbers: Sequence[Any],
+        weights: _Weights,
         sums: Mapping[int, Sequence[Any]],
         skipped: int = -1,
     ) -> list[Any]:
@@ -157,41 +176,35 @@ class WorldQueries:
         Args:
             children: the first step of each branch. skipped: one of them that is left out.
         """
-        factors = [numbers[label] for label in arcs.outcomes]
+        factors = [weights[label] for label in arcs.outcomes]
         for child, targets in zip(children, arcs.targets, strict=True):
             if child != skipped:
                 below = sums[child]
                 factors = [factor * below[node] for factor, node in zip(factors, targets, strict=True)]
         return factors
 
-    def count(self) -> int:
-        """Count the possible worlds."""
-        arcs_of = self._list_arcs({})
-        if arcs_of is None:
-            return 0
-        tree = self.diagram.system.tree
-        counts: list[list[int]] = [[0] * size for size in self.diagram.sizes]
-        for step in range(len(counts) - 1, -1, -1):
-            below = [counts[child] for child in tree.children[step]]
-            for source, targets, _ in iterate_arcs(arcs_of[step]):
-                counts[step][source] += prod(
-                    [own[target] for own, target in zip(below, targets, strict=True)]
-                )
-        return prod([counts[root][0] for root in tree.roots])
-
     def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[PossibleWorld, ...]:
         """Find the most probable worlds with the evidence, best first; none if the evidence is impossible."""
         arcs_of = self._list_arcs(evidence)
-        if arcs_of is None:
+        weights, _ = self._find_integers(arcs_of)
+        mass = self._sum_measures("", arcs_of, weights).get("")
+        if not mass:
             return ()
-        paths, mass = find_best_paths(self.diagram, arcs_of, count)
-        worlds = []
-        for path in paths:
-            labels = [self.diagram.outcomes[outcome] for outcome in path]
-            measure = prod([number for _, number in labels], start=Fraction(1))
-            values = decode_world(self.diagram.system, [values for values, _ in labels])
-            worlds.append(PossibleWorld(values, measure / mass))
-        return tuple(worlds)
+        tree, outcomes = self.diagram.system.tree, self.diagram.outcomes
+        choices = self._list_choices(arcs_of, weights, max)
+        paths = BestPaths(tree.children, tree.roots, choices)
+        first = prod([max(choices[root][0])[0] for root in tree.roots])
+
+        def decode(track: Track | None) -> dict[str, str]:
+            labels = paths.list_outcomes(track)
+            return decode_world(self.diagram.system, [outcomes[label][0] for label in labels])
+
+        return tuple(
+            [
+                PossibleWorld(_LazyValues(partial(decode, track)), ratio * Fraction(first, mass))
+                for ratio, track in islice(paths.iterate(), count)
+            ]
+        )
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str] | None:
         """Draw a world with its probability given evidence; None if the evidence is impossible."""
@@ -201,59 +214,66 @@ class WorldQueries:
                 self._samplers.clear()
             self._samplers[key] = self._build_sampler(given)
         sampler = self._samplers[key]
-        if sampler is None:
-            return None
         tree = self.diagram.system.tree
+        if any(0 not in sampler[root] for root in tree.roots):
+            return None
         nodes, outcomes = dict.fromkeys(tree.roots, 0), []
         uniform = rng.random(len(sampler)).tolist()
         for step, number in enumerate(uniform):
             cumulative, choices = sampler[step][nodes[step]]
-            targets, outcome = choices[min(bisect_right(cumulative, number), len(choices) - 1)]
+            _, targets, outcome = choices[bisect_right(cumulative, number)]
             nodes.update(zip(tree.children[step], targets, strict=True))
             outcomes.append(self.diagram.outcomes[outcome][0])
         return decode_world(self.diagram.system, outcomes)
 
-    def _build_sampler(self, given: Mapping[str, str]) -> _Sampler | None:
+    def _build_sampler(self, given: Mapping[str, str]) -> _Sampler:
         arcs_of = self._list_arcs(given)
-        if arcs_of is None:
-            return None
-        tree, weights = self.diagram.system.tree, self.diagram.compute_weights()
-        reachable = self._find_reachable(arcs_of)  # weights of unreachable nodes would distort the scaling
-        below: dict[int, dict[int, float]] = {}  # step -> node -> weight of its partial worlds
-        sampler: _Sampler = [{} for _ in arcs_of]
+        sampler: _Sampler = []
+        for choices in self._list_choices(arcs_of, self._find_integers(arcs_of)[0], sum):
+            sums = {node: list(accumulate([weight for weight, _, _ in own])) for node, own in choices.items()}
+            sampler.append({n: ([s / sums[n][-1] for s in sums[n]], own) for n, own in choices.items()})
+        return sampler
+
+    def _list_choices(
+        self,
+        arcs_of: Sequence[Arcs],
+        weights: Sequence[Mapping[int, int]],
+        combine: Callable[[Iterable[int]], int],
+    ) -> list[dict[int, list[Choice]]]:
+        """List the arcs of the nodes of each step, with the combined weights of the partial worlds behind."""
+        tree = self.diagram.system.tree
+        choices: list[dict[int, list[Choice]]] = [{} for _ in arcs_of]
+        below: dict[int, dict[int, int]] = {}  # step -> node -> combined weight
         for step in range(len(arcs_of) - 1, -1, -1):
             factors = [below.pop(child) for child in tree.children[step]]
-            choices: dict[int, list[tuple[float, tuple[int, ...], int]]] = {}
             for source, targets, outcome in iterate_arcs(arcs_of[step]):
-                if source not in reachable[step]:
-                    continue
-                weight = weights[outcome]
+                weight = weights[step][outcome]
                 for own, target in zip(factors, targets, strict=True):
-                    weight *= own.get(target, 0.0)
-                if weight > 0:
-                    choices.setdefault(source, []).append((weight, targets, outcome))
-            sums = {source: sum([choice[0] for choice in own]) for source, own in choices.items()}
-            sampler[step] = {
-                source: (
-                    list(accumulate([choice[0] / sums[source] for choice in own])),
-                    [choice[1:] for choice in own],
-                )
-                for source, own in choices.items()
-            }
-            largest = max(sums.values(), default=1.0)
-            below[step] = {source: total / largest for source, total in sums.items()}
-        return sampler if all(0 in below[root] for root in tree.roots) else None
+                    weight *= own.get(target, 0)
+                if weight:
+                    choices[step].setdefault(source, []).append((weight, targets, outcome))
+            below[step] = {node: combine([w for w, _, _ in own]) for node, own in choices[step].items()}
+        return choices
 
-    def _find_reachable(self, arcs_of: Sequence[Arcs]) -> list[set[int]]:
-        """Find the nodes of each step that arcs of positive weight reach."""
-        tree, outcomes = self.diagram.system.tree, self.diagram.outcomes
-        reachable: list[set[int]] = [{0} if step in tree.roots else set() for step in range(len(arcs_of))]
-        for step, arcs in enumerate(arcs_of):
-            for source, targets, outcome in iterate_arcs(arcs):
-                if source in reachable[step] and outcomes[outcome][1]:
-                    for child, target in zip(tree.children[step], targets, strict=True):
-                        reachable[child].add(target)
-        return reachable
+
+class _LazyValues(Mapping[str, str]):
+    """The terms and values of a world, decoded when they are needed."""
+
+    def __init__(self, decode: Callable[[], dict[str, str]]) -> None:
+        self._decode = decode
+
+    @cached_property
+    def _values(self) -> dict[str, str]:
+        return self._decode()
+
+    def __getitem__(self, term: str) -> str:
+        return self._values[term]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
 
 
 def _sum_by_node(nodes: Sequence[int], factors: Sequence[Any], size: int) -> list[Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, partial
@@ -16,6 +16,7 @@ import numpy as np
 from lcorpp.errors import ProgramError, check_type
 from lcorpp.reasoning.answers import (
     PossibleWorld,
+    Value,
     format_conditions,
     make_no_world_error,
     normalise_marginal,
@@ -25,10 +26,11 @@ from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Literal, Query
 from lcorpp.reasoning.resolve import (
     check_rng,
+    name_question,
     resolve_evidence,
     resolve_interventions,
     resolve_query,
-    resolve_term,
+    resolve_subject,
 )
 from lcorpp.values import Distribution
 
@@ -70,11 +72,13 @@ class _WorldTable:
         ]
         return _WorldTable(tuple([self.values[i] for i in kept]), tuple([self.weights[i] for i in kept]))
 
-    def sum_by_value(self, term: str) -> dict[str, Fraction]:
-        """Sum the measures by the value of a term; "" is for no value."""
-        sums: dict[str, int] = {}
+    def sum_by_value(self, term: str) -> dict[Value, Fraction]:
+        """Sum the measures by the value of a term or a joint `?a, b`; "" is for no value."""
+        names = term.removeprefix("?").split(", ")
+        sums: dict[Value, int] = {}
         for values, weight in zip(self.values, self.weights, strict=True):
-            value = values.get(term, "")
+            own = tuple([values.get(name, "") for name in names])
+            value = "" if "" in own else own if term.startswith("?") else own[0]
             sums[value] = sums.get(value, 0) + weight
         return {value: Fraction(weight) for value, weight in sums.items()}
 
@@ -105,12 +109,15 @@ class Enumeration:
         return f"Enumeration({self.program.file}, limit={self.limit})"
 
     def posterior(
-        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
+        self,
+        attribute: str | Sequence[str],
+        evidence: Mapping[str, str] = NOTHING,
+        do: Mapping[str, str] = NOTHING,
     ) -> Distribution:
-        """Compute the marginal of `attribute` given evidence and interventions.
+        """Compute the marginal of an attribute, or of several jointly, given evidence and interventions.
 
         Args:
-            attribute: an attribute or a term of one, such as ``roll(d1)``.
+            attribute: an attribute or a term of one, such as ``roll(d1)``; or several, see `Reasoner`.
             evidence, do: term -> value.
 
         Raises:
@@ -122,16 +129,19 @@ class Enumeration:
         return Distribution(tuple(marginal), np.array([float(p) for p in marginal.values()]))
 
     def exact(
-        self, attribute: str, evidence: Mapping[str, str], do: Mapping[str, str] = NOTHING
-    ) -> dict[str, Fraction]:
+        self,
+        attribute: str | Sequence[str],
+        evidence: Mapping[str, str] = NOTHING,
+        do: Mapping[str, str] = NOTHING,
+    ) -> dict[Value, Fraction]:
         """Compute the same as `posterior`, as fractions by value in the order of the declaration."""
-        term = canonical_text(resolve_term(self.program, attribute))
+        term = resolve_subject(self.program, attribute)
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         table = self._select(_make_conditions(facts), set_to)
         conditions = format_conditions(facts, set_to)
         return normalise_marginal(self.program, term, table.sum_by_value(term), conditions)
 
-    def ask(self, query: Query) -> dict[str, Fraction] | Fraction:
+    def ask(self, query: Query) -> dict[Value, Fraction] | Fraction:
         """Answer a query: value -> probability if it asks for a distribution, otherwise a probability.
 
         Raises:
@@ -143,8 +153,8 @@ class Enumeration:
         table = self._select([self._make_condition(o.literal) for o in query.observations], do)
         parts = [str(part)[:-1] for part in (*query.observations, *query.interventions)]
         conditions = f" has {', '.join(parts)}" if parts else ""
-        if query.subject:
-            term = canonical_text(query.subject)
+        if query.subjects:
+            term = name_question(query)
             return normalise_marginal(self.program, term, table.sum_by_value(term), conditions)
         if not table.total:
             raise make_no_world_error(self.program, conditions)

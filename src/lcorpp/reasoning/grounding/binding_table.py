@@ -1,7 +1,7 @@
 """Tables of bindings: for each variable of a statement a column with its value in each binding.
 
-An operation works on whole columns: a join with a sort or an index lengthens them, a test shortens them, and
-an expression is evaluated for all bindings at once. The bindings are in the order of nested loops.
+An operation works on whole columns: a join lengthens them, a test shortens them, and an expression is
+evaluated for all bindings at once. The bindings are in the order of nested loops.
 """
 
 from __future__ import annotations
@@ -9,25 +9,38 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain, compress, repeat
 from operator import add, mul, sub
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar
 
 from lcorpp.errors import TooLargeError
 from lcorpp.reasoning.language.arithmetic import Value, as_value, canonical_text, divide, iter_variables
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.syntax import Expression, Number, Term, Variable
 
+_Key = TypeVar("_Key")
 _Item = TypeVar("_Item")
-_Result = TypeVar("_Result")
 
 MAX_BINDINGS = 4_000_000
-"""Maximal number of bindings of a statement before all conditions are tested."""
+"""Maximal number of bindings of a statement."""
 
 Part: TypeAlias = _Item | list[_Item]
 """A value that all bindings share, or a column."""
 
-Index = Mapping[tuple[Value, ...], Sequence[tuple[Value, ...]]]
+Key = Value | tuple[Value, ...]
+"""Several values. A single value is not wrapped in a tuple; no value is a tuple."""
 
 _OPERATIONS = {"+": add, "-": sub, "*": mul}
+
+
+class Memo(dict[_Key, _Item], Generic[_Key, _Item]):
+    """A dictionary that computes missing items."""
+
+    def __init__(self, compute: Callable[[_Key], _Item]) -> None:
+        super().__init__()
+        self._compute = compute
+
+    def __missing__(self, key: _Key) -> _Item:
+        item = self[key] = self._compute(key)
+        return item
 
 
 class BindingTable:
@@ -45,19 +58,25 @@ class BindingTable:
         columns = zip(*bindings, strict=True) if bindings else repeat((), len(variables))
         self.columns: dict[str, list[Value]] = dict(zip(variables, map(list, columns), strict=True))
 
-    @property
-    def is_ground(self) -> bool:
-        """Whether there is one binding, of no variable."""
-        return not self.columns and self.count == 1
-
-    def list_rows(self, parts: Iterable[Any]) -> list[tuple[Any, ...]]:
-        """List the values of some parts in each binding."""
-        columns = [self.iterate(part) for part in parts]
-        return list(zip(*columns, strict=True)) if columns else [()] * self.count
-
     def iterate(self, part: Any) -> Iterable[Any]:
         """Iterate over the values of a part in all bindings."""
         return part if isinstance(part, list) else repeat(part, self.count)
+
+    def list_rows(self, parts: Sequence[Any]) -> list[tuple[Any, ...]]:
+        """List the values of parts in each binding."""
+        return list(zip(*map(self.iterate, parts), strict=True)) if parts else [()] * self.count
+
+    def zip(self, parts: Sequence[Any]) -> Any:
+        """Combine parts to one: the tuples of their values."""
+        return self.list_rows(parts) if any(isinstance(part, list) for part in parts) else tuple(parts)
+
+    def make_keys(self, parts: Sequence[Part[Value]]) -> Part[Key]:
+        """Combine parts to one: the keys of their values."""
+        return parts[0] if len(parts) == 1 else self.zip(parts)  # type: ignore[return-value]
+
+    def look_up(self, items: Mapping[Any, _Item], part: Part[Any]) -> Part[_Item]:
+        """Look up the items of keys."""
+        return list(map(items.__getitem__, part)) if isinstance(part, list) else items[part]
 
     def evaluate(self, expression: Expression) -> Part[Value]:
         """Evaluate an expression whose variables are bound.
@@ -70,48 +89,45 @@ class BindingTable:
         if isinstance(expression, Number) or not any(iter_variables(expression)):
             return as_value(canonical_text(expression))
         if isinstance(expression, Term):
-            rows = self.list_rows(map(self.evaluate, expression.arguments))
-            return [f"{expression.name}({','.join(map(str, row))})" for row in rows]
+            return [f"{expression.name}({text})" for text in self.format(expression.arguments)]
         left, right = (self.iterate(self.evaluate(side)) for side in (expression.left, expression.right))
         if expression.operator in ("/", "mod"):
             return list(map(_divide, left, right, repeat(expression.operator), repeat(expression.at)))
         return list(map(_OPERATIONS[expression.operator], left, right))
 
-    def look_up(
-        self, results: dict[_Item, _Result], keys: Part[_Item], compute: Callable[[_Item], _Result]
-    ) -> Part[_Result]:
-        """Look up the results for keys, and compute those that are missing."""
-        for key in dict.fromkeys(keys) if isinstance(keys, list) else (keys,):
-            if key not in results:
-                results[key] = compute(key)
-        return list(map(results.__getitem__, keys)) if isinstance(keys, list) else results[keys]
+    def format(self, expressions: Sequence[Expression]) -> Part[str]:
+        """Combine expressions to one text, with commas between them."""
+        parts = list(map(self.evaluate, expressions))
+        if not any(isinstance(part, list) for part in parts):
+            return ",".join(map(str, parts))
+        texts = [list(map(str, self.iterate(part))) for part in parts]
+        return texts[0] if len(texts) == 1 else list(map(",".join, zip(*texts, strict=True)))
 
-    def bind(self, name: str, part: Part[Value]) -> None:
-        """Bind a variable in each binding."""
-        self.columns[name] = list(self.iterate(part))
+    def join(
+        self, keys: Part[Key], index: Mapping[Key, Sequence[int]], columns: Mapping[str, Sequence[Value]]
+    ) -> None:
+        """Combine each binding with the rows that an index has for its key.
 
-    def bind_all(self, name: str, domain: Sequence[Value]) -> None:
-        """Combine each binding with each value of a variable."""
-        self._repeat([len(domain)] * self.count)
-        self.columns[name] = [*domain] * (self.count // len(domain) if domain else 0)
+        Args:
+            columns: variable -> its value in each row.
 
-    def bind_matches(self, names: Sequence[str], index: Index, keys: Iterable[tuple[Value, ...]]) -> None:
-        """Combine each binding with the values of variables that an index has for the binding's key."""
-        matches = list(map(index.get, keys, repeat(())))
-        self._repeat(list(map(len, matches)))
-        rows = list(chain.from_iterable(matches))
-        columns = zip(*rows, strict=True) if rows else repeat((), len(names))
-        self.columns.update(zip(names, map(list, columns), strict=True))
-
-    def _repeat(self, counts: Sequence[int]) -> None:
-        if sum(counts) > MAX_BINDINGS:
-            raise TooLargeError(
-                f"{self.at}: {sum(counts)} bindings of {len(self.columns) + 1} variables to test;"
-                f" expected at most {MAX_BINDINGS}"
-            )
+        Raises:
+            TooLargeError: there are more than `MAX_BINDINGS`.
+        """
+        matches = list(map(index.get, self.iterate(keys), repeat(())))
+        counts = list(map(len, matches))
+        self.count = sum(counts)
+        self.check_count(self.count, f"bindings of {len(self.columns) + len(columns)} variables")
         for name, column in self.columns.items():
             self.columns[name] = list(chain.from_iterable(map(repeat, column, counts)))
-        self.count = sum(counts)
+        rows = list(chain.from_iterable(matches))
+        for name, values in columns.items():
+            self.columns[name] = list(map(values.__getitem__, rows))
+
+    def check_count(self, count: int, kind: str) -> None:
+        """Check that a statement does not become too large; raise TooLargeError."""
+        if count > MAX_BINDINGS:
+            raise TooLargeError(f"{self.at}: {count} {kind}; expected at most {MAX_BINDINGS}")
 
     def filter(self, kept: Iterable[bool]) -> None:
         """Keep the bindings for which a test is true."""

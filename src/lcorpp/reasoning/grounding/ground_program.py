@@ -14,12 +14,19 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
+from itertools import product
+from typing import Any
 
+from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Selection
 
 QUERY_TERM = "?"
-"""The name of the term that has the value `true` in the worlds in which all literals of a query are true."""
+"""The name of the term that has the value `true` in the worlds in which all literals of a query are true.
+
+The name of the joint of several terms begins with it, too: the values of `?a, b` are the pairs of a value of
+a and a value of b.
+"""
 
 
 class ClauseKind(Enum):
@@ -72,7 +79,8 @@ class GroundProgram:
 
     source: the program that was ground.
     names: the terms as text; the index of a term is its number.
-    values: the range of each term as text; an outcome is an index into it, or its length for no value.
+    values: the range of each term as text; an outcome is an index into it, or its length for no value. The
+        values of a joint are tuples.
     clauses: the ground clauses.
     do: term -> value of an intervention. Semantics of 2009: the value is a fact. Semantics of 2018: the value
         is fixed in the worlds in which a selection of the term applies.
@@ -80,12 +88,31 @@ class GroundProgram:
 
     source: Program
     names: list[str] = field(default_factory=list)
-    values: list[tuple[str, ...]] = field(default_factory=list)
+    values: list[tuple[Any, ...]] = field(default_factory=list)
     clauses: list[Clause] = field(default_factory=list)
     do: dict[int, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"GroundProgram({self.source.file}: {len(self.names)} terms, {len(self.clauses)} clauses)"
+
+    def define_joint(self, name: str) -> None:
+        """Add the joint of some terms, see `QUERY_TERM`; it has no value if one of them has none."""
+        numbers = {term: number for number, term in enumerate(self.names)}
+        for term in name[1:].split(", "):
+            if term not in numbers:
+                numbers[term] = len(self.names)
+                self.names.append(term)
+                self.values.append(self.source.attributes[term.partition("(")[0]].values)
+        terms = [numbers[term] for term in name[1:].split(", ")]
+        self.names.append(name)
+        self.values.append(list_values(self.source, name))
+        literals = [[(term, 1 << i, False) for i in range(len(self.values[term]))] for term in terms]
+        self.clauses.extend(
+            [
+                Clause(ClauseKind.DERIVE, len(self.names) - 1, value, body)
+                for value, body in enumerate(product(*literals))
+            ]
+        )
 
     @property
     def do_is_fact(self) -> bool:

@@ -12,11 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import Any
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.gc_pause import pause_gc
-from lcorpp.reasoning.grounding.binding_table import BindingTable, Part
+from lcorpp.reasoning.grounding.binding_table import BindingTable, Memo, Part
 from lcorpp.reasoning.grounding.ground_program import (
     QUERY_TERM,
     Clause,
@@ -25,9 +23,10 @@ from lcorpp.reasoning.grounding.ground_program import (
     GroundProgram,
     make_full_mask,
 )
-from lcorpp.reasoning.grounding.patterns import split_record
-from lcorpp.reasoning.grounding.rule_instantiator import Facts, RuleInstantiator
-from lcorpp.reasoning.grounding.term_table import TermTable, make_key
+from lcorpp.reasoning.grounding.relation import split_record
+from lcorpp.reasoning.grounding.rule_instantiator import Atoms, RuleInstantiator
+from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
+from lcorpp.reasoning.grounding.term_table import TermTable
 from lcorpp.reasoning.language.arithmetic import (
     Value,
     as_value,
@@ -42,18 +41,20 @@ from lcorpp.reasoning.language.syntax import (
     Expression,
     Intervention,
     Literal,
-    Number,
     Observation,
     Probability,
     Rule,
     Selection,
-    Term,
 )
-from lcorpp.reasoning.language.traversal import get_body, iter_expressions, list_expressions, list_fact_values
+from lcorpp.reasoning.language.traversal import get_head, iter_expressions, list_expressions, list_fact_values
 
 
 def ground_program(
-    program: Program, do: Mapping[str, str], observed: Iterable[Literal] = (), asked: Sequence[Literal] = ()
+    program: Program,
+    do: Mapping[str, str],
+    observed: Iterable[Literal] = (),
+    asked: Sequence[Literal] = (),
+    queried: Iterable[str] = (),
 ) -> GroundProgram:
     """Ground a program.
 
@@ -61,13 +62,14 @@ def ground_program(
         do: interventions besides those in the program, term -> value.
         observed: ground literals that are true in every world, besides the observations in the program.
         asked: the ground literals that define the term `QUERY_TERM`.
+        queried: names of terms; the joints among them are defined.
 
     Raises:
         ProgramError: arithmetic is undefined.
+        TooLargeError: a joint has too many values.
     """
     try:
-        with pause_gc():
-            return _Grounder(program, do).run(observed, asked)
+        return _Grounder(program, do).run(observed, asked, queried)
     except SourceIssue as issue:
         raise ProgramError(str(issue)) from None
 
@@ -78,21 +80,30 @@ class _Grounder:
         self.result = GroundProgram(program)
         self.terms = TermTable(self.result)
         self._add = self.result.clauses.append
-        self._sorts: dict[str, Mapping[Value, None]] = {}
         self._do = dict(do)
         self._contradictory: set[str] = set()  # terms that interventions set to two values
-        for statement in program.statements:
+        self._instantiator = RuleInstantiator(self.signature)
+        self._tables: dict[int, BindingTable] = {}  # index of a rule or selection -> its bindings
+        # attribute -> the rules and selections that may give it a value, with their indexes
+        self._clauses: dict[str, list[tuple[int, Rule | Selection]]] = {
+            name: [] for name in self.signature.attributes
+        }
+        for index, statement in enumerate(program.statements):
             if isinstance(statement, Intervention):
                 term, value = canonical_text(statement.term), canonical_text(statement.value)
                 if self._do.setdefault(term, value) != value:
                     self._contradictory.add(term)
-        self._facts = self._evaluate_facts()
+            elif isinstance(statement, Rule | Selection) and (head := get_head(statement)):
+                self._clauses[head.term.name].append((index, statement))
+        self._find_atoms()
 
-    def run(self, observed: Iterable[Literal], asked: Sequence[Literal]) -> GroundProgram:
+    def run(
+        self, observed: Iterable[Literal], asked: Sequence[Literal], queried: Iterable[str]
+    ) -> GroundProgram:
         """Add the clauses of all statements and of a query."""
         for term, value in self._do.items():
-            name, arguments = split_record(term)
-            number = self.terms.number_term(name, make_key([as_value(argument) for argument in arguments]))
+            name, arguments = _split_term(term)
+            number = self.terms.numbers[name][arguments[0] if len(arguments) == 1 else arguments]
             self.result.do[number] = self.signature.attributes[name].values.index(value)
         if self._contradictory and self.result.do_is_fact:  # no world satisfies both interventions
             self._forbid(())
@@ -113,70 +124,80 @@ class _Grounder:
                 if clause.kind is ClauseKind.SELECT and names[clause.term] in self._contradictory:
                     self._forbid(clause.body, clause.statement)
         if asked:
-            body = tuple([self.terms.translate_ground_literal(literal) for literal in asked])
+            body = tuple([self._translate(literal) for literal in asked])
             self._add(Clause(ClauseKind.DERIVE, len(self.result.names), 0, body))
             self.result.names.append(QUERY_TERM)
             self.result.values.append(("true",))
+        for name in queried:
+            if name.startswith(QUERY_TERM) and name != QUERY_TERM:
+                self.result.define_joint(name)
         return self.result
 
-    # facts
+    # atoms
 
-    def _evaluate_facts(self) -> Facts:
-        """Evaluate the attributes whose rules have only sorts and comparisons in their bodies."""
-        uncertain = {split_record(term)[0] for term in self._do}
-        rules_of: dict[str, list[Rule]] = {}
-        for statement in self.program.statements:
-            if isinstance(statement, Selection):
-                uncertain.add(statement.term.name)
-            elif isinstance(statement, Rule) and statement.head:
-                rules_of.setdefault(statement.head.term.name, []).append(statement)
-                if any(isinstance(x, Literal) and not self.signature.is_sort(x) for x in statement.body):
-                    uncertain.add(statement.head.term.name)
-        facts: dict[str, Mapping[tuple[Value, ...], Value]] = {}
-        for name, rules in rules_of.items():
-            if name not in uncertain:
-                table: dict[tuple[Value, ...], Value] = {}
-                for rule in rules:
-                    self._evaluate_fact(rule, table)
-                facts[name] = table
-        return facts
+    def _find_atoms(self) -> None:
+        """Instantiate the rules and selections, those first on which others depend, and find their atoms.
 
-    def _evaluate_fact(self, fact: Rule, table: dict[tuple[Value, ...], Value]) -> None:
-        values = list_fact_values(fact)
-        if values:
-            table[values[:-1]] = values[-1]
-            return
-        assert fact.head
-        bindings = self._instantiate(fact, {})
-        keys = bindings.list_rows([bindings.evaluate(argument) for argument in fact.head.term.arguments])
-        table.update(zip(keys, bindings.iterate(bindings.evaluate(fact.head.value)), strict=True))
+        The literals of attributes that depend on each other do not restrict the bindings of their rules.
+        """
+        literals = {
+            name: [x for _, clause in clauses for x in clause.body if isinstance(x, Literal)]
+            for name, clauses in self._clauses.items()
+        }
+        needs = {
+            name: [x.term.name for x in literals[name] if not x.negated and x.term.name in literals]
+            for name in sorted(
+                literals, key=lambda name: len(literals[name]) > 0
+            )  # those with facts only first
+        }
+        for component in find_strongly_connected_components(needs):
+            self._instantiator.atoms.update([(name, self._instantiate_all(name)) for name in component])
+
+    def _instantiate_all(self, name: str) -> Atoms:
+        """Instantiate the rules and selections of an attribute, and return its atoms."""
+        set_to = [arguments for attribute, arguments in map(_split_term, self._do) if attribute == name]
+        rows: list[tuple[Value, ...]] = [*set_to]
+        is_certain = not set_to
+        for index, clause in self._clauses[name]:
+            values = list_fact_values(clause) if isinstance(clause, Rule) else None
+            if values:
+                rows.append(values)
+                continue
+            table = self._tables[index] = self._instantiate(clause, clause.body)
+            if isinstance(clause, Rule) and clause.head:
+                parts = [*clause.head.term.arguments, clause.head.value]
+                is_certain &= not self._list_uncertain(clause.body)
+            elif isinstance(clause, Selection):
+                parts, is_certain = list(clause.term.arguments), False
+            rows += table.list_rows(list(map(table.evaluate, parts)))
+        return Atoms(rows, len(self.signature.attributes[name].arguments), is_certain=is_certain)
+
+    def _instantiate(self, statement: Rule | Selection | Probability, body: Body) -> BindingTable:
+        slots, scope = self.signature.iter_slots(statement), list_expressions(statement)
+        return self._instantiator.instantiate(slots, scope, body, statement.at)
+
+    def _list_uncertain(self, body: Body) -> list[Literal]:
+        """List the literals that become literals of clauses: those of neither sorts nor facts."""
+        atoms = self._instantiator.atoms
+        return [
+            literal
+            for literal in body
+            if isinstance(literal, Literal)
+            and not self.signature.is_sort(literal)
+            and not (literal.term.name in atoms and atoms[literal.term.name].is_certain)
+        ]
 
     # statements
 
-    def _instantiate(self, statement: Rule | Selection | Probability, facts: Facts) -> BindingTable:
-        slots, scope = list(self.signature.iter_slots(statement)), list_expressions(statement)
-        body = get_body(statement)
-        return RuleInstantiator(
-            self.signature, self._list_members, slots, scope, body, facts, statement.at
-        ).table
-
-    def _list_members(self, sort: str) -> Mapping[Value, None]:
-        if sort not in self._sorts:
-            self._sorts[sort] = {as_value(text): None for text in self.signature.sorts[sort]}
-        return self._sorts[sort]
-
     def _ground_rule(self, index: int, rule: Rule) -> None:
-        values = list_fact_values(rule)
-        if values and rule.head:
-            number, outcome = self.terms.number_fact(rule.head.term.name, values)
-            self._add(Clause(ClauseKind.DERIVE, number, outcome, (), index))
-            return
-        table = self._instantiate(rule, self._facts)
-        if rule.head:
-            value = self.terms.index_value(table, rule.head.term, rule.head.value)
-            self._emit(table, ClauseKind.DERIVE, rule.head.term, value, rule.body, index)
-        else:
+        if rule.head is None:
+            table = self._instantiate(rule, rule.body)
             self._emit(table, ClauseKind.FORBID, -1, 0, rule.body, index)
+            return
+        table = self._tables.pop(index) if index in self._tables else BindingTable(rule.at)
+        number = self.terms.number_terms(table, rule.head.term)
+        value = self.terms.index_values(table, rule.head.term, rule.head.value)
+        self._emit(table, ClauseKind.DERIVE, number, value, rule.body, index)
 
     def _ground_selection(self, index: int, selection: Selection) -> None:
         """Add the clauses of a selection, and those of its dynamic range for each of its instances.
@@ -184,41 +205,46 @@ class _Grounder:
         An instance is a binding of the variables that the body shares with term, label and dynamic range:
         that of X for ``random(f(X) : {Y : p(X,Y)}) :- q(X,Z).``
         """
-        table, dynamic_range = self._instantiate(selection, self._facts), selection.range
+        table, dynamic_range = self._tables.pop(index), selection.range
         condition = dynamic_range.condition if dynamic_range else ()
         used = [selection.term, *(selection.label.arguments if selection.label else ())]
         used.extend(iter_expressions(condition))
         shared = sorted(find_variables(*used) & find_variables(*list_expressions(selection)))
-        label = self.terms.format_label(table, selection.label)
+        label = table.format(selection.label.arguments if selection.label else ())
         instances = table.list_rows([table.columns[name] for name in shared])
-        term = self._emit(
-            table, ClauseKind.SELECT, selection.term, 0, selection.body, index, label, instances
-        )
+        number = self.terms.number_terms(table, selection.term)
+        self._emit(table, ClauseKind.SELECT, number, 0, selection.body, index, label, instances)
         if dynamic_range:
-            term_of = dict(zip(instances, table.iterate(term), strict=True))
-            slots = list(self.signature.iter_range_slots(selection))
+            term_of = dict(zip(instances, table.iterate(number), strict=True))
+            slots = self.signature.iter_range_slots(selection)
             scope = [dynamic_range.variable, *iter_expressions(condition)]
-            table = RuleInstantiator(
-                self.signature, self._list_members, slots, scope, condition, self._facts, selection.at,
-                shared, list(term_of),
-            ).table  # fmt: skip
+            table = self._instantiator.instantiate(
+                slots, scope, condition, selection.at, shared, list(term_of)
+            )
             instances = table.list_rows([table.columns[name] for name in shared])
             terms = [term_of[instance] for instance in instances]
-            value = self.terms.index_value(table, selection.term, dynamic_range.variable)
+            value = self.terms.index_values(table, selection.term, dynamic_range.variable)
             self._emit(table, ClauseKind.RANGE, terms, value, condition, index, "", instances)
 
     def _ground_pr_atom(self, index: int, atom: Probability) -> None:
-        table = self._instantiate(atom, self._facts)
-        value = self.terms.index_value(table, atom.term, atom.value)
-        label = self.terms.format_label(table, atom.label)
+        head = get_head(atom)
+        table = self._instantiate(atom, (*atom.condition, head) if head else ())
+        parts = (
+            self.terms.number_terms(table, atom.term),
+            self.terms.index_values(table, atom.term, atom.value),
+        )
+        label = table.format(atom.label.arguments if atom.label else ())
         number = _evaluate_numbers(table, atom.number)
-        self._emit(table, ClauseKind.ASSIGN, atom.term, value, atom.condition, index, label, number=number)
+        self._emit(table, ClauseKind.ASSIGN, *parts, atom.condition, index, label, number=number)
 
     def _observe(self, literal: Literal) -> None:
         """Forbid the worlds in which a ground literal is false."""
-        term, mask, negated = self.terms.translate_ground_literal(literal)
+        term, mask, negated = self._translate(literal)
         full_mask = make_full_mask(len(self.result.values[term]))
         self._forbid(((term, full_mask & ~mask, not negated),))
+
+    def _translate(self, literal: Literal) -> GroundLiteral:
+        return self.terms.translate(BindingTable(literal.at), literal)  # type: ignore[return-value]  # no column
 
     # clauses
 
@@ -229,55 +255,30 @@ class _Grounder:
         self,
         table: BindingTable,
         kind: ClauseKind,
-        term: Term | Part[int],
+        term: Part[int],
         value: Part[int],
         body: Body,
         index: int,
         label: Part[str] = "",
         instance: Part[tuple[Value, ...]] = (),
         number: Part[Fraction] | None = None,
-    ) -> Part[int]:
-        """Add one clause for each binding of the variables of a statement.
-
-        Args:
-            term, value, label, instance, number: the parts of the clauses, see `Clause`.
-            body: its literals of neither sorts nor facts become literals of the clauses.
-
-        Returns:
-            The numbers of the term.
-        """
-        literals = [
-            literal
-            for literal in body
-            if isinstance(literal, Literal)
-            and not self.signature.is_sort(literal)
-            and literal.term.name not in self._facts
-        ]
-        heads = [term] if isinstance(term, Term) else []
-        numbers = self.terms.number_terms(table, (*heads, *(literal.term for literal in literals)))
-        head = numbers.pop(0) if isinstance(term, Term) else term
-        body_parts: list[list[Any]] = [
-            [number, self.terms.make_mask(table, literal), literal.negated]
-            for number, literal in zip(numbers, literals, strict=True)
-        ]
-        if table.is_ground:
-            parts: Any = (kind, head, value, tuple(map(tuple, body_parts)), index, label, (), number)
-            self._add(Clause(*parts))
-            return head
-        bodies = table.list_rows([table.list_rows(part) for part in body_parts])
-        parts = (kind, head, value, bodies, index, label, instance, number)
+    ) -> None:
+        """Add one clause for each binding of the variables of a statement; its parts as in `Clause`."""
+        literals = table.zip([self.terms.translate(table, x) for x in self._list_uncertain(body)])
+        parts = (kind, term, value, literals, index, label, instance, number)
         self.result.clauses.extend(map(Clause, *map(table.iterate, parts)))
-        return head
+
+
+def _split_term(term: str) -> tuple[str, tuple[Value, ...]]:
+    """Split a ground term into its attribute and its arguments."""
+    name, arguments = split_record(term)
+    return name, tuple(map(as_value, arguments))
 
 
 def _evaluate_numbers(table: BindingTable, number: Expression) -> Part[Fraction]:
     """Evaluate the number of a pr-atom in each binding; equal values share one fraction."""
-    if isinstance(number, Number):
-        return number.value
     names = sorted(find_variables(number))
-
-    def compute(values: tuple[Value, ...]) -> Fraction:
-        return evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
-
-    results: dict[tuple[Value, ...], Fraction] = {}
-    return table.look_up(results, table.list_rows([table.columns[name] for name in names]), compute)
+    fractions: Memo[tuple[Value, ...], Fraction] = Memo(
+        lambda values: evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
+    )
+    return table.look_up(fractions, table.zip([table.columns[name] for name in names]))

@@ -1,235 +1,243 @@
 """Instantiate one statement: all bindings of its variables, as a table with a column for each variable.
 
-The table is an indexed join: one sort, fact table or equation after the other extends it, and each condition
-filters it as soon as its variables are bound. For ``ok(X,Y) :- next(X,Y), X != 3`` with facts for `next` it
-contains the facts, then those with ``X != 3`` and arguments in their sorts.
+The statement's sorts and positive literals are joined as relations, the one with the fewest matches first;
+each condition filters the table as soon as its variables are bound. For ``ok(X,Y) :- next(X,Y), X != 3`` the
+table contains the pairs for which `next` may be true, then those with ``X != 3``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property
 from itertools import repeat
 from operator import not_
+from typing import NamedTuple
 
-from lcorpp.reasoning.grounding.binding_table import BindingTable
-from lcorpp.reasoning.grounding.patterns import (
-    find_bare_variables,
-    find_inner_variables,
-    find_record_variables,
-    match,
-)
-from lcorpp.reasoning.language.arithmetic import Value, compare_values, find_variables, iter_variables
+from lcorpp.reasoning.grounding.binding_table import BindingTable, Memo
+from lcorpp.reasoning.grounding.relation import Relation, list_matched_variables
+from lcorpp.reasoning.language.arithmetic import Value, as_value, compare_values, find_variables
 from lcorpp.reasoning.language.issues import Place
-from lcorpp.reasoning.language.safety import find_variable_sorts
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     BodyLiteral,
     ComparisonLiteral,
     Expression,
     Literal,
-    Term,
     Variable,
 )
 
-Facts = Mapping[str, Mapping[tuple[Value, ...], Value]]
-"""attribute -> arguments -> value, for the attributes that only facts define."""
+
+class Atoms:
+    """The atoms of an attribute that may be true in a world.
+
+    rows: arguments and value, or arguments only if the value depends on the world.
+    is_certain: whether they are facts, true in every world, and there are no others.
+    """
+
+    def __init__(self, rows: Iterable[tuple[Value, ...]], arity: int, *, is_certain: bool) -> None:
+        self.is_certain, self._arity = is_certain, arity
+        self._rows = rows
+
+    @cached_property
+    def facts(self) -> Relation:
+        """The arguments and the value of each fact."""
+        return Relation.from_rows(self._rows, self._arity + 1)
+
+    @cached_property
+    def terms(self) -> Relation:
+        """The arguments of each term that may have a value."""
+        return Relation.from_rows([row[: self._arity] for row in self._rows], self._arity)
+
+    @cached_property
+    def values(self) -> Mapping[tuple[Value, ...], Value]:
+        """The value of each fact by its arguments."""
+        return {row[:-1]: row[-1] for row in self._rows}
 
 
-_Test = Callable[[], Iterable[bool]]
-"""Returns for each binding whether it satisfies a condition, whose variables are bound."""
+class _Source(NamedTuple):
+    """Patterns of which the rows of a relation are instances, and the test whether they are."""
+
+    patterns: Sequence[Expression]
+    relation: Relation
+    test: Callable[[], Iterable[bool]]
 
 
 class RuleInstantiator:
-    """Enumerates the bindings of one statement's variables in `table`.
+    """Enumerates the bindings of statements' variables.
 
-    Args:
-        members: returns the members of a sort.
-        slots: the statement's expressions with the sort that their position requires, from
-            `Signature.iter_slots`; a variable ranges over the common members of its sorts.
-        scope: all expressions of the statement; each of their variables is bound.
-        body: its comparisons, sort literals and literals of fact attributes restrict the bindings.
-        facts: the attributes that only facts define.
-        at: the place of the statement.
-        bound: variables that the caller binds.
-        bindings: their values.
+    atoms: attribute -> its atoms; literals of other attributes do not restrict the bindings.
     """
 
-    def __init__(
+    def __init__(self, signature: Signature) -> None:
+        self.signature = signature
+        self.atoms: dict[str, Atoms] = {}
+        self._sorts: Memo[str, Relation] = Memo(self._make_sort)
+
+    def _make_sort(self, name: str) -> Relation:
+        members = list(map(as_value, self.signature.sorts[name]))
+        return Relation([members], len(members))
+
+    def instantiate(
         self,
-        signature: Signature,
-        members: Callable[[str], Mapping[Value, None]],
-        slots: Sequence[ArgumentSlot],
-        scope: Sequence[Expression],
+        slots: Iterable[ArgumentSlot],
+        scope: Iterable[Expression],
         body: Iterable[BodyLiteral],
-        facts: Facts,
         at: Place,
         bound: Sequence[str] = (),
         bindings: Sequence[tuple[Value, ...]] = ((),),
-    ) -> None:
-        self._signature, self._members = signature, members
-        self.table = BindingTable(at, bound, bindings)
-        self._facts = facts
-        used = [variable for expression in scope for variable in iter_variables(expression)]
-        self._sorts = find_variable_sorts(slots, used, signature)
-        self._bound: set[str] = set()
-        self._tests: list[tuple[set[str], _Test]] = []  # (variables, test)
-        # (variable, expression that it equals, test of the equation)
-        self._equations: list[tuple[str, Expression, _Test]] = []
-        self._records: list[tuple[Term, str]] = []  # (record with variables, its sort)
-        self._fact_literals: list[Literal] = []
-        self._collect_conditions(slots, body)
-        self._mark_bound(bound)
-        while not all(variable.name in self._bound for variable in used):
-            self._bind_next_variable()
+    ) -> BindingTable:
+        """Return the bindings of a statement's variables.
 
-    def _collect_conditions(self, slots: Sequence[ArgumentSlot], body: Iterable[BodyLiteral]) -> None:
-        for expression, sort in slots:
-            if isinstance(expression, Variable) or not any(iter_variables(expression)):
-                continue
-            self._tests.append((find_variables(expression), self._make_member_test(expression, sort)))
-            if isinstance(expression, Term):
-                self._records.append((expression, sort))
+        Args:
+            slots: the statement's expressions with the sort that their position requires, from
+                `Signature.iter_slots`.
+            scope: all expressions of the statement; each of their variables is bound.
+            body: the conditions.
+            at: the place of the statement.
+            bound: variables that the caller binds.
+            bindings: their values.
+        """
+        join = _Join(BindingTable(at, bound, bindings))
+        variables = find_variables(*scope)
+        domains = [
+            (Variable(name), sort) for name, sort in self.signature.domains.items() if name in variables
+        ]
+        for expression, sort in dict.fromkeys([*domains, *slots]):
+            if find_variables(expression):
+                join.add_source((expression,), self._sorts[sort])
         for literal in body:
             if isinstance(literal, ComparisonLiteral):
-                self._collect_comparison(literal)
-            elif self._signature.is_sort(literal):
-                inner = literal.term.arguments[0]
-                test = self._make_member_test(inner, literal.term.name, negated=literal.negated)
-                self._tests.append((find_variables(inner), test))
-            elif literal.term.name in self._facts:
-                self._collect_fact(literal)
+                join.add_comparison(literal)
+            elif self.signature.is_sort(literal):
+                if literal.negated or not find_variables(literal.term):
+                    join.add_membership(
+                        literal.term.arguments, self._sorts[literal.term.name], literal.negated
+                    )
+            elif literal.term.name in self.atoms:
+                self._add_literal(join, literal)
+        join.bind(variables)
+        return join.table
 
-    def _make_member_test(self, expression: Expression, sort: str, *, negated: bool = False) -> _Test:
-        """Return the test whether the value of an expression is (not) a member of a sort."""
-        contains = self._members(sort).__contains__
+    def _add_literal(self, join: _Join, literal: Literal) -> None:
+        atoms, arguments = self.atoms[literal.term.name], literal.term.arguments
+        if atoms.is_certain and literal.relation == "=" and not literal.negated:
+            join.add_source((*arguments, literal.value), atoms.facts)
+            return
+        if not literal.negated:
+            join.add_source(arguments, atoms.terms)
+        if atoms.is_certain:
+            join.add_value_test(literal, atoms.values)
+
+
+class _Join:
+    """The join of one statement: its conditions, and the table of the bindings that satisfy them so far."""
+
+    def __init__(self, table: BindingTable) -> None:
+        self.table = table
+        self._sources: list[_Source] = []
+        self._tests: list[tuple[set[str], Callable[[], Iterable[bool]]]] = []  # (variables, test)
+        # (variable, expression that it equals, test of the equation)
+        self._equations: list[tuple[str, Expression, Callable[[], Iterable[bool]]]] = []
+
+    # conditions
+
+    def add_source(self, patterns: Sequence[Expression], relation: Relation) -> None:
+        """Add the condition that the values of expressions are a row of a relation."""
+        self._sources.append(_Source(patterns, relation, self.add_membership(patterns, relation, False)))
+
+    def add_membership(
+        self, patterns: Sequence[Expression], relation: Relation, negated: bool
+    ) -> Callable[[], Iterable[bool]]:
+        """Add the test whether the values of expressions are (not) a row of a relation."""
 
         def test() -> Iterable[bool]:
-            found = map(contains, self.table.iterate(self.table.evaluate(expression)))
+            keys = self.table.make_keys([self.table.evaluate(pattern) for pattern in patterns])
+            found = map(relation.rows.__contains__, self.table.iterate(keys))
             return map(not_, found) if negated else found
 
+        self._tests.append((find_variables(*patterns), test))
         return test
 
-    def _collect_comparison(self, comparison: ComparisonLiteral) -> None:
+    def add_comparison(self, comparison: ComparisonLiteral) -> None:
+        """Add a comparison; an equation can bind a variable."""
         left, right, relation = comparison.left, comparison.right, comparison.relation
 
         def test() -> Iterable[bool]:
             first, second = (self.table.iterate(self.table.evaluate(side)) for side in (left, right))
             return map(compare_values, first, repeat(relation), second)
 
-        self._tests.append((find_variables(left) | find_variables(right), test))
+        self._tests.append((find_variables(left, right), test))
         if relation == "=":
             for side, other in ((left, right), (right, left)):
                 if isinstance(side, Variable):
                     self._equations.append((side.name, other, test))
 
-    def _collect_fact(self, literal: Literal) -> None:
-        table = self._facts[literal.term.name]
+    def add_value_test(self, literal: Literal, values: Mapping[tuple[Value, ...], Value]) -> None:
+        """Add the test of a literal whose terms have these values in every world."""
 
         def agrees(value: Value, *arguments: Value) -> bool:
-            fact = table.get(arguments)
+            fact = values.get(arguments)
             return (fact is not None and compare_values(fact, literal.relation, value)) != literal.negated
 
         def test() -> Iterable[bool]:
             parts = [self.table.evaluate(x) for x in (literal.value, *literal.term.arguments)]
             return map(agrees, *map(self.table.iterate, parts))
 
-        self._tests.append((find_variables(literal.term) | find_variables(literal.value), test))
-        if not literal.negated and literal.relation == "=":
-            self._fact_literals.append(literal)
+        self._tests.append((find_variables(literal.term, literal.value), test))
 
     # the order in which variables are bound
 
-    def _apply_ready_tests(self) -> None:
-        """Apply the tests whose variables are all bound."""
-        waiting = []
-        for needed, test in self._tests:
-            if needed <= self._bound:
-                self.table.filter(test())
-            else:
-                waiting.append((needed, test))
-        self._tests = waiting
+    def bind(self, variables: set[str]) -> None:
+        """Bind variables, and apply each test as soon as its variables are bound."""
+        columns = self.table.columns
+        while True:
+            waiting = []
+            for needed, test in self._tests:
+                if needed <= columns.keys():
+                    self.table.filter(test())
+                else:
+                    waiting.append((needed, test))
+            self._tests = waiting
+            if variables <= columns.keys():
+                return
+            self._bind_next()
 
-    def _mark_bound(self, names: Iterable[str], *, in_sorts: bool = False) -> None:
-        """Mark variables as bound and apply the tests that are now ready.
-
-        Args:
-            in_sorts: whether it is certain that the variables are members of their sorts.
-        """
-        for name in names:
-            if name not in self._bound:
-                self._bound.add(name)
-                if name in self._sorts and not in_sorts:
-                    for sort in self._sorts[name]:
-                        self._tests.append(({name}, self._make_member_test(Variable(name), sort)))
-        self._apply_ready_tests()
-
-    def _bind_next_variable(self) -> None:
-        """Bind a variable by an equation if possible, otherwise by facts, the smallest sort or a record.
-
-        Matching a fact binds its bare variables (whole arguments or the value); those inside of records and
-        arithmetic must be bound before. Matching a record binds the variables at any depth except those in
-        arithmetic.
-        """
+    def _bind_next(self) -> None:
+        """Bind a variable by an equation if possible, otherwise by the source with the fewest matches."""
+        bound = self.table.columns.keys()
         for name, other, test in self._equations:
-            if name not in self._bound and find_variables(other) <= self._bound:
-                # the assignment makes the equation true
-                self._tests = [pair for pair in self._tests if pair[1] is not test]
-                self.table.bind(name, self.table.evaluate(other))
-                self._mark_bound([name])
+            if name not in bound and find_variables(other) <= bound:
+                self.table.columns[name] = list(self.table.iterate(self.table.evaluate(other)))
+                self._drop_test(test)  # the assignment makes the equation true
                 return
-        for literal in self._fact_literals:
-            if find_bare_variables(literal) - self._bound and find_inner_variables(literal) <= self._bound:
-                self._join_facts(literal)
-                return
-        free = [name for name in self._sorts if name not in self._bound]
-        if free:
-            computable = {target for target, other, _ in self._equations if find_variables(other) - {target}}
-            name = min(free, key=lambda name: (name in computable, len(self._list_domain(name))))
-            self.table.bind_all(name, self._list_domain(name))
-            self._mark_bound([name], in_sorts=True)
-            return
-        for term, sort in self._records:
-            if find_variables(term) - self._bound and find_record_variables(term, True) <= self._bound:
-                self._join_records(term, sort)
-                return
-        raise AssertionError("the checker rejects statements with unsafe variables")
+        computable = {name for name, other, _ in self._equations if find_variables(other) - {name}}
+        best: tuple[tuple[bool, float], _Source, bool] | None = None
+        for source in self._sources:
+            patterns, relation, _ = source
+            free = [x for x in patterns if not find_variables(x) <= bound]
+            names = {x.name for x in free if isinstance(x, Variable)}
+            is_plain = len(names) == len(free)
+            if not is_plain:
+                names = set(list_matched_variables(patterns)) - bound
+            if names:
+                n_matches = relation.count ** (len(free) / len(patterns))
+                rank = (not is_plain or names <= computable, n_matches)
+                if best is None or rank < best[0]:
+                    best = rank, source, is_plain
+        assert best, "the checker rejects statements with unsafe variables"
+        patterns, relation, test = best[1]
+        if best[2]:
+            self._drop_test(test)
+        else:
+            patterns, relation = relation.match(patterns)
+        self._join(patterns, relation)
 
-    def _list_domain(self, name: str) -> list[Value]:
-        """List the common members of a variable's sorts."""
-        first, *others = (self._members(sort) for sort in self._sorts[name])
-        if not others:
-            return list(first)
-        return [member for member in first if all(member in other for other in others)]
+    def _join(self, patterns: Sequence[Expression], relation: Relation) -> None:
+        """Join with the rows that agree with the bound positions; the other positions are variables."""
+        bound = [i for i, x in enumerate(patterns) if find_variables(x) <= self.table.columns.keys()]
+        keys = self.table.make_keys([self.table.evaluate(patterns[i]) for i in bound])
+        columns = {str(x): relation.columns[i] for i, x in enumerate(patterns) if i not in bound}
+        self.table.join(keys, relation.indexes[tuple(bound)], columns)
 
-    def _join_facts(self, literal: Literal) -> None:
-        """Join with the facts that agree with the bound positions, found by an index over these positions."""
-        parts = (*literal.term.arguments, literal.value)
-        bound = [i for i, part in enumerate(parts) if find_variables(part) <= self._bound]
-        unbound = [(i, x.name) for i, x in enumerate(parts) if i not in bound and isinstance(x, Variable)]
-        free: dict[str, int] = {}
-        for i, name in unbound:
-            free.setdefault(name, i)
-        index: dict[tuple[Value, ...], list[tuple[Value, ...]]] = {}
-        for arguments, value in self._facts[literal.term.name].items():
-            row = (*arguments, value)
-            if all(row[i] == row[free[name]] for i, name in unbound):
-                key = tuple([row[i] for i in bound])
-                index.setdefault(key, []).append(tuple([row[i] for i in free.values()]))
-        keys = self.table.list_rows(self.table.evaluate(parts[i]) for i in bound)
-        self.table.bind_matches(list(free), index, keys)
-        self._mark_bound(free)
-
-    def _join_records(self, term: Term, sort: str) -> None:
-        """Join with the members of a sort that match a record, found by an index over its bound variables."""
-        names = sorted(find_variables(term))
-        free = [name for name in names if name not in self._bound]
-        bound = [name for name in names if name in self._bound and name in find_record_variables(term, False)]
-        index: dict[tuple[Value, ...], list[tuple[Value, ...]]] = {}
-        for member in self._members(sort):
-            bindings: dict[str, Value] = {}
-            if match(term, member, bindings):
-                key = tuple([bindings[name] for name in bound])
-                index.setdefault(key, []).append(tuple([bindings[name] for name in free]))
-        keys = self.table.list_rows(self.table.columns[name] for name in bound)
-        self.table.bind_matches(free, index, keys)
-        self._mark_bound(free)
+    def _drop_test(self, test: Callable[[], Iterable[bool]]) -> None:
+        self._tests = [pair for pair in self._tests if pair[1] is not test]

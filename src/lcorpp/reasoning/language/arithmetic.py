@@ -19,7 +19,15 @@ MAX_INTEGER = 2**31 - 1
 
 Value = int | str
 
-_OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {"+": add, "-": sub, "*": mul, "/": truediv}
+
+def _compute_remainder(left: Any, right: Any) -> Any:
+    return left - right * int(left / right)
+
+
+_OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
+    "+": add, "-": sub, "*": mul, "/": truediv, "mod": _compute_remainder
+}  # fmt: skip
+"""Operations on fractions, and on integers of 32 bits, whose quotients floats truncate correctly."""
 
 _ORDERS: dict[str, Callable[[int, int], bool]] = {"<": lt, "<=": le, ">": gt, ">=": ge}
 
@@ -60,12 +68,13 @@ def evaluate_number(expression: Expression, bindings: Mapping[str, str]) -> Frac
     if isinstance(expression, Term):
         raise SourceIssue(expression.at, f"{expression} is not a number")
     left, right = evaluate_number(expression.left, bindings), evaluate_number(expression.right, bindings)
+    return Fraction(_apply(expression, left, right))
+
+
+def _apply(expression: Arithmetic, left: Any, right: Any) -> Any:
     if expression.operator in ("/", "mod") and right == 0:
         raise SourceIssue(expression.at, f"division by zero in {expression}")
-    if expression.operator == "mod":
-        return left - right * int(left / right)
-    operation: Callable[[Fraction, Fraction], Fraction] = _OPERATIONS[expression.operator]
-    return operation(left, right)
+    return _OPERATIONS[expression.operator](left, right)
 
 
 def canonical_text(expression: Expression) -> str:
@@ -88,12 +97,7 @@ def _evaluate_integer(expression: Expression) -> int:
         value = expression.value.numerator
     elif isinstance(expression, Arithmetic):
         left, right = _evaluate_integer(expression.left), _evaluate_integer(expression.right)
-        if expression.operator not in ("/", "mod"):
-            value = _OPERATIONS[expression.operator](left, right)
-        elif right:
-            value = divide(left, right, expression.operator)
-        else:
-            raise SourceIssue(expression.at, f"division by zero in {expression}")
+        value = int(_apply(expression, left, right))
     else:
         raise SourceIssue(expression.at, f"expected an integer, not {expression}")
     if abs(value) > MAX_INTEGER:
@@ -102,9 +106,8 @@ def _evaluate_integer(expression: Expression) -> int:
 
 
 def divide(dividend: int, divisor: int, operator: str) -> int:
-    """Divide integers and return the quotient (operator ``/``) or the remainder (``mod``)."""
-    quotient = abs(dividend) // abs(divisor) * (-1 if (dividend < 0) != (divisor < 0) else 1)
-    return quotient if operator == "/" else dividend - divisor * quotient
+    """Divide integers of 32 bits and return the quotient (operator ``/``) or the remainder (``mod``)."""
+    return int(_OPERATIONS[operator](dividend, divisor))
 
 
 def is_integer(text: str) -> bool:

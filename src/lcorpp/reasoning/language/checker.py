@@ -17,12 +17,13 @@ from lcorpp.reasoning.language.conformance import (
     check_slots,
     require_selections,
 )
-from lcorpp.reasoning.language.issues import SortMismatch, SourceIssue
+from lcorpp.reasoning.language.issues import Place, SortMismatch, SourceIssue
 from lcorpp.reasoning.language.safety import check_variables
 from lcorpp.reasoning.language.signature import Signature, build_signature
 from lcorpp.reasoning.language.syntax import (
     BodyLiteral,
-    CrRule,
+    Clause,
+    DynamicRange,
     Intervention,
     Literal,
     Number,
@@ -34,50 +35,49 @@ from lcorpp.reasoning.language.syntax import (
     Statement,
     Term,
 )
-from lcorpp.reasoning.language.traversal import as_selection, get_body, list_expressions, list_fact_values
+from lcorpp.reasoning.language.traversal import (
+    as_clause,
+    get_body,
+    get_head,
+    list_expressions,
+    list_fact_values,
+)
 
 
 def check_statements(statements: Sequence[Statement]) -> Signature:
     """Check a program and return its signature; raise SourceIssue for the first error."""
     signature = build_signature(statements)
-    labels: dict[str, Selection] = {}
+    labels: dict[str, Place] = {}
     for statement in statements:
-        selection = as_selection(statement)
-        if selection is not None:
-            label = str(selection.label)
-            if selection.label and label in labels:
-                raise SourceIssue(selection.at, f"label [{label}] is already used at {labels[label].at}")
-            labels[label] = selection
-            _check_selection(selection, signature)
-    for statement in statements:
-        if as_selection(statement) is None:
-            _check_statement(statement, signature)
+        clause = as_clause(statement)
+        if isinstance(clause, Selection) and clause.label:
+            label = str(clause.label)
+            if label in labels:
+                raise SourceIssue(clause.at, f"label [{label}] is already used at {labels[label]}")
+            labels[label] = clause.at
+        if clause:
+            _check_clause(clause, signature)
+        elif isinstance(statement, Query):
+            check_query(statement, signature)
+        elif isinstance(statement, Observation):
+            check_ground_literal(statement.literal, signature)
+        elif isinstance(statement, Intervention):
+            check_intervention(statement, signature)
     return signature
 
 
-def _check_statement(statement: Statement, signature: Signature) -> None:
-    if isinstance(statement, CrRule):
-        statement = statement.statement
-    if isinstance(statement, Rule):
-        if statement.head:
-            check_attribute(statement.head.term, signature)
-            if _is_valid_fact(statement, statement.head.term.name, signature):
-                return
-        _check_body(statement.body, signature)
-        check_variables(statement, signature)
-    elif isinstance(statement, Selection):
-        _check_selection(statement, signature)
-    elif isinstance(statement, Probability):
-        check_attribute(statement.term, signature)
-        _check_body(statement.condition, signature)
-        _check_probability(statement, signature)
-        check_variables(statement, signature)
-    elif isinstance(statement, Query):
-        check_query(statement, signature)
-    elif isinstance(statement, Observation):
-        check_ground_literal(statement.literal, signature)
-    elif isinstance(statement, Intervention):
-        check_intervention(statement, signature)
+def _check_clause(clause: Clause, signature: Signature) -> None:
+    head = get_head(clause)
+    if head:
+        check_attribute(head.term, signature)
+        if isinstance(clause, Rule) and _is_valid_fact(clause, head.term.name, signature):
+            return
+    _check_body(get_body(clause), signature)
+    if isinstance(clause, Probability):
+        _check_probability(clause, signature)
+    check_variables(clause, signature)
+    if isinstance(clause, Selection) and clause.range:
+        _check_range(clause, clause.range, signature)
 
 
 def _is_valid_fact(rule: Rule, name: str, signature: Signature) -> bool:
@@ -101,31 +101,26 @@ def _check_body(body: Iterable[BodyLiteral], signature: Signature) -> None:
             )
 
 
-def _check_selection(selection: Selection, signature: Signature) -> None:
-    check_attribute(selection.term, signature)
-    _check_body(selection.body, signature)
-    check_variables(selection, signature)
-    if selection.range:
-        variable = selection.range.variable
-        if variable.name in find_variables(*list_expressions(selection)):
-            raise SourceIssue(
-                variable.at, f"variable {variable} of the dynamic range is also used outside of it"
-            )
-        _check_body(selection.range.condition, signature)
-        check_variables(selection, signature, selection.range)
+def _check_range(selection: Selection, dynamic_range: DynamicRange, signature: Signature) -> None:
+    """Check a dynamic range as if it were a rule for the possible values."""
+    variable = dynamic_range.variable
+    if variable.name in find_variables(*list_expressions(selection)):
+        raise SourceIssue(variable.at, f"variable {variable} of the dynamic range is also used outside of it")
+    _check_body(dynamic_range.condition, signature)
+    body = (*selection.body, *dynamic_range.condition)
+    check_variables(Rule(Literal(selection.term, "=", variable), body, at=selection.at), signature)
 
 
-def _check_probability(statement: Probability, signature: Signature) -> None:
+def _check_probability(atom: Probability, signature: Signature) -> None:
     """Check the label and the number of a pr-atom."""
-    selections = require_selections(statement.term, statement.at, signature)
-    if statement.label:
-        label = statement.label
+    selections = require_selections(atom.term, atom.at, signature)
+    if (label := atom.label) is not None:
         labels = [selection.label for selection in selections if selection.label]
         sizes = {len(other.arguments) for other in labels if other.name == label.name}
         if not sizes:
             raise SourceIssue(
                 label.at,
-                f"no random selection of {statement.term.name} has the label [{label}];"
+                f"no random selection of {atom.term.name} has the label [{label}];"
                 f" {expected_one_of(list(map(str, labels)))}",
             )
         if label.arguments and len(label.arguments) not in sizes:
@@ -133,7 +128,7 @@ def _check_probability(statement: Probability, signature: Signature) -> None:
                 label.at,
                 f"label [{label}] has {len(label.arguments)} arguments, the selection's has {min(sizes)}",
             )
-    number = statement.number
+    number = atom.number
     if isinstance(number, Number) and not 0 <= number.value <= 1:
         raise SourceIssue(number.at, f"the probability {number.value} is not between 0 and 1")
 
@@ -157,33 +152,20 @@ def drop_ill_sorted(statements: Sequence[Statement]) -> tuple[Statement, ...]:
 
 
 def _has_instances(statement: Statement, signature: Signature) -> bool:
-    try:
-        _check_statement(statement, signature)
-    except SortMismatch:
-        inner = statement.statement if isinstance(statement, CrRule) else statement
-        if not isinstance(inner, Rule | Selection | Probability):
-            raise
-        if isinstance(inner, Rule):
-            heads = [inner.head] if inner.head else []
-        elif isinstance(inner, Probability):
-            heads = [Literal(inner.term, "=", inner.value)]
-        else:
-            heads = [Literal(inner.term, "<", inner.term)]  # an order has no slot for a value
-        for head in heads:
-            check_attribute(head.term, signature)
-        positive = [part for part in get_body(inner) if isinstance(part, Literal) and not part.negated]
-        if all(_is_well_sorted(literal, signature) for literal in (*heads, *positive)):
-            raise
-        return False
-    return True
-
-
-def _is_well_sorted(literal: Literal, signature: Signature) -> bool:
-    if signature.is_sort(literal):
+    clause = as_clause(statement)
+    if clause is None:
         return True
+    head = get_head(clause)
+    if head:
+        check_attribute(head.term, signature)
+    literals = [part for part in (head, *get_body(clause)) if isinstance(part, Literal) and not part.negated]
     try:
-        check_attribute(literal.term, signature)
-        check_slots(signature.iter_literal_slots(literal), signature)
+        for literal in literals:
+            if not signature.is_sort(literal):
+                check_attribute(literal.term, signature)
+                check_slots(signature.iter_literal_slots(literal), signature)
     except SortMismatch:
         return False
+    except SourceIssue:
+        pass  # an unknown name, which `check_statements` reports
     return True

@@ -25,8 +25,10 @@ from lcorpp.reasoning.language.syntax import (
 
 def check_query(query: Query, signature: Signature) -> None:
     """Check a query against the declarations of a program."""
-    if query.subject:
-        _check_ground_term(query.subject, signature)
+    for i, subject in enumerate(query.subjects):
+        _check_ground_term(subject, signature)
+        if subject in query.subjects[:i]:
+            raise SourceIssue(subject.at, f"the query names {subject} twice; expected different attributes")
     for literal in (*query.literals, *(observation.literal for observation in query.observations)):
         check_ground_literal(literal, signature)
     for intervention in query.interventions:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from lcorpp.reasoning.language.issues import Place, SourceIssue
-from lcorpp.reasoning.language.signature import BOOLEAN
+from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortSet
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     DomainDirective,
@@ -23,7 +23,6 @@ from lcorpp.reasoning.language.syntax import (
     Query,
     Rule,
     Semantics,
-    SortDefinition,
     Statement,
     Term,
 )
@@ -51,13 +50,16 @@ def desugar(statements: Sequence[Statement], semantics: Semantics) -> tuple[Stat
 
 
 def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statement]:
-    if not any(isinstance(s, Query) and s.subject for s in statements):
+    if not any(isinstance(s, Query) and s.subjects for s in statements):
         return statements
-    sorts = {BOOLEAN} | {s.name for s in statements if isinstance(s, SortDefinition) and TRUE in s.elements}
+    sets = {
+        s.name: s.sort for s in statements if isinstance(s, SortDefinition) and isinstance(s.sort, SortSet)
+    }
+    sorts = {BOOLEAN, *(name for name, sort in sets.items() if TRUE in sort.elements)}
     booleans = {s.name for s in statements if isinstance(s, AttributeDeclaration) and s.range in sorts}
     return [
-        replace(s, literals=(Literal(s.subject, "=", TRUE, at=s.subject.at),), subject=None)
-        if isinstance(s, Query) and s.subject and s.subject.name in booleans
+        replace(s, literals=(Literal(s.subjects[0], "=", TRUE, at=s.subjects[0].at),), subjects=())
+        if isinstance(s, Query) and len(s.subjects) == 1 and s.subjects[0].name in booleans
         else s
         for s in statements
     ]

@@ -5,10 +5,11 @@ Terms, values and literals share their first tokens: a literal is a sum with an 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.lexer import DECIMAL, INTEGER, MAX_DEPTH, NAME, VARIABLE, Cursor
@@ -20,17 +21,16 @@ from lcorpp.reasoning.language.syntax import (
     Expression,
     Literal,
     Number,
+    Operation,
+    SyntaxNode,
     Term,
     Variable,
 )
 
-_Compound = TypeVar("_Compound", Term, Arithmetic)
+_Node = TypeVar("_Node", bound=SyntaxNode)
 
 MAX_DIGITS = 300
 """Maximal number of digits of a number."""
-
-RESERVED = frozenset({"not", "mod"})
-"""Names reserved for operators."""
 
 RELATIONS = {"=": "=", "==": "=", "!=": "!=", "<>": "!=", "<": "<", "<=": "<=", ">": ">", ">=": ">="}
 """Sign of a relation -> the relation that it denotes."""
@@ -40,13 +40,6 @@ _VALUE_ENDS = (",", ")", ".")
 NEGATED_RELATIONS = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 
 
-class MinusTerm(NamedTuple):
-    """`-p`, which is valid only as a whole literal: `p=false`."""
-
-    at: Place
-    term: Term
-
-
 def parse_value(cursor: Cursor) -> Expression:
     """Parse an expression that denotes a value."""
     if cursor.second_kind in _VALUE_ENDS:  # a single token, as nearly all arguments are
@@ -54,42 +47,39 @@ def parse_value(cursor: Cursor) -> Expression:
     return require_value(parse_sum(cursor))
 
 
-def require_value(expression: Expression | MinusTerm) -> Expression:
-    """Return the expression; raise SourceIssue for `-p`."""
-    if isinstance(expression, MinusTerm):
+def require_value(expression: Expression | Literal) -> Expression:
+    """Return the expression; raise SourceIssue for the literal `-p`."""
+    if isinstance(expression, Literal):
         raise SourceIssue(expression.at, f"'-{expression.term}' is a literal; expected a value")
     return expression
 
 
-def parse_sum(cursor: Cursor, plus_minus_is_arrow: bool = False) -> Expression | MinusTerm:
-    """Parse a sum, or `-p`.
+def parse_chain(
+    cursor: Cursor,
+    operators: Iterable[str],
+    parse_operand: Callable[[Cursor], _Node],
+    make_node: Callable[..., _Node],
+) -> _Node:
+    """Parse operands joined by operators that associate to the left."""
+    left = parse_operand(cursor)
+    while cursor.next_is(*operators):
+        left = _check_depth(make_node(cursor.take(), left, parse_operand(cursor), at=left.at))
+    return left
+
+
+def parse_sum(cursor: Cursor, plus_minus_is_arrow: bool = False) -> Expression | Literal:
+    """Parse a sum, or the literal `-p`.
 
     Args:
         plus_minus_is_arrow: whether `+-` is the arrow of a consistency-restoring rule (cr-rule); otherwise
             it adds a negative number.
     """
-    left = _parse_product(cursor)
-    while True:
-        if cursor.next_is("+", "-"):
-            left = _combine(cursor.take(), left, _parse_product(cursor))
-        elif not plus_minus_is_arrow and cursor.kind == "+-":
-            at = cursor.at
-            cursor.take()
-            left = _combine("+", left, _negate(at, parse_factor(cursor)))
-        else:
-            return left
+    operators = ("+", "-") if plus_minus_is_arrow else ("+", "-", "+-")
+    return parse_chain(cursor, operators, _parse_product, _make_arithmetic)
 
 
-def _parse_product(cursor: Cursor) -> Expression | MinusTerm:
-    left = parse_factor(cursor)
-    while True:
-        if cursor.next_is("*", "/", "\\"):
-            operator = cursor.take().replace("\\", "mod")
-        elif cursor.accept_word("mod"):
-            operator = "mod"
-        else:
-            return left
-        left = _combine(operator, left, parse_factor(cursor))
+def _parse_product(cursor: Cursor) -> Expression | Literal:
+    return parse_chain(cursor, ("*", "/", "\\", "mod"), parse_factor, _make_arithmetic)
 
 
 @lru_cache(maxsize=1024)
@@ -97,21 +87,18 @@ def _parse_fraction(text: str) -> Fraction:
     return Fraction(int(text)) if text.isdigit() else Fraction(text)
 
 
-def parse_factor(cursor: Cursor) -> Expression | MinusTerm:
+def parse_factor(cursor: Cursor) -> Expression | Literal:
     """Parse a number, a variable, a term or a parenthesised sum, with an optional minus."""
     at = cursor.at
-    if cursor.kind == NAME and cursor.word not in RESERVED:
+    if cursor.kind == NAME:
         return _parse_term(cursor, at)
     if cursor.accept("-"):
-        cursor.enter_nesting()
-        inner = parse_factor(cursor)
-        cursor.leave_nesting()
-        return MinusTerm(at, inner) if isinstance(inner, Term) else _negate(at, inner)
+        inner = cursor.parse_nested(parse_factor)
+        if isinstance(inner, Term):
+            return Literal(inner, "=", Term("false", at=at), at=at)
+        return _negate(at, require_value(inner))
     if cursor.accept("("):
-        cursor.enter_nesting()
-        expression = parse_sum(cursor)
-        cursor.leave_nesting(")")
-        return expression
+        return cursor.parse_nested(parse_sum, ")")
     if cursor.next_is(INTEGER, DECIMAL):
         if len(cursor.word) > MAX_DIGITS:
             raise SourceIssue(at, f"a number of {len(cursor.word)} digits; expected at most {MAX_DIGITS}")
@@ -131,31 +118,45 @@ def _parse_term(cursor: Cursor, at: Place) -> Term | Number:
     if not cursor.accept("("):
         constant = cursor.constants.get(name)
         return Term(name, at=at) if constant is None else replace(constant, at=at)
-    cursor.enter_nesting()
-    arguments = [parse_value(cursor)]
-    while cursor.accept(","):
-        arguments.append(parse_value(cursor))
-    cursor.leave_nesting(")")
+    arguments = cursor.parse_nested(_parse_arguments, ")")
     return _check_depth(Term(name, tuple(arguments), at=at))
 
 
-def _negate(at: Place, expression: Expression | MinusTerm) -> Expression:
+def _parse_arguments(cursor: Cursor) -> list[Expression]:
+    return cursor.parse_list(parse_value)
+
+
+def _negate(at: Place, expression: Expression) -> Expression:
     """Negate a number; `-X` becomes `0 - X`."""
-    inner = require_value(expression)
-    if isinstance(inner, Number):
-        return Number(-inner.value, at=at)
-    return _check_depth(Arithmetic("-", Number(Fraction(0), at=at), inner, at=at))
+    if isinstance(expression, Number):
+        return Number(-expression.value, at=at)
+    return _check_depth(Arithmetic("-", Number(Fraction(0), at=at), expression, at=at))
 
 
-def _combine(operator: str, left: Expression | MinusTerm, right: Expression | MinusTerm) -> Expression:
-    first = require_value(left)
-    return _check_depth(Arithmetic(operator, first, require_value(right), at=first.at))
+def _make_arithmetic(
+    operator: str, left: Expression | Literal, right: Expression | Literal, *, at: Place
+) -> Expression:
+    right = require_value(right)
+    if operator == "+-":
+        operator, right = "+", _negate(right.at, right)
+    return Arithmetic(operator.replace("\\", "mod"), require_value(left), right, at=at)
 
 
-def _check_depth(node: _Compound) -> _Compound:
-    if node.depth > MAX_DEPTH:
-        raise SourceIssue(node.at, f"an expression nested deeper than {MAX_DEPTH}")
+def _check_depth(node: _Node) -> _Node:
+    """Return the node; raise SourceIssue if it is nested so deeply that recursive functions are unsafe."""
+    if _measure_depth(node) > MAX_DEPTH:
+        raise SourceIssue(
+            node.at, f"an expression nested deeper than {MAX_DEPTH} levels; each operator is one"
+        )
     return node
+
+
+def _measure_depth(node: SyntaxNode) -> int:
+    if isinstance(node, Term):
+        return 1 + max(map(_measure_depth, node.arguments), default=0)
+    if isinstance(node, Operation):
+        return 1 + max(_measure_depth(node.left), _measure_depth(node.right))
+    return 0
 
 
 # literals
@@ -167,17 +168,17 @@ def parse_literal(cursor: Cursor, plus_minus_is_arrow: bool = False) -> BodyLite
 
 
 def parse_rest_of_literal(
-    cursor: Cursor, left: Expression | MinusTerm, plus_minus_is_arrow: bool = False
+    cursor: Cursor, left: Expression | Literal, plus_minus_is_arrow: bool = False
 ) -> BodyLiteral:
     """Parse the relation and the right side of a literal, if it has them."""
     if not cursor.next_is(*RELATIONS):
-        if isinstance(left, MinusTerm):
-            return Literal(left.term, "=", Term("false", at=left.at), at=left.at)
         if isinstance(left, Term):
             return Literal(left, "=", Term("true", at=left.at), at=left.at)
+        if isinstance(left, Literal):
+            return left
         raise SourceIssue(left.at, f"expected a literal, not {left}")
     relation = RELATIONS[cursor.take()]
-    if isinstance(left, MinusTerm):
+    if isinstance(left, Literal):
         raise SourceIssue(left.at, f"'-' before a literal with a value; write {left.term}!=...")
     right = require_value(parse_sum(cursor, plus_minus_is_arrow))
     if isinstance(left, Term):
@@ -196,7 +197,7 @@ def is_bare_term(literal: Literal) -> bool:
 def parse_body_literal(cursor: Cursor) -> BodyLiteral:
     """Parse a literal with an optional `not`."""
     at = cursor.at
-    if not cursor.accept_word("not"):
+    if not cursor.accept("not"):
         return parse_literal(cursor)
     before = cursor.anonymous_count
     literal = parse_literal(cursor)

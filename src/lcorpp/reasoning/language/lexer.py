@@ -1,6 +1,7 @@
 """Lexer: the tokens of a P-log text, and a cursor over them that records the expected tokens for messages.
 
-Both dialects share the tokens. Keywords such as `random` are names here; the parser recognises them.
+Both dialects share the tokens. Keywords such as `random`, but `not` and `mod`, are names here; the parser
+recognises them.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from lcorpp.reasoning.language.syntax import Number, Semantics, Term
 
 NAME, VARIABLE, INTEGER, DECIMAL = "a name", "a variable", "a number", "a decimal number"
 HASH_NAME, UNKNOWN, END = "a sort", "an unknown character", "the end"
-"""Token kinds as shown in messages. A sign such as `:-` is its own kind."""
+"""Token kinds as shown in messages. A sign such as `:-`, `not` and `mod` are their own kinds."""
 
 _KINDS = {"N": NAME, "V": VARIABLE, "I": INTEGER, "D": DECIMAL, "H": HASH_NAME, "U": UNKNOWN}
 
@@ -28,6 +29,7 @@ _HINTS_OMITTED = frozenset(
 
 _TOKEN = re.compile(
     r"[ \t\r\n\f]+|%[^\r\n]*"
+    r"|(?P<K>(?:not|mod)(?![A-Za-z0-9_']))"
     r"|(?P<N>[a-z][A-Za-z0-9_']*)"
     r"|(?P<V>_*[A-Z][A-Za-z0-9_']*|_(?![A-Za-z0-9_]))"
     r"|(?P<D>[0-9]*\.[0-9]+)"
@@ -98,7 +100,7 @@ class Cursor:
             group = token_match.lastgroup
             if group is not None:
                 token = token_match.group()
-                self.kinds.append(token if group == "S" else _KINDS[group])
+                self.kinds.append(token if group in "KS" else _KINDS[group])
                 self.texts.append(token)
                 self.starts.append(token_match.start())
         self.kinds += [END, END]  # two: `second_kind` looks ahead
@@ -192,18 +194,19 @@ class Cursor:
             items.append(parse_item(self))
         return items
 
-    def enter_nesting(self) -> None:
-        """Begin a nested expression.
+    def parse_nested(self, parse_inside: Callable[[Cursor], _Item], closing: str | None = None) -> _Item:
+        """Parse a nested expression, and its closing bracket if it has one.
 
         Raises:
             SourceIssue: there are more than `MAX_DEPTH` levels.
         """
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            raise SourceIssue(self.at, f"an expression nested deeper than {MAX_DEPTH}")
-
-    def leave_nesting(self, closing: str | None = None) -> None:
-        """End a nested expression and consume its closing bracket, if it has one."""
+            raise SourceIssue(
+                self.at, f"an expression nested deeper than {MAX_DEPTH} levels; each operator is one"
+            )
+        inside = parse_inside(self)
         self._depth -= 1
         if closing:
             self.expect(closing)
+        return inside

@@ -10,12 +10,12 @@ from lcorpp.reasoning.language.checker import check_statements
 from lcorpp.reasoning.language.conformance import check_query
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import Attribute, Signature
+from lcorpp.reasoning.language.sorts import SortDefinition, SortSet
 from lcorpp.reasoning.language.syntax import (
     SEMANTICS,
     CrRule,
     Query,
     Semantics,
-    SortDefinition,
     Statement,
     Term,
 )
@@ -102,7 +102,9 @@ class Program:
 
     def _format_lines(self) -> list[str]:
         """One line per statement; a directive selects the semantics if the text alone would not."""
-        explicit = any(isinstance(s, SortDefinition) and s.has_sort_expression for s in self.statements)
+        explicit = any(
+            isinstance(s, SortDefinition) and not isinstance(s.sort, SortSet) for s in self.statements
+        )
         directive = [f"#semantics {self.semantics}."] if explicit or self.semantics == "2018" else []
         return [*directive, *map(str, self.statements)]
 

@@ -91,7 +91,7 @@ def parse_query_statement(cursor: Cursor) -> Query:
 
 
 def parse_question(cursor: Cursor) -> Query:
-    """Parse `{literals} | conditions`, `literals | conditions` or `term | conditions`, with optional `?`."""
+    """Parse `{literals} | conditions`, `literals | conditions` or `terms | conditions`, with optional `?`."""
     cursor.accept("?")
     braced = cursor.accept("{")
     parts = _parse_formulas(cursor) if braced else parse_body(cursor)
@@ -109,10 +109,11 @@ def parse_question(cursor: Cursor) -> Query:
         else:
             raise cursor.make_unexpected_error(("obs", "do"))
         more = cursor.accept(",")
-    first, subject = literals[0], None
-    if not braced and len(literals) == 1 and not first.negated and is_bare_term(first):
-        literals, subject = (), first.term
-    return Query(literals, subject, tuple(observations), tuple(interventions), at=first.at)
+    asks_values = not braced and all(is_bare_term(literal) and not literal.negated for literal in literals)
+    subjects = tuple([literal.term for literal in literals]) if asks_values else ()
+    return Query(
+        () if subjects else literals, subjects, tuple(observations), tuple(interventions), at=literals[0].at
+    )
 
 
 def _parse_formulas(cursor: Cursor) -> Body:
@@ -123,16 +124,17 @@ def _parse_formulas(cursor: Cursor) -> Body:
 def _parse_formula(cursor: Cursor) -> Body:
     at = cursor.at
     if cursor.accept("!"):
-        cursor.enter_nesting()
-        first, *others = _parse_formula(cursor)
-        cursor.leave_nesting()
+        first, *others = cursor.parse_nested(_parse_formula)
         if others or isinstance(first, ComparisonLiteral) or first.negated:
             raise SourceIssue(at, "'!' is only supported before a single literal")
         return (replace(first, negated=True, at=at),)
     if cursor.kind != "(":
         return (parse_body_literal(cursor),)
     cursor.take()
-    cursor.enter_nesting()
+    return cursor.parse_nested(_parse_conjunction, ")")
+
+
+def _parse_conjunction(cursor: Cursor) -> Body:
     formulas = list(_parse_formula(cursor))
     while cursor.accept_word("and"):
         formulas.extend(_parse_formula(cursor))
@@ -140,5 +142,4 @@ def _parse_formula(cursor: Cursor) -> Body:
         raise SourceIssue(
             cursor.at, "'or' is not supported in a query; define an attribute with one rule for each case"
         )
-    cursor.leave_nesting(")")
     return tuple(formulas)

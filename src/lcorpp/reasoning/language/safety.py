@@ -1,6 +1,6 @@
-"""Safety: check that the variables of a statement have finite ranges and its arithmetic stays in bounds.
+"""Safety: check that the variables of a clause have finite ranges and its arithmetic stays in bounds.
 
-A statement that passes these checks can be grounded.
+A clause that passes these checks can be grounded.
 """
 
 from __future__ import annotations
@@ -14,64 +14,51 @@ from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     BodyLiteral,
+    Clause,
     ComparisonLiteral,
-    DynamicRange,
     Expression,
+    Literal,
     Number,
     Probability,
-    Rule,
     Selection,
     Term,
     Variable,
 )
-from lcorpp.reasoning.language.traversal import get_body, iter_expressions, list_expressions
+from lcorpp.reasoning.language.traversal import get_body, list_expressions
 
 MAX_INSTANCES = 2_000_000
-"""Maximal number of ground instances of one statement; each outcome of a selection counts."""
+"""Maximal number of ground instances of one clause; each outcome of a selection counts."""
 
 
-def check_variables(
-    statement: Rule | Selection | Probability, signature: Signature, dynamic_range: DynamicRange | None = None
-) -> None:
-    """Check the variables and the arithmetic of a statement.
-
-    Args:
-        dynamic_range: a dynamic range to be checked with the statement. Without it, each instance of a
-            selection counts once for each value.
+def check_variables(clause: Clause, signature: Signature) -> None:
+    """Check the variables and the arithmetic of a clause; a dynamic range is checked as a clause of its own.
 
     Raises:
         SourceIssue: a constant or variable contradicts its sort, a variable is unsafe, there are too many
             instances, or an operand of arithmetic is not an integer or may exceed 32 bits.
     """
-    at, body = statement.at, get_body(statement)
-    scope, slots = list_expressions(statement), list(signature.iter_slots(statement))
-    span = 1
-    if isinstance(statement, Selection) and dynamic_range:
-        body = (*body, *dynamic_range.condition)
-        scope += [dynamic_range.variable, *iter_expressions(dynamic_range.condition)]
-        slots += signature.iter_range_slots(statement)
-    elif isinstance(statement, Selection):
-        span = len(signature.attributes[statement.term.name].values)
-    # the number of a pr-atom is computed exactly and has no bound
-    number = statement.number if isinstance(statement, Probability) else None
+    body, slots, scope = get_body(clause), list(signature.iter_slots(clause)), list_expressions(clause)
     check_slots(slots, signature)
     used = [variable for expression in scope for variable in iter_variables(expression)]
     sorts = find_variable_sorts(slots, used, signature)
-    computed = _find_computed_variables(body)
+    # each outcome of a selection counts
+    span = len(signature.attributes[clause.term.name].values) if isinstance(clause, Selection) else 1
+    computed = _find_computed_variables(body) | _find_joined_variables(clause, signature)
     for name, sorts_of_variable in sorts.items():
         common = signature.count_common_members(sorts_of_variable)
         if not common:
-            where = next((v.at for v in used if v.name == name), at)
+            where = next((variable.at for variable in used if variable.name == name), clause.at)
             names = " and ".join(sorts_of_variable)
             raise SourceIssue(where, f"variable {name} cannot be of the sorts {names} at once")
         if name not in computed:
             span *= common
     if span > MAX_INSTANCES:
-        raise SourceIssue(at, f"the statement has {span} ground instances; expected at most {MAX_INSTANCES}")
-    bounds = dict.fromkeys(sorts, signature.max_integer)
-    for expression, _ in slots:
-        if isinstance(expression, Term):  # a record: matching its known members binds its variables
-            bounds.update(dict.fromkeys(find_variables(expression), signature.max_integer))
+        raise SourceIssue(
+            clause.at, f"the statement has {span} ground instances; expected at most {MAX_INSTANCES}"
+        )
+    # matching the known members of a record binds its variables
+    records = find_variables(*(expression for expression, _ in slots if isinstance(expression, Term)))
+    bounds = dict.fromkeys((*sorts, *records), signature.max_integer)
     _add_computed_bounds(body, bounds)
     for variable in used:
         if variable.name not in bounds:
@@ -82,7 +69,8 @@ def check_variables(
             )
     check_order(body, sorts, signature)
     for expression in scope:
-        if expression is not number:
+        # the number of a pr-atom is computed exactly and has no bound
+        if not (isinstance(clause, Probability) and expression is clause.number):
             _check_arithmetic(expression, bounds, sorts, signature)
 
 
@@ -100,47 +88,54 @@ def find_variable_sorts(
     return sorts
 
 
-def iter_equations(body: Iterable[BodyLiteral]) -> Iterator[tuple[Variable, Expression]]:
+def _iter_equations(body: Iterable[BodyLiteral]) -> Iterator[tuple[str, Expression]]:
     """Iterate over equations of a variable and an expression; one of two variables occurs in both orders."""
     for literal in body:
         if isinstance(literal, ComparisonLiteral) and literal.relation == "=":
             for side, other in ((literal.left, literal.right), (literal.right, literal.left)):
                 if isinstance(side, Variable):
-                    yield side, other
+                    yield side.name, other
 
 
 def _find_computed_variables(body: Iterable[BodyLiteral]) -> set[str]:
     """Find the variables computed by equations such as T1=T+1, which do not multiply instances."""
     computed: set[str] = set()
     others: set[str] = set()
-    for variable, expression in iter_equations(body):
+    for variable, expression in _iter_equations(body):
         names = find_variables(expression)
-        if variable.name not in names | others and not names & computed:
-            computed.add(variable.name)
+        if variable not in names | others and not names & computed:
+            computed.add(variable)
             others |= names
     return computed
 
 
+def _find_joined_variables(clause: Clause, signature: Signature) -> set[str]:
+    """Find the variables whose values the grounder takes from the atoms of attributes, not from sorts."""
+    terms = [clause.term] if isinstance(clause, Probability) else []
+    for literal in get_body(clause):
+        if isinstance(literal, Literal) and not literal.negated and not signature.is_sort(literal):
+            terms.append(literal.term)
+    return find_variables(*(argument for term in terms for argument in term.arguments))
+
+
 def _add_computed_bounds(body: Iterable[BodyLiteral], bounds: dict[str, int]) -> None:
     """Add bounds of variables computed by equations such as X=Y+1 from bounded variables."""
-    waiting: dict[str, list[tuple[Variable, Expression, set[str]]]] = {}
-    ready: list[tuple[Variable, Expression]] = []
-    for variable, expression in iter_equations(body):
-        if variable.name not in bounds:
-            missing = find_variables(expression) - bounds.keys()
-            for name in missing:
-                waiting.setdefault(name, []).append((variable, expression, missing))
-            if not missing:
-                ready.append((variable, expression))
+    equations = [(name, expression, find_variables(expression)) for name, expression in _iter_equations(body)]
+    waiting: dict[str, list[int]] = {}  # variable without bound -> the equations that use it
+    for index, (_, _, names) in enumerate(equations):
+        names.difference_update(bounds)
+        for name in names:
+            waiting.setdefault(name, []).append(index)
+    ready = [index for index, (_, _, names) in enumerate(equations) if not names]
     while ready:
-        variable, expression = ready.pop()
-        if variable.name in bounds:
-            continue
-        bounds[variable.name] = _bound_magnitude(expression, bounds)
-        for next_variable, next_expression, missing in waiting.pop(variable.name, ()):
-            missing.discard(variable.name)
-            if not missing:
-                ready.append((next_variable, next_expression))
+        variable, expression, _ = equations[ready.pop()]
+        if variable not in bounds:
+            bounds[variable] = _bound_magnitude(expression, bounds)
+            for index in waiting.pop(variable, ()):
+                names = equations[index][2]
+                names.remove(variable)
+                if not names:
+                    ready.append(index)
 
 
 def _bound_magnitude(expression: Expression, bounds: dict[str, int]) -> int:

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
 
 from lcorpp.errors import expected_one_of
+from lcorpp.reasoning.language.arithmetic import is_integer
 from lcorpp.reasoning.language.issues import Place, SourceIssue
-from lcorpp.reasoning.language.sorts import BOOLEANS, SortTable, iter_record_shapes
+from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortTable, find_record_shapes
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     BodyLiteral,
+    Clause,
     DomainDirective,
     Expression,
     Literal,
-    Probability,
-    Rule,
     Selection,
-    SortDefinition,
     Statement,
     Term,
 )
-from lcorpp.reasoning.language.traversal import as_selection, get_body
-
-BOOLEAN = "boolean"
-"""The built-in sort with the values true and false."""
+from lcorpp.reasoning.language.traversal import as_selection, get_body, get_head
 
 ArgumentSlot = tuple[Expression, str]
 """An expression and the sort required at its position."""
@@ -59,21 +57,28 @@ class Signature:
     sorts: sort -> its members in order, as text.
     attributes: name -> attribute.
     domains: variable -> the sort declared by `#domain`.
-    max_integer: the largest absolute value of the integers in all sorts.
-    integer_sorts: the sorts that contain only integers.
     selections: attribute -> its random selections, including those of cr-rules.
     """
 
     sorts: Mapping[str, Mapping[str, None]]
     attributes: Mapping[str, Attribute]
     domains: Mapping[str, str]
-    max_integer: int
-    integer_sorts: frozenset[str] = frozenset()
     selections: Mapping[str, tuple[Selection, ...]] = field(default_factory=dict)
     _common_counts: dict[tuple[str, ...], int] = field(default_factory=dict, init=False, compare=False)
 
     def __repr__(self) -> str:
         return f"<Signature with {len(self.sorts)} sorts, {len(self.attributes)} attributes>"
+
+    @cached_property
+    def max_integer(self) -> int:
+        """The largest absolute value of the integers in all sorts, also within records."""
+        found = (re.findall(r"\b[0-9]+\b", " ".join(members)) for members in self.sorts.values())
+        return max((max(map(int, integers)) for integers in found if integers), default=0)
+
+    @cached_property
+    def integer_sorts(self) -> frozenset[str]:
+        """The sorts that contain only integers."""
+        return frozenset(name for name, members in self.sorts.items() if all(map(is_integer, members)))
 
     def count_common_members(self, sorts: Iterable[str]) -> int:
         """Return the size of the intersection of some sorts."""
@@ -105,32 +110,27 @@ class Signature:
         return zip(term.arguments, self.attributes[term.name].arguments, strict=True)
 
     def iter_literal_slots(self, literal: Literal) -> Iterator[ArgumentSlot]:
-        """The argument slots of a literal: arguments, and the value unless it is only compared by order."""
-        if self.is_sort(literal):
-            return
-        yield from self.iter_term_slots(literal.term)
-        if literal.relation in ("=", "!="):
-            yield literal.value, self.attributes[literal.term.name].range
+        """The argument slots of a literal: arguments, and the value unless it is only compared by order.
+
+        A positive sort membership `s(X)` has one slot, a negated one none.
+        """
+        if not self.is_sort(literal):
+            yield from self.iter_term_slots(literal.term)
+            if literal.relation in ("=", "!="):
+                yield literal.value, self.attributes[literal.term.name].range
+        elif not literal.negated:
+            yield literal.term.arguments[0], literal.term.name
 
     def iter_body_slots(self, body: Iterable[BodyLiteral]) -> Iterator[ArgumentSlot]:
-        """The argument slots of a body; a positive sort membership `s(X)` has one."""
+        """The argument slots of a body."""
         for literal in body:
             if isinstance(literal, Literal):
                 yield from self.iter_literal_slots(literal)
-                if self.is_sort(literal) and not literal.negated:
-                    yield literal.term.arguments[0], literal.term.name
 
-    def iter_slots(self, statement: Rule | Selection | Probability) -> Iterator[ArgumentSlot]:
-        """The argument slots of a statement without those of a dynamic range, which has its own variables."""
-        if isinstance(statement, Rule):
-            if statement.head:
-                yield from self.iter_literal_slots(statement.head)
-            yield from self.iter_body_slots(statement.body)
-        else:
-            yield from self.iter_term_slots(statement.term)
-            if isinstance(statement, Probability):
-                yield statement.value, self.attributes[statement.term.name].range
-            yield from self.iter_body_slots(get_body(statement))
+    def iter_slots(self, clause: Clause) -> Iterator[ArgumentSlot]:
+        """The argument slots of a clause without those of a dynamic range, which has its own variables."""
+        head = get_head(clause)
+        return self.iter_body_slots((head, *get_body(clause)) if head else get_body(clause))
 
     def iter_range_slots(self, selection: Selection) -> Iterator[ArgumentSlot]:
         """The argument slots of a dynamic range, its variable first."""
@@ -151,18 +151,17 @@ def build_signature(statements: Sequence[Statement]) -> Signature:
         SourceIssue: a declaration is invalid.
     """
     sorts = SortTable()
-    sorts.known[BOOLEAN] = BOOLEANS
     places: dict[str, Place] = {}
     for sort in (s for s in statements if isinstance(s, SortDefinition)):
         if sort.name != BOOLEAN:
             _check_new(sort.name, sort.at, places)
             sorts.define(sort)
-        elif sort.has_sort_expression or {str(element) for element in sort.elements} != {"true", "false"}:
+        elif str(sort) not in ("boolean = {true, false}.", "boolean = {false, true}."):
             raise SourceIssue(  # plog 2.0 requires `boolean = {true, false}`
                 sort.at, "the sort boolean is built in as {true, false} and cannot be declared otherwise"
             )
+    attributes = _collect_attributes(statements, sorts.known)
     domains: dict[str, str] = {}
-    attributes = _collect_attributes(statements, sorts)
     for domain in (s for s in statements if isinstance(s, DomainDirective)):
         _check_sort(domain.sort, domain.at, sorts.known)
         for variable in domain.variables:
@@ -172,25 +171,23 @@ def build_signature(statements: Sequence[Statement]) -> Signature:
     for selection in filter(None, map(as_selection, statements)):
         selections[selection.term.name] = (*selections.get(selection.term.name, ()), selection)
     return Signature(
-        MappingProxyType({name: MappingProxyType(s.members) for name, s in sorts.known.items()}),
+        MappingProxyType({name: MappingProxyType(members) for name, members in sorts.known.items()}),
         MappingProxyType(attributes),
         MappingProxyType(domains),
-        max(sort.max_integer for sort in sorts.known.values()),
-        frozenset(name for name, sort in sorts.known.items() if sort.integers),
         MappingProxyType(selections),
     )
 
 
-def _collect_attributes(statements: Sequence[Statement], sorts: SortTable) -> dict[str, Attribute]:
-    values: dict[str, tuple[str, ...]] = {}  # attributes of one sort share one tuple
+def _collect_attributes(
+    statements: Sequence[Statement], sorts: Mapping[str, Mapping[str, None]]
+) -> dict[str, Attribute]:
+    values = {name: tuple(members) for name, members in sorts.items()}  # shared by the attributes of a sort
     attributes: dict[str, Attribute] = {}
     places: dict[str, Place] = {}
     for declared in (s for s in statements if isinstance(s, AttributeDeclaration)):
         _check_new(declared.name, declared.at, places)
         for name in (*declared.arguments, declared.range):
-            _check_sort(name, declared.at, sorts.known)
-        if declared.range not in values:
-            values[declared.range] = tuple(sorts.known[declared.range].members)
+            _check_sort(name, declared.at, sorts)
         attributes[declared.name] = Attribute(
             declared.name, declared.arguments, declared.range, values[declared.range], declared.at.line
         )
@@ -218,9 +215,7 @@ def check_record_names(statements: Sequence[Statement]) -> None:
 
     Source: the manual of plog 2.0, section on errors in attribute declarations.
     """
-    records: set[tuple[str, int]] = set()
-    for sort in (s for s in statements if isinstance(s, SortDefinition)):
-        records.update(iter_record_shapes(sort.elements))
+    records = set().union(*(find_record_shapes(s.sort) for s in statements if isinstance(s, SortDefinition)))
     for declared in (s for s in statements if isinstance(s, AttributeDeclaration)):
         if (declared.name, len(declared.arguments)) in records:
             raise SourceIssue(

@@ -1,30 +1,24 @@
-"""Evaluation of sort expressions: sets, intervals, records, and set operations on sorts.
+"""Sorts: definitions, sort expressions (sets, intervals, records, set operations) and their evaluation.
 
 The total work for one program is bounded by `MAX_HANDLED_MEMBERS`.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import prod
 
 from lcorpp.errors import expected_one_of
-from lcorpp.reasoning.language.arithmetic import as_value, canonical_text, compare_values, is_integer
+from lcorpp.reasoning.language.arithmetic import as_value, canonical_text, compare_values
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.syntax import (
     ComparisonLiteral,
-    Connective,
     Expression,
-    IntervalTerm,
-    RecordSort,
-    SortDefinition,
-    SortExpression,
-    SortName,
-    SortOperation,
-    SortSet,
+    Operation,
+    Statement,
+    SyntaxNode,
     Term,
     Variable,
 )
@@ -35,34 +29,32 @@ MAX_SORT_SIZE = 100_000
 MAX_HANDLED_MEMBERS = 500_000
 """Maximal number of members created or compared to evaluate the sorts of a program."""
 
-_INTEGER = re.compile(r"\b[0-9]+\b")
+BOOLEAN = "boolean"
+"""The built-in sort with the values true and false."""
+
+Members = dict[str, None]
+"""The members of a sort in order, as text."""
 
 
-@dataclass(frozen=True)
-class Sort:
-    """An evaluated sort.
+@dataclass(frozen=True, repr=False)
+class SortDefinition(Statement):
+    """`name = {elements}.` or, a construct of plog 2.0, `#name = expression.`"""
 
-    members: the members in order, as text.
-    max_integer: the largest absolute value of the integers in its members.
-    integers: whether all members are integers.
-    """
+    name: str
+    sort: SortExpression
 
-    members: dict[str, None]
-    max_integer: int
-    integers: bool
-
-
-BOOLEANS = Sort({"true": None, "false": None}, 0, False)
+    def __str__(self) -> str:
+        return f"{'' if isinstance(self.sort, SortSet) else '#'}{self.name} = {self.sort}."
 
 
 class SortTable:
     """The evaluated sorts of a program; a definition may refer to earlier sorts.
 
-    known: name -> sort.
+    known: name -> members.
     """
 
     def __init__(self) -> None:
-        self.known: dict[str, Sort] = {}
+        self.known: dict[str, Members] = {BOOLEAN: {"true": None, "false": None}}
         self._handled = 0
 
     def define(self, definition: SortDefinition) -> None:
@@ -71,113 +63,167 @@ class SortTable:
         Raises:
             SourceIssue: the definition names an unknown sort, has a member twice, is empty or too large.
         """
-        name, at = definition.name, definition.at
-        if definition.has_sort_expression:
-            expression = definition.elements[0]
-            assert isinstance(expression, SortName | SortSet | RecordSort | SortOperation)
-            sort = self._evaluate(expression)
-        else:
-            sort = self._evaluate_set(definition.elements, name)
-        if not sort.members:
+        name, sort, at = definition.name, definition.sort, definition.at
+        members = sort.evaluate(self, name) if isinstance(sort, SortSet) else sort.evaluate(self)
+        if not members:
             raise SourceIssue(at, f"the sort {name} is empty")
-        if len(sort.members) > MAX_SORT_SIZE:
+        if len(members) > MAX_SORT_SIZE:
             raise SourceIssue(at, f"the sort {name} is too large; at most {MAX_SORT_SIZE} members")
-        self.known[name] = sort
+        self.known[name] = members
 
-    def _count_work(self, count: int, at: Place) -> None:
+    def count_work(self, count: int, at: Place) -> None:
+        """Count members handled; raise SourceIssue if they are too many."""
         self._handled += count
         if self._handled > MAX_HANDLED_MEMBERS:
             raise SourceIssue(
                 at, f"evaluation of the sorts up to here takes more than {MAX_HANDLED_MEMBERS} members"
             )
 
-    def _evaluate(self, expression: SortExpression) -> Sort:
-        if isinstance(expression, SortName):
-            if expression.name not in self.known:
-                names = expected_one_of([f"#{name}" for name in self.known])
-                raise SourceIssue(expression.at, f"unknown sort {str(expression)!r}; {names}")
-            return self.known[expression.name]
-        if isinstance(expression, IntervalTerm):
-            return self._evaluate_interval(expression)
-        if isinstance(expression, SortSet):
-            return self._evaluate_set(expression.elements, "here")
-        if isinstance(expression, RecordSort):
-            return self._evaluate_records(expression)
-        return self._evaluate_operation(expression)
 
-    def _evaluate_set(self, elements: Iterable[Expression | SortExpression], name: str) -> Sort:
-        members: dict[str, None] = {}
-        max_integer, integers = 0, True
-        for element in elements:
+# sort expressions
+
+
+@dataclass(frozen=True, repr=False)
+class IntervalTerm(SyntaxNode):
+    """`low..high`, including both ends."""
+
+    low: int
+    high: int
+
+    def __str__(self) -> str:
+        return f"{self.low}..{self.high}"
+
+    def evaluate(self, table: SortTable) -> Members:
+        """Return the integers."""
+        if self.high < self.low:
+            raise SourceIssue(self.at, f"the interval {self} is empty")
+        if self.high - self.low >= MAX_SORT_SIZE:
+            raise SourceIssue(
+                self.at, f"the interval {self} is too long; a sort has at most {MAX_SORT_SIZE} members"
+            )
+        table.count_work(self.high - self.low + 1, self.at)
+        return dict.fromkeys(map(str, range(self.low, self.high + 1)))
+
+
+@dataclass(frozen=True, repr=False)
+class SortName(SyntaxNode):
+    """`#name`: the members of a sort defined earlier."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return f"#{self.name}"
+
+    def evaluate(self, table: SortTable) -> Members:
+        """Look the sort up."""
+        if self.name not in table.known:
+            names = expected_one_of([f"#{name}" for name in table.known])
+            raise SourceIssue(self.at, f"unknown sort {str(self)!r}; {names}")
+        return table.known[self.name]
+
+
+@dataclass(frozen=True, repr=False)
+class SortSet(SyntaxNode):
+    """`{elements}`."""
+
+    elements: tuple[Expression | IntervalTerm, ...]
+
+    def __str__(self) -> str:
+        return f"{{{', '.join(map(str, self.elements))}}}"
+
+    def evaluate(self, table: SortTable, name: str = "here") -> Members:
+        """Return the elements; `name` is the name of the sort in messages."""
+        members: Members = {}
+        for element in self.elements:
             if isinstance(element, IntervalTerm):
-                part = self._evaluate_interval(element)
-                new: Iterable[str] = part.members
-                max_integer = max(max_integer, part.max_integer)
+                new = element.evaluate(table)
             else:
-                assert not isinstance(element, SortName | SortSet | RecordSort | SortOperation)
-                text = canonical_text(element)
-                new = (text,)
-                self._count_work(1, element.at)
-                max_integer = max([max_integer, *map(int, _INTEGER.findall(text))])
-                integers = integers and is_integer(text)
+                table.count_work(1, element.at)
+                new = {canonical_text(element): None}
             for member in new:
                 if member in members:
                     raise SourceIssue(element.at, f"{member} is twice in the sort {name}")
                 members[member] = None
-        return Sort(members, max_integer, integers)
+        return members
 
-    def _evaluate_interval(self, interval: IntervalTerm) -> Sort:
-        low, high = interval.low, interval.high
-        if high < low:
-            raise SourceIssue(interval.at, f"the interval {interval} is empty")
-        if high - low >= MAX_SORT_SIZE:
-            raise SourceIssue(
-                interval.at,
-                f"the interval {interval} is too long; a sort has at most {MAX_SORT_SIZE} members",
-            )
-        self._count_work(high - low + 1, interval.at)
-        return Sort(dict.fromkeys(map(str, range(low, high + 1))), max(abs(low), abs(high)), True)
 
-    def _evaluate_records(self, record: RecordSort) -> Sort:
-        parts = [self._evaluate(part) for part in record.parts]
-        count = prod(len(part.members) for part in parts)
+@dataclass(frozen=True, repr=False)
+class SortOperation(Operation):
+    """The union `+`, difference `-` or intersection `*` of sorts."""
+
+    left: SortExpression
+    right: SortExpression
+
+    def __str__(self) -> str:
+        return f"({self.left}) {self.operator} ({self.right})"
+
+    def evaluate(self, table: SortTable) -> Members:
+        """Return the union, difference or intersection in the order of the operands."""
+        left, right = self.left.evaluate(table), self.right.evaluate(table)
+        table.count_work(len(left) + len(right), self.at)
+        if self.operator == "+":
+            return {**left, **right}
+        return {member: None for member in left if (member in right) == (self.operator == "*")}
+
+
+@dataclass(frozen=True, repr=False)
+class Connective(Operation):
+    """`left & right` or `left | right` in the condition of a record sort."""
+
+    left: Condition
+    right: Condition
+
+    def __str__(self) -> str:
+        return f"({self.left} {self.operator} {self.right})"
+
+
+Condition = ComparisonLiteral | Connective
+
+
+@dataclass(frozen=True, repr=False)
+class RecordSort(SyntaxNode):
+    """`name(part(Variable), part) : condition`: records with arguments from the parts.
+
+    variables: the variable of each part in the condition, None without one.
+    """
+
+    name: str
+    parts: tuple[SortExpression, ...]
+    variables: tuple[str | None, ...]
+    condition: Condition | None = None
+
+    def __str__(self) -> str:
+        pairs = zip(self.parts, self.variables, strict=True)
+        inside = ", ".join(f"{part}({variable})" if variable else str(part) for part, variable in pairs)
+        return f"{self.name}({inside}){f' : {self.condition}' if self.condition else ''}"
+
+    def evaluate(self, table: SortTable) -> Members:
+        """Return the records that satisfy the condition."""
+        parts = [part.evaluate(table) for part in self.parts]
+        count = prod(map(len, parts))
         if count > MAX_SORT_SIZE:
             raise SourceIssue(
-                record.at,
-                f"the records {record.name}(...) are {count}; a sort has at most {MAX_SORT_SIZE} members",
+                self.at,
+                f"the records {self.name}(...) are {count}; a sort has at most {MAX_SORT_SIZE} members",
             )
-        self._count_work(count * (1 + _count_comparisons(record.condition)), record.at)
-        places = {variable: index for index, variable in enumerate(record.variables) if variable}
-        if len(places) < sum(variable is not None for variable in record.variables):
-            raise SourceIssue(record.at, "a variable names two arguments of the record")
-        rows: Iterable[Sequence[str]] = product(*(part.members for part in parts))
-        if (condition := record.condition) is not None:
+        table.count_work(count * (1 + 2 * len(list_comparisons(self.condition))), self.at)
+        places = {variable: index for index, variable in enumerate(self.variables) if variable}
+        if len(places) < sum(variable is not None for variable in self.variables):
+            raise SourceIssue(self.at, "a variable names two arguments of the record")
+        rows: Iterable[Sequence[str]] = product(*parts)
+        if (condition := self.condition) is not None:
             rows = (row for row in rows if _is_satisfied(condition, row, places))
-        members = {f"{record.name}({','.join(row)})": None for row in rows}
-        return Sort(members, max(part.max_integer for part in parts), False)
-
-    def _evaluate_operation(self, operation: SortOperation) -> Sort:
-        left, right = self._evaluate(operation.left), self._evaluate(operation.right)
-        self._count_work(len(left.members) + len(right.members), operation.at)
-        if operation.operator == "+":
-            members = {**left.members, **right.members}
-        elif operation.operator == "*":
-            members = {member: None for member in left.members if member in right.members}
-        else:
-            members = {member: None for member in left.members if member not in right.members}
-        return Sort(members, max(left.max_integer, right.max_integer), all(map(is_integer, members)))
+        return {f"{self.name}({','.join(row)})": None for row in rows}
 
 
-def _count_comparisons(condition: ComparisonLiteral | Connective | None) -> int:
-    """Return the cost of a condition: two members for each comparison."""
+def list_comparisons(condition: Condition | None) -> list[ComparisonLiteral]:
+    """List the comparisons of a condition."""
     if isinstance(condition, Connective):
-        return _count_comparisons(condition.left) + _count_comparisons(condition.right)
-    return 2 if condition else 0
+        return [*list_comparisons(condition.left), *list_comparisons(condition.right)]
+    return [condition] if condition else []
 
 
-def _is_satisfied(
-    condition: ComparisonLiteral | Connective, row: Sequence[str], places: Mapping[str, int]
-) -> bool:
+def _is_satisfied(condition: Condition, row: Sequence[str], places: Mapping[str, int]) -> bool:
     if isinstance(condition, Connective):
         parts = (_is_satisfied(part, row, places) for part in (condition.left, condition.right))
         return any(parts) if condition.operator == "|" else all(parts)
@@ -188,15 +234,20 @@ def _is_satisfied(
     return compare_values(left, condition.relation, right)
 
 
-def iter_record_shapes(elements: Iterable[Expression | SortExpression]) -> Iterator[tuple[str, int]]:
-    """Iterate over name and number of arguments of the records in sort expressions, without named sorts."""
-    for element in elements:
-        if isinstance(element, Term) and element.arguments:
-            yield element.name, len(element.arguments)
-        elif isinstance(element, RecordSort):
-            yield element.name, len(element.parts)
-            yield from iter_record_shapes(element.parts)
-        elif isinstance(element, SortSet):
-            yield from iter_record_shapes(element.elements)
-        elif isinstance(element, SortOperation):
-            yield from iter_record_shapes((element.left, element.right))
+SortExpression = SortName | SortSet | RecordSort | SortOperation | IntervalTerm
+
+
+def find_record_shapes(sort: Expression | SortExpression) -> set[tuple[str, int]]:
+    """Find name and number of arguments of the records in a sort expression, without named sorts."""
+    shapes: set[tuple[str, int]] = set()
+    parts: tuple[Expression | SortExpression, ...] = ()
+    if isinstance(sort, Term) and sort.arguments:
+        shapes.add((sort.name, len(sort.arguments)))
+    elif isinstance(sort, RecordSort):
+        shapes.add((sort.name, len(sort.parts)))
+        parts = sort.parts
+    elif isinstance(sort, SortSet):
+        parts = sort.elements
+    elif isinstance(sort, SortOperation):
+        parts = (sort.left, sort.right)
+    return shapes.union(*map(find_record_shapes, parts))

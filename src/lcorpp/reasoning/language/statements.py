@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 
 from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
 from lcorpp.reasoning.language.declarations import (
-    is_bare_name,
+    is_name,
     parse_attributes,
-    parse_hash_sort,
-    parse_plain_sort,
+    parse_sort,
+    parse_sort_name,
+    require_name,
 )
 from lcorpp.reasoning.language.expressions import (
     parse_body,
@@ -46,82 +47,58 @@ from lcorpp.reasoning.language.syntax import (
 
 _SECTIONS = ("sorts", "attributes", "statements")
 
-_ARROWS = (":+", "+-")
+_CR_ARROWS = (":+", "+-")
 
 
 def parse_statements(cursor: Cursor) -> Iterator[Statement]:
     """Parse the statements of a program."""
     while cursor.kind != END:
         cursor.anonymous_count = 0
-        yield from _parse_statement(cursor)
-
-
-def _parse_statement(cursor: Cursor) -> Iterator[Statement]:
-    kind, word = cursor.kind, cursor.word
-    if word == "#domain":
-        yield from _parse_domains(cursor)
-    elif word == "#const":
-        _parse_constant(cursor)
-    elif word == "#semantics":
-        _parse_semantics(cursor)
-    elif kind == HASH_NAME:
-        yield parse_hash_sort(cursor)
-    elif kind == "?":
-        yield parse_query_statement(cursor)
-    elif kind == ":-" or kind in _ARROWS:
-        yield _parse_constraint(cursor)
-    elif kind == "[":
-        cursor.take()
-        yield _parse_labelled(cursor, _parse_label(cursor))
-    elif word in _SECTIONS and cursor.second_kind in (NAME, HASH_NAME, END, "[", ":-", "?"):
-        cursor.uses_plog2 = True
-        cursor.take()
-    elif word in ("random", "pr"):
-        yield _parse_labelled(cursor, None)
-    elif word == "obs":
-        yield parse_observation(cursor)
-        cursor.expect(".")
-    elif word == "do":
-        yield parse_intervention(cursor)
-        cursor.expect(".")
-    elif word == "not":
-        raise cursor.make_unexpected_error()
-    else:
-        yield from _parse_declaration_or_rule(cursor)
+        if cursor.word in _SECTIONS and cursor.second_kind in (NAME, HASH_NAME, END, "[", ":-", "?"):
+            cursor.uses_plog2 = True
+            cursor.take()
+        else:
+            yield from _PARSERS.get(cursor.word, _parse_declaration_or_rule)(cursor)
 
 
 def _parse_declaration_or_rule(cursor: Cursor) -> Iterator[Statement]:
+    at = cursor.at
+    if cursor.kind == HASH_NAME:
+        yield parse_sort(cursor, parse_sort_name(cursor), at)
+        return
     left = parse_sum(cursor, plus_minus_is_arrow=True)
-    if cursor.kind == ":" or (cursor.kind == "," and cursor.second_kind == NAME and is_bare_name(left)):
-        yield from parse_attributes(cursor, left)
+    if cursor.kind == ":" or (cursor.kind == "," and cursor.second_kind == NAME and is_name(left)):
+        yield from parse_attributes(cursor, require_name(left, "an attribute"))
     elif cursor.kind == "=" and cursor.second_kind == "{":
-        yield parse_plain_sort(cursor, left)
+        yield parse_sort(cursor, require_name(left, "a sort").name, at)
     else:
-        yield _parse_rule(cursor, parse_rest_of_literal(cursor, left, plus_minus_is_arrow=True), None)
+        yield _parse_rule(cursor, parse_rest_of_literal(cursor, left, plus_minus_is_arrow=True))
 
 
 def _parse_domains(cursor: Cursor) -> Iterator[DomainDirective]:
     """Parse `#domain s(X;Y), t(Z).`"""
     at = cursor.at
     cursor.take()
-    while True:
-        sort = cursor.expect(NAME)
-        cursor.expect("(")
-        names = cursor.parse_list(_parse_domain_variable, ";")
-        cursor.expect(")")
-        yield DomainDirective(sort, tuple(dict.fromkeys(names)), at=at)
-        if not cursor.accept(","):
-            break
+    yield from cursor.parse_list(lambda cursor: _parse_domain(cursor, at))
     cursor.expect(".")
 
 
-def _parse_domain_variable(cursor: Cursor) -> str:
-    if cursor.word == "_":
-        raise cursor.make_unexpected_error((VARIABLE,))
-    return cursor.expect(VARIABLE)
+def _parse_domain(cursor: Cursor, at: Place) -> DomainDirective:
+    sort = cursor.expect(NAME)
+    cursor.expect("(")
+    names = [variable.name for variable in cursor.parse_list(_parse_named_variable, ";")]
+    cursor.expect(")")
+    return DomainDirective(sort, tuple(dict.fromkeys(names)), at=at)
 
 
-def _parse_constant(cursor: Cursor) -> None:
+def _parse_named_variable(cursor: Cursor) -> Variable:
+    at, name = cursor.at, cursor.expect(VARIABLE)
+    if name == "_":
+        raise SourceIssue(at, "expected a named variable, not '_'")
+    return Variable(name, at=at)
+
+
+def _parse_constant(cursor: Cursor) -> Iterator[Statement]:
     """Parse `#const name = value.`, which replaces the name in the rest of the text."""
     cursor.take()
     at, name = cursor.at, cursor.expect(NAME)
@@ -132,9 +109,10 @@ def _parse_constant(cursor: Cursor) -> None:
         raise SourceIssue(at, f"the constant {name} is declared twice")
     text = canonical_text(given)
     cursor.constants[name] = given if isinstance(given, Term) else Number(Fraction(text), at=given.at)
+    return iter(())
 
 
-def _parse_semantics(cursor: Cursor) -> None:
+def _parse_semantics(cursor: Cursor) -> Iterator[Statement]:
     """Parse `#semantics 2009.` or `#semantics 2018.`, which overrides the dialect."""
     cursor.take()
     at, given = cursor.at, cursor.expect(INTEGER)
@@ -144,9 +122,34 @@ def _parse_semantics(cursor: Cursor) -> None:
         raise SourceIssue(at, f"the semantics {cursor.semantics} is already chosen")
     cursor.semantics = given  # type: ignore[assignment]  # mypy does not see the test above
     cursor.expect(".")
+    return iter(())
+
+
+def _parse_query(cursor: Cursor) -> Iterator[Statement]:
+    yield parse_query_statement(cursor)
+
+
+def _parse_evidence(cursor: Cursor) -> Iterator[Statement]:
+    yield parse_observation(cursor) if cursor.word == "obs" else parse_intervention(cursor)
+    cursor.expect(".")
 
 
 # rules
+
+
+def _parse_labelled(cursor: Cursor) -> Iterator[Statement]:
+    """Parse a random selection, a pr-atom or a cr-rule with its label, if it has one."""
+    label = _parse_label(cursor) if cursor.accept("[") else None
+    at = label.at if label else cursor.at
+    if cursor.accept_word("random"):
+        term, dynamic_range = _parse_selection_head(cursor)
+        body, is_cr_rule = _parse_tail(cursor)
+        selection = Selection(term, dynamic_range, body, label, at=at)
+        yield CrRule(selection, at=at) if is_cr_rule else selection
+    elif cursor.accept_word("pr"):
+        yield _parse_probability(cursor, label, at)
+    else:
+        yield _parse_rule(cursor, parse_literal(cursor, plus_minus_is_arrow=True), label)
 
 
 def _parse_label(cursor: Cursor) -> Term:
@@ -157,35 +160,24 @@ def _parse_label(cursor: Cursor) -> Term:
     return term
 
 
-def _parse_labelled(cursor: Cursor, label: Term | None) -> Statement:
-    at = label.at if label else cursor.at
-    if cursor.accept_word("random"):
-        term, dynamic_range = _parse_selection_head(cursor)
-        arrow = cursor.kind
-        selection = Selection(term, dynamic_range, _parse_tail(cursor), label, at=at)
-        return CrRule(selection, at=at) if arrow in _ARROWS else selection
-    if cursor.accept_word("pr"):
-        return _parse_probability(cursor, label, at)
-    return _parse_rule(cursor, parse_literal(cursor, plus_minus_is_arrow=True), label)
-
-
-def _parse_tail(cursor: Cursor) -> Body:
-    """Parse the rest of a rule after its head, full stop included; return the body."""
+def _parse_tail(cursor: Cursor) -> tuple[Body, bool]:
+    """Parse the rest of a rule after its head; return the body and whether the rule is a cr-rule."""
     body: Body = ()
-    if cursor.next_is(":-", *_ARROWS):
-        if cursor.take() == ":+":
-            cursor.uses_plog2 = True
+    arrow = cursor.kind
+    if cursor.next_is(":-", *_CR_ARROWS):
+        cursor.take()
+        cursor.uses_plog2 |= arrow == ":+"
         if not cursor.next_is("."):
             body = parse_body(cursor)
     cursor.expect(".")
-    return body
+    return body, arrow in _CR_ARROWS
 
 
-def _parse_rule(cursor: Cursor, literal: BodyLiteral, label: Term | None) -> Rule | CrRule:
+def _parse_rule(cursor: Cursor, literal: BodyLiteral, label: Term | None = None) -> Rule | CrRule:
     head = require_assignment(literal, "the head of a rule")
-    arrow = cursor.kind
-    rule = Rule(head, _parse_tail(cursor), at=head.at)
-    if arrow in _ARROWS:
+    body, is_cr_rule = _parse_tail(cursor)
+    rule = Rule(head, body, at=head.at)
+    if is_cr_rule:
         return CrRule(rule, label, at=label.at if label else head.at)
     if label:
         raise SourceIssue(
@@ -194,11 +186,11 @@ def _parse_rule(cursor: Cursor, literal: BodyLiteral, label: Term | None) -> Rul
     return rule
 
 
-def _parse_constraint(cursor: Cursor) -> Rule | CrRule:
+def _parse_constraint(cursor: Cursor) -> Iterator[Statement]:
     at, arrow = cursor.at, cursor.take()
     rule = Rule(None, parse_body(cursor), at=at)
     cursor.expect(".")
-    return CrRule(rule, at=at) if arrow in _ARROWS else rule
+    yield CrRule(rule, at=at) if arrow in _CR_ARROWS else rule
 
 
 def _parse_selection_head(cursor: Cursor) -> tuple[Term, DynamicRange | None]:
@@ -210,12 +202,9 @@ def _parse_selection_head(cursor: Cursor) -> tuple[Term, DynamicRange | None]:
     dynamic_range = None
     if cursor.accept(":"):
         cursor.expect("{")
-        at = cursor.at
-        variable = Variable(cursor.expect(VARIABLE), at=at)
-        if variable.name == "_":
-            raise SourceIssue(at, "expected a named variable in a dynamic range, not '_'")
+        variable = _parse_named_variable(cursor)
         cursor.expect(":")
-        dynamic_range = DynamicRange(variable, parse_body(cursor), at=at)
+        dynamic_range = DynamicRange(variable, parse_body(cursor), at=variable.at)
         cursor.expect("}")
     elif cursor.accept(","):  # the values X with p(X)
         cursor.uses_plog2 = True
@@ -239,3 +228,19 @@ def _parse_probability(cursor: Cursor, label: Term | None, at: Place) -> Probabi
         number = Number(evaluate_number(number, {}), at=number.at)
     cursor.expect(".")
     return Probability(literal.term, literal.value, number, condition, label, at=at)
+
+
+_PARSERS: dict[str, Callable[[Cursor], Iterator[Statement]]] = {
+    "#domain": _parse_domains,
+    "#const": _parse_constant,
+    "#semantics": _parse_semantics,
+    "?": _parse_query,
+    "obs": _parse_evidence,
+    "do": _parse_evidence,
+    "random": _parse_labelled,
+    "pr": _parse_labelled,
+    "[": _parse_labelled,
+    ":-": _parse_constraint,
+    **dict.fromkeys(_CR_ARROWS, _parse_constraint),
+}
+"""The first token of a statement -> its parser; other statements are declarations or rules."""

@@ -1,36 +1,145 @@
-"""Syntax tree of P-log: the statements, with the nodes of `terms` re-exported.
+"""Syntax tree of P-log: expressions, literals and statements; sort expressions are in `sorts`.
 
-Each node prints as text that parses to an equal node; equality ignores places.
+Nodes are frozen. Each has a place, which equality ignores, and prints as text that parses to an equal node.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Literal as OneOf, get_args
 
-from lcorpp.reasoning.language.terms import (
-    Arithmetic as Arithmetic,
-    BodyLiteral as BodyLiteral,
-    ComparisonLiteral as ComparisonLiteral,
-    Connective as Connective,
-    Expression as Expression,
-    IntervalTerm as IntervalTerm,
-    Literal as Literal,
-    Number as Number,
-    RecordSort as RecordSort,
-    SortExpression as SortExpression,
-    SortName as SortName,
-    SortOperation as SortOperation,
-    SortSet as SortSet,
-    SyntaxNode as SyntaxNode,
-    Term as Term,
-    Variable as Variable,
-)
+from lcorpp.reasoning.language.issues import SYNTHETIC_PLACE, Place
 
 Semantics = OneOf["2009", "2018"]
 """Semantics of `do` and Condition 1: TPLP 9(1), 2009, or P-log 2, 2018."""
 
 SEMANTICS: tuple[str, ...] = get_args(Semantics)
+
+SHOWN_CHARACTERS = 120
+"""`repr` of a node shows at most this many characters of its text."""
+
+
+@dataclass(frozen=True)
+class SyntaxNode:
+    """Base class of nodes.
+
+    at: the place where the node begins.
+    """
+
+    at: Place = field(default=SYNTHETIC_PLACE, compare=False, kw_only=True)
+
+    def __repr__(self) -> str:
+        text = str(self)
+        if len(text) > SHOWN_CHARACTERS:
+            text = f"{text[:SHOWN_CHARACTERS]}..."
+        return f"<{type(self).__name__} {text}>"
+
+
+@dataclass(frozen=True, repr=False)
+class Number(SyntaxNode):
+    """A number. Only the number of a pr-atom may be a fraction."""
+
+    value: Fraction
+
+    def __str__(self) -> str:
+        if self.value.denominator == 1:
+            return str(self.value.numerator)
+        for digits in range(1, self.value.denominator.bit_length()):  # a finite decimal
+            shifted = self.value * 10**digits
+            if shifted.denominator == 1:
+                shown = f"{abs(shifted.numerator):0{digits + 1}d}"
+                return f"{'-' if self.value < 0 else ''}{shown[:-digits]}.{shown[-digits:]}"
+        return str(self.value)
+
+
+@dataclass(frozen=True, repr=False)
+class Variable(SyntaxNode):
+    """A variable, an identifier with a capital first letter."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True, repr=False)
+class Term(SyntaxNode):
+    """A constant `a`, a record `f(1, a)` or an attribute with its arguments, depending on the context."""
+
+    name: str
+    arguments: tuple[Expression, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.name}({','.join(map(str, self.arguments))})" if self.arguments else self.name
+
+
+@dataclass(frozen=True, repr=False)
+class Operation(SyntaxNode):
+    """`left operator right` between numbers, sorts or conditions of a sort."""
+
+    operator: str
+    left: SyntaxNode
+    right: SyntaxNode
+
+
+@dataclass(frozen=True, repr=False)
+class Arithmetic(Operation):
+    """An operation on numbers with one of ``+ - * / mod``.
+
+    Division is exact in the number of a pr-atom, elsewhere the integer division of ASP.
+    """
+
+    left: Expression
+    right: Expression
+
+    def __str__(self) -> str:
+        space = " " if self.operator == "mod" else ""
+        return f"{_format_operand(self.left)}{space}{self.operator}{space}{_format_operand(self.right)}"
+
+
+Expression = Number | Variable | Term | Arithmetic
+
+
+def _format_operand(expression: Expression) -> str:
+    bare = not isinstance(expression, Arithmetic) and not str(expression).startswith("-")
+    return str(expression) if bare else f"({expression})"
+
+
+@dataclass(frozen=True, repr=False)
+class Literal(SyntaxNode):
+    """`term relation value`, or its default negation. `p` is `p=true`, `-p` is `p=false`."""
+
+    term: Term
+    relation: str
+    value: Expression
+    negated: bool = False
+
+    def __str__(self) -> str:
+        return f"{'not ' if self.negated else ''}{self.term}{self.relation}{self.value}"
+
+
+@dataclass(frozen=True, repr=False)
+class ComparisonLiteral(SyntaxNode):
+    """`left relation right` between expressions without attributes."""
+
+    left: Expression
+    relation: str
+    right: Expression
+
+    def __str__(self) -> str:
+        return f"{self.left}{self.relation}{self.right}"
+
+
+BodyLiteral = Literal | ComparisonLiteral
+
+
+# statements
+
+
+class Statement(SyntaxNode):
+    """A statement of a program: one of the classes below, or a `sorts.SortDefinition`."""
+
 
 Body = tuple[BodyLiteral, ...]
 
@@ -44,27 +153,7 @@ def _format_label(label: Term | None) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class SortDefinition(SyntaxNode):
-    """`name = {elements}.`, or `#name = expression.` with the expression as the only element."""
-
-    name: str
-    elements: tuple[Expression | SortExpression, ...]
-
-    @property
-    def has_sort_expression(self) -> bool:
-        """Whether the definition is a sort expression, a construct of plog 2.0."""
-        return len(self.elements) == 1 and isinstance(
-            self.elements[0], SortName | SortSet | RecordSort | SortOperation
-        )
-
-    def __str__(self) -> str:
-        if self.has_sort_expression:
-            return f"#{self.name} = {self.elements[0]}."
-        return f"{self.name} = {{{', '.join(map(str, self.elements))}}}."
-
-
-@dataclass(frozen=True, repr=False)
-class AttributeDeclaration(SyntaxNode):
+class AttributeDeclaration(Statement):
     """`name : arguments -> range.`"""
 
     name: str
@@ -76,7 +165,7 @@ class AttributeDeclaration(SyntaxNode):
 
 
 @dataclass(frozen=True, repr=False)
-class DomainDirective(SyntaxNode):
+class DomainDirective(Statement):
     """`#domain sort(X;Y).`: the sort of these variables in the whole program."""
 
     sort: str
@@ -98,7 +187,7 @@ class DynamicRange(SyntaxNode):
 
 
 @dataclass(frozen=True, repr=False)
-class Selection(SyntaxNode):
+class Selection(Statement):
     """`[label] random(term : range) :- body.`"""
 
     term: Term
@@ -112,7 +201,7 @@ class Selection(SyntaxNode):
 
 
 @dataclass(frozen=True, repr=False)
-class Probability(SyntaxNode):
+class Probability(Statement):
     """`[label] pr(term=value | condition) = number.` A number without variables is evaluated."""
 
     term: Term
@@ -128,7 +217,7 @@ class Probability(SyntaxNode):
 
 
 @dataclass(frozen=True, repr=False)
-class Rule(SyntaxNode):
+class Rule(Statement):
     """`head :- body.` A rule without body is a fact, one without head a constraint."""
 
     head: Literal | None
@@ -138,8 +227,12 @@ class Rule(SyntaxNode):
         return f"{self.head or ''}{_format_body(self.body)}.".lstrip()
 
 
+Clause = Rule | Selection | Probability
+"""A statement with variables, which stands for its ground instances."""
+
+
 @dataclass(frozen=True, repr=False)
-class CrRule(SyntaxNode):
+class CrRule(Statement):
     """`[label] statement +- body.`: a consistency-restoring rule, applied only if no possible world exists.
 
     statement: the rule or random selection that it adds.
@@ -150,14 +243,12 @@ class CrRule(SyntaxNode):
     label: Term | None = None
 
     def __str__(self) -> str:
-        head, _, body = str(self.statement)[:-1].partition(" :- ")
-        if isinstance(self.statement, Rule) and self.statement.head is None:
-            head, body = "", ", ".join(map(str, self.statement.body))
-        return f"{_format_label(self.label)}{head} +- {body}".rstrip() + "."
+        head, _, body = str(self.statement)[:-1].partition(":- ")
+        return f"{_format_label(self.label)}{head.rstrip()} +- {body}".strip() + "."
 
 
 @dataclass(frozen=True, repr=False)
-class Observation(SyntaxNode):
+class Observation(Statement):
     """`obs(literal)`: excludes the worlds in which the literal is false."""
 
     literal: Literal
@@ -167,7 +258,7 @@ class Observation(SyntaxNode):
 
 
 @dataclass(frozen=True, repr=False)
-class Intervention(SyntaxNode):
+class Intervention(Statement):
     """`do(term=value)`: an intervention that replaces the random selection of the term."""
 
     term: Term
@@ -178,32 +269,19 @@ class Intervention(SyntaxNode):
 
 
 @dataclass(frozen=True, repr=False)
-class Query(SyntaxNode):
-    """`?{literals} | conditions.` for a probability, `? subject | conditions.` for a distribution.
+class Query(Statement):
+    """`?{literals} | conditions.` for a probability, `? subjects | conditions.` for a joint distribution.
 
-    A query has either `literals` or a `subject`.
+    A query has either `literals` or `subjects`.
     """
 
     literals: tuple[Literal, ...] = ()
-    subject: Term | None = None
+    subjects: tuple[Term, ...] = ()
     observations: tuple[Observation, ...] = ()
     interventions: tuple[Intervention, ...] = ()
 
     def __str__(self) -> str:
-        asked = str(self.subject) if self.subject else f"{{{', '.join(map(str, self.literals))}}}"
+        parts = ", ".join(map(str, self.subjects or self.literals))
+        asked = parts if self.subjects else f"{{{parts}}}"
         conditions = ", ".join(str(c)[:-1] for c in (*self.observations, *self.interventions))
         return f"?{asked}{' | ' if conditions else ''}{conditions}."
-
-
-Statement = (
-    SortDefinition
-    | AttributeDeclaration
-    | DomainDirective
-    | Selection
-    | Probability
-    | Rule
-    | CrRule
-    | Observation
-    | Intervention
-    | Query
-)

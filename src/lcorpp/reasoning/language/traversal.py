@@ -1,9 +1,10 @@
-"""Traversal of statements: iterate over their literals and expressions, and rewrite their literals."""
+"""Traversal of statements: list their literals, expressions and variables, and rewrite their literals."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
+from functools import cache
 from operator import is_
 from typing import Any, TypeVar
 
@@ -11,49 +12,53 @@ from lcorpp.reasoning.language.arithmetic import Value, find_variables
 from lcorpp.reasoning.language.syntax import (
     Body,
     BodyLiteral,
+    Clause,
     CrRule,
     DynamicRange,
     Expression,
-    Intervention,
     Literal,
     Number,
-    Observation,
     Probability,
-    Query,
     Rule,
     Selection,
     Statement,
     Term,
 )
 
-_MAPPED_FIELDS: dict[type, tuple[str, ...]] = {
-    CrRule: ("statement",),
-    Rule: ("head", "body"),
-    Selection: ("range", "term", "body"),
-    DynamicRange: ("condition",),
-    Probability: ("term", "condition"),
-    Observation: ("literal",),
-    Intervention: ("term",),
-    Query: ("literals", "subject", "observations", "interventions"),
-}
-"""The fields that `map_literals` rewrites, in this order."""
-
 _Node = TypeVar("_Node")
 
 Rewrite = Callable[[Literal], Literal]
-"""Maps a literal to its replacement. A term without value is passed as the literal `term=term`."""
+
+
+def as_clause(statement: Statement) -> Clause | None:
+    """Return the statement, or that of a cr-rule, if it is a rule, a random selection or a pr-atom."""
+    inner = statement.statement if isinstance(statement, CrRule) else statement
+    return inner if isinstance(inner, Clause) else None
 
 
 def as_selection(statement: Statement) -> Selection | None:
     """Return the random selection of a statement, perhaps within a cr-rule, or None."""
-    if isinstance(statement, CrRule):
-        statement = statement.statement
-    return statement if isinstance(statement, Selection) else None
+    clause = as_clause(statement)
+    return clause if isinstance(clause, Selection) else None
 
 
-def get_body(statement: Rule | Selection | Probability) -> Body:
+def as_literal(term: Term) -> Literal:
+    """Return a literal without a value of its own: an order, whose right side is not bound to the range."""
+    return Literal(term, "<", term, at=term.at)
+
+
+def get_head(clause: Clause) -> Literal | None:
+    """Return the head of a rule, `term=value` of a pr-atom, or the term of a selection (`as_literal`)."""
+    if isinstance(clause, Rule):
+        return clause.head
+    if isinstance(clause, Probability):
+        return Literal(clause.term, "=", clause.value, at=clause.at)
+    return as_literal(clause.term)
+
+
+def get_body(clause: Clause) -> Body:
     """Return the body of a rule or selection, or the condition of a pr-atom."""
-    return statement.condition if isinstance(statement, Probability) else statement.body
+    return clause.condition if isinstance(clause, Probability) else clause.body
 
 
 def iter_expressions(body: Iterable[BodyLiteral]) -> Iterator[Expression]:
@@ -65,20 +70,18 @@ def iter_expressions(body: Iterable[BodyLiteral]) -> Iterator[Expression]:
             yield from (literal.left, literal.right)
 
 
-def list_expressions(statement: Rule | Selection | Probability) -> list[Expression]:
-    """List the expressions of a statement without those of a dynamic range."""
-    if isinstance(statement, Rule):
-        expressions = list(iter_expressions((statement.head,) if statement.head else ()))
-    else:
-        expressions = [*statement.term.arguments, *(statement.label.arguments if statement.label else ())]
-        if isinstance(statement, Probability):
-            expressions.extend((statement.value, statement.number))
-    return [*expressions, *iter_expressions(get_body(statement))]
+def list_expressions(clause: Clause) -> list[Expression]:
+    """List the expressions of a clause without those of a dynamic range."""
+    head, label = get_head(clause), None if isinstance(clause, Rule) else clause.label
+    expressions = [*iter_expressions([head] if head else []), *(label.arguments if label else ())]
+    if isinstance(clause, Probability):
+        expressions.append(clause.number)
+    return [*expressions, *iter_expressions(get_body(clause))]
 
 
-def list_variables(statement: Rule | Selection | Probability) -> list[str]:
-    """List the variables of a statement in the order of the values in its instances."""
-    return sorted(find_variables(*list_expressions(statement)))
+def list_variables(clause: Clause) -> list[str]:
+    """List the variables of a clause in the order of the values in its instances."""
+    return sorted(find_variables(*list_expressions(clause)))
 
 
 def list_fact_values(rule: Rule) -> tuple[Value, ...] | None:
@@ -96,27 +99,23 @@ def list_fact_values(rule: Rule) -> tuple[Value, ...] | None:
     return tuple(values)
 
 
-def iter_literals(statement: Statement) -> Iterator[tuple[Literal, bool]]:
-    """Iterate over the literals of a statement, heads and selected terms included.
-
-    Yields:
-        Each literal, and whether it is the head.
-    """
-    literals: list[tuple[Literal, bool]] = []
-    inner = statement.statement if isinstance(statement, CrRule) else statement
-    first = inner.head if isinstance(inner, Rule) else inner
-    head = first.term if isinstance(first, Literal | Selection) else None
+def list_literals(statement: Statement) -> list[Literal]:
+    """List the literals of a statement, heads and selected terms included."""
+    literals: list[Literal] = []
 
     def collect(literal: Literal) -> Literal:
-        literals.append((literal, literal.term is head))
+        literals.append(literal)
         return literal
 
     map_literals(statement, collect)
-    return iter(literals)
+    return literals
 
 
 def map_literals(node: _Node, rewrite: Rewrite) -> _Node:
-    """Return a statement, or a part of one, with each literal, head and selected term rewritten."""
+    """Return a statement, or a part of one, with each literal and each term without value rewritten.
+
+    `rewrite` gets a term without value as a literal (`as_literal`).
+    """
     return _map_part(node, rewrite)  # type: ignore[no-any-return]  # of the type of the node
 
 
@@ -124,16 +123,20 @@ def _map_part(part: Any, rewrite: Rewrite) -> Any:
     if isinstance(part, Literal):
         return rewrite(part)
     if isinstance(part, Term):
-        return rewrite(Literal(part, "=", part, at=part.at)).term
+        return rewrite(as_literal(part)).term
     if isinstance(part, tuple):
         items = [_map_part(item, rewrite) for item in part]
         return part if all(map(is_, items, part)) else tuple(items)
     changes = {}
-    for name in _MAPPED_FIELDS.get(type(part), ()):
+    for name in _list_mapped_fields(part.__class__):
         old = getattr(part, name)
-        if not old:
-            continue
         new = _map_part(old, rewrite)
         if new is not old:
             changes[name] = new
     return replace(part, **changes) if changes else part
+
+
+@cache
+def _list_mapped_fields(kind: type[Any]) -> list[str]:
+    names = [field.name for field in fields(kind)] if issubclass(kind, Statement | DynamicRange) else []
+    return [name for name in names if name not in ("at", "value", "number", "label")]

@@ -21,14 +21,15 @@ Intelligence 171, 2007 (pseudo trees).
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from math import log2
 
-from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
-from lcorpp.reasoning.transitions.linear_recursion import is_linear
-from lcorpp.reasoning.transitions.strong_components import find_strongly_connected_components
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
+from lcorpp.reasoning.transitions.linear_recursion import find_linear_components
 
 MAX_EXACT_DEGREE = 32
 """The degrees of the members of larger scopes are updated only when one of them is about to be eliminated."""
@@ -59,38 +60,6 @@ class EliminationTree:
         """Return the steps from a root to a step."""
         return [above for above in range(step + 1) if self.ends[above] > step]
 
-    @classmethod
-    def from_nodes(
-        cls,
-        terms: Sequence[tuple[int, ...]],
-        children: Sequence[Sequence[int]],
-        roots: Iterable[int],
-        linear: Collection[tuple[int, ...]],
-    ) -> EliminationTree:
-        """Number the nodes of a tree depth first; brothers keep their order.
-
-        Args:
-            terms: node -> the terms that it decides.
-            children, roots: the tree over the nodes.
-        """
-        ordered = [own if len(own) < 2 else sorted(own) for own in children]
-        preorder: list[int] = []
-        stack = sorted(roots, reverse=True)
-        while stack:
-            node = stack.pop()
-            preorder.append(node)
-            stack.extend(ordered[node][::-1])
-        number = [0] * len(terms)
-        for new, node in enumerate(preorder):
-            number[node] = new
-        numbered = [tuple([number[child] for child in ordered[node]]) for node in preorder]
-        ends = list(range(1, len(preorder) + 1))
-        for step in range(len(preorder) - 1, -1, -1):
-            if numbered[step]:
-                ends[step] = ends[numbered[step][-1]]
-        order, numbered_roots = [terms[node] for node in preorder], sorted([number[root] for root in roots])
-        return cls(order, numbered, tuple(numbered_roots), ends, linear)
-
 
 def build_elimination_tree(
     program: GroundProgram, clauses: Sequence[Clause], outcomes: Sequence[int]
@@ -101,66 +70,96 @@ def build_elimination_tree(
         clauses: the simplified clauses.
         outcomes: the mask of the possible outcomes of each term.
     """
-    n_terms = len(outcomes)
-    needs: list[set[int]] = [set() for _ in range(n_terms)]  # term -> the terms in the bodies of its clauses
+    needs: defaultdict[int, set[int]] = defaultdict(set)  # term -> the terms in the bodies of its clauses
     joint: set[frozenset[int]] = set()  # the terms of each constraint
     for clause in clauses:
         body = clause.body
         if clause.term >= 0:  # constraints have no head
+            own = needs[clause.term]
             for literal in body:
-                needs[clause.term].add(literal[0])
+                own.add(literal[0])
         elif len(body) > 1:
             joint.add(frozenset([literal[0] for literal in body]))
-    for term, needed in enumerate(needs):
-        needed.discard(term)
-    components: list[tuple[int, ...]] = [(term,) for term in range(n_terms)]
-    component_needs = needs
-    constraints: Iterable[frozenset[int]] = joint
-    if any(needed and max(needed) > term for term, needed in enumerate(needs)):  # cycles are possible
-        strong = find_strongly_connected_components(needs)
-        if len(strong) < n_terms:
-            components = sorted(strong)
-            component_of = {term: i for i, terms in enumerate(components) for term in terms}
-            component_needs = [
-                {component_of[need] for term in terms for need in needs[term]} - {i}
-                for i, terms in enumerate(components)
-            ]
-            constraints = {frozenset([component_of[term] for term in group]) for group in joint}
-    linear = _find_linear_components(program, components, clauses)
+    for term in program.do:
+        needs[term]  # an intervention alone may give a value to the term
+    for term, own in needs.items():
+        own.discard(term)
+    terms = sorted(needs)
+    components: list[tuple[int, ...]] = [(term,) for term in terms]
+    if any(own and max(own) > term for term, own in needs.items()):  # cycles are possible
+        components = sorted(find_strongly_connected_components(needs))
+    component_needs: Sequence[set[int]]
+    constraints: Iterable[Collection[int]] = joint
+    if len(components) == len(outcomes):
+        component_needs = [needs[term] for term in terms]
+    else:
+        component_of = {term: i for i, own in enumerate(components) for term in own}
+        component_needs = [
+            {component_of[need] for term in own for need in needs[term]} - {i}
+            for i, own in enumerate(components)
+        ]
+        constraints = {frozenset([component_of[term] for term in group]) for group in joint}
+    linear = find_linear_components(program, components, clauses)
     ranks = _rank_components(components, linear)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
-    sizes = [bits[mask] for mask in outcomes]
-    if len(components) < n_terms:
-        sizes = [sum([sizes[term] for term in terms]) for terms in components]
+    sizes = [sum([bits[outcomes[term]] for term in own]) for own in components]
     children, roots = _eliminate(
         component_needs, [group for group in constraints if len(group) > 1], sizes, ranks
     )
-    void = {
-        root for root in roots if not children[root] and components[root] not in linear and not sizes[root]
+    if len(components) < len(terms):
+        random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
+        _merge_deterministic(components, children, random.union(*linear))
+    return _number_nodes(components, children, roots, frozenset(linear))
+
+
+def _merge_deterministic(
+    components: list[tuple[int, ...]], children: list[list[int]], separate: Collection[int]
+) -> None:
+    """Merge each deterministic component of several terms with the deterministic ones before and after it.
+
+    `Stratified` evaluates such a component for all states at once, so its deterministic inputs should be part
+    of it.
+
+    Args:
+        separate: terms whose components stay as they are.
+    """
+    mergeable = [not any(term in separate for term in own) for own in components]
+    following = {
+        i: own[0] for i, own in enumerate(children) if len(own) == 1 and mergeable[i] and mergeable[own[0]]
     }
-    if void:  # terms with one outcome; those that no clause names need no step
-        named = {clause.term for clause in clauses} | program.do.keys()
-        named.update([literal[0] for clause in clauses for literal in clause.body])
-        roots = [root for root in roots if root not in void or not named.isdisjoint(components[root])]
-    return EliminationTree.from_nodes(components, children, roots, frozenset(linear))
+    for start in following.keys() - set(following.values()):
+        run = [start]
+        while run[-1] in following:
+            run.append(following[run[-1]])
+        if any(len(components[i]) > 1 for i in run):
+            components[start] = tuple([term for i in run for term in components[i]])
+            children[start] = children[run[-1]]
 
 
-def _find_linear_components(
-    program: GroundProgram, components: Sequence[tuple[int, ...]], clauses: Iterable[Clause]
-) -> dict[tuple[int, ...], list[Clause]]:
-    """Find the components of several terms with linear rules; return them with their rules."""
-    component_of = {term: i for i, terms in enumerate(components) if len(terms) > 1 for term in terms}
-    linear: dict[int, list[Clause]] = {i: [] for i in component_of.values()}
-    for clause in clauses if component_of else ():
-        i = component_of.get(clause.term, -1)
-        if i not in linear:
-            continue
-        n_own = sum([component_of.get(literal[0]) == i for literal in clause.body])
-        if n_own > 1 and len({literal[0] for literal in clause.body}) > 1:  # most are rejected here
-            del linear[i]
-        else:
-            linear[i].append(clause)
-    return {components[i]: rules for i, rules in linear.items() if is_linear(program, components[i], rules)}
+def _number_nodes(
+    components: Sequence[tuple[int, ...]],
+    children: Sequence[Sequence[int]],
+    roots: Iterable[int],
+    linear: Collection[tuple[int, ...]],
+) -> EliminationTree:
+    """Number the nodes of a tree depth first; brothers keep their order."""
+    ordered = [own if len(own) < 2 else sorted(own) for own in children]
+    preorder: list[int] = []
+    stack = sorted(roots, reverse=True)
+    while stack:
+        node = stack.pop()
+        preorder.append(node)
+        stack.extend(ordered[node][::-1])
+    number = [0] * len(components)
+    for new, node in enumerate(preorder):
+        number[node] = new
+    numbered = [tuple([number[child] for child in ordered[node]]) for node in preorder]
+    ends = list(range(1, len(preorder) + 1))
+    for step in range(len(preorder) - 1, -1, -1):
+        if numbered[step]:
+            ends[step] = ends[numbered[step][-1]]
+    order = [components[node] for node in preorder]
+    return EliminationTree(order, numbered, tuple(sorted([number[root] for root in roots])), ends, linear)
 
 
 def _rank_components(

@@ -17,10 +17,9 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
-from lcorpp.reasoning.transitions.bit_allocator import BitAllocator
 from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.local_distribution import GuardedClause
-from lcorpp.reasoning.transitions.rule_templates import DERIVE, ClauseGroup
+from lcorpp.reasoning.transitions.rule_templates import DERIVE, ClauseGroup, RuleTemplate
 
 MAX_FRONTIER = 24
 """Components with a larger frontier are decided as a whole."""
@@ -36,7 +35,7 @@ class LinearRecursion:
     """The frontier of a recursive component with linear rules.
 
     Args:
-        groups: the clauses of the component by head.
+        template: the clauses of the component.
         step: the step that decides the component.
         steps: rank -> the step that decides terms of the bodies.
         read_terms: the terms that other rules or queries read.
@@ -47,17 +46,17 @@ class LinearRecursion:
     def __init__(
         self,
         program: GroundProgram,
-        groups: Sequence[ClauseGroup],
+        template: RuleTemplate,
         step: int,
         steps: Sequence[int],
         read_terms: Collection[int],
     ) -> None:
-        self._program, self._step = program, step
+        groups, self._n_slots = template.clause_groups, template.n_slots
         self._groups_at: dict[int, list[tuple[ClauseGroup, bool]]] = {}  # step -> (group, whether it is done)
         self._edges_of = {
             id(group): find_edges(program, group.clause, group.own_literals) for group in groups
         }
-        self._always = [group for group in groups if group.always_true]
+        self._always = [group for group in groups if not group.bodies]
         self._first: dict[Atom, int] = {}  # atom -> the first step that decides a rule about it
         self._last_head: dict[Atom, int] = {}  # atom -> the last step that decides a rule with it as head
         self._last_body: dict[Atom, int] = {}  # the same in the body; the last of all steps if it is kept
@@ -110,23 +109,20 @@ class LinearRecursion:
                     kept.add(term)
         return ((term, value) for term in kept for value in heads[term])
 
-    @property
-    def bits(self) -> list[int]:
-        """The bits of the frontier."""
-        return list(self._bit_of.values())
-
     def is_touched_at(self, step: int) -> bool:
         """Whether a step decides bodies of the rules."""
         return step in self._groups_at
 
-    def advance(self, step: int, bits: Sequence[int], allocator: BitAllocator) -> tuple[Closure, list[int]]:
+    def advance(self, step: int, bits: list[int], live: int) -> tuple[Closure, list[int], int]:
         """Move the frontier over a step that decides bodies of the rules.
 
         Args:
-            bits: slot -> bit, for the component's template.
+            bits: slot -> bit, for the component's template, and the bits of the frontier, which are replaced.
+            live: the mask of all bits in use.
 
         Returns:
-            (closure, slots): how the step changes the bits, and the slots that no later step uses.
+            (closure, slots, live): how the step changes the bits, the slots that no later step uses, and the
+            bits in use then.
         """
         atoms = [*self._frontier, *[atom for atom, first in self._first.items() if first == step]]
         number_of: dict[Atom | None, int] = {None: -1}
@@ -149,14 +145,16 @@ class LinearRecursion:
         self._frontier = [atom for atom in atoms if self._find_last(atom) > step]
         bodies = [atom for atom in self._frontier if self._last_head.get(atom, -1) > step]  # may become true
         heads = [atom for atom in self._frontier if self._last_body.get(atom, -1) > step]  # are used later
-        wanted: list[Edge] = [(body, head) for head in heads for body in (None, *bodies) if body != head]
-        unwanted = self._bit_of.keys() - set(wanted)
-        allocator.release(sum([self._bit_of[edge] for edge in unwanted]), self._step)
-        allocator.release(sum([bits[slot] for slot in finished]), self._step)
-        self._bit_of = {
-            edge: self._bit_of[edge] if edge in self._bit_of else allocator.allocate(self._step)
-            for edge in wanted
-        }
+        wanted: dict[Edge, None] = dict.fromkeys(
+            [(body, head) for head in heads for body in (None, *bodies) if body != head]
+        )
+        live ^= sum([bit for edge, bit in self._bit_of.items() if edge not in wanted])
+        live ^= sum([bits[slot] for slot in finished])
+        before, self._bit_of = self._bit_of, {}
+        for edge in wanted:
+            self._bit_of[edge] = before.get(edge) or ~live & (live + 1)
+            live |= self._bit_of[edge]
+        bits[self._n_slots :] = self._bit_of.values()
         numbered = [(number_of[body], number_of[head], bit) for (body, head), bit in self._bit_of.items()]
         closure = Closure(
             len(atoms),
@@ -166,7 +164,7 @@ class LinearRecursion:
             [edge for edge in numbered if edge[0] >= 0],
             sum({bit for bit, _, _ in sources}),
         )
-        return closure, finished
+        return closure, finished, live
 
     def list_clauses(self) -> list[GuardedClause]:
         """List the clauses that decide the kept terms after the last step, each with its bit."""
@@ -199,9 +197,24 @@ def find_edges(
     return [((term, value), head) for value in range(len(program.values[term])) if mask >> value & 1]
 
 
-def is_linear(program: GroundProgram, terms: Sequence[int], clauses: Iterable[Clause]) -> bool:
+def find_linear_components(
+    program: GroundProgram, components: Iterable[tuple[int, ...]], clauses: Iterable[Clause]
+) -> dict[tuple[int, ...], list[Clause]]:
+    """Find the components of several terms with linear rules; return them with their rules."""
+    recursive = [terms for terms in components if len(terms) > 1]
+    rules_of: dict[int, list[Clause]] = {}  # term -> the rules of its component
+    for terms in recursive:
+        shared: list[Clause] = []
+        rules_of.update(dict.fromkeys(terms, shared))
+    for clause in clauses if rules_of else ():
+        if clause.term in rules_of:
+            rules_of[clause.term].append(clause)
+    return {own: rules_of[own[0]] for own in recursive if _is_linear(program, set(own), rules_of[own[0]])}
+
+
+def _is_linear(program: GroundProgram, own: set[int], clauses: Iterable[Clause]) -> bool:
     """Whether a component has linear rules, and defaults without conditions that no rule of it uses."""
-    own, bodies, defaults = set(terms), set[Atom](), set[Atom]()
+    bodies, defaults = set[Atom](), set[Atom]()
     if not own.isdisjoint(program.do):
         return False
     for clause in clauses:

@@ -76,7 +76,7 @@ class AcyclicTermDistribution:
         self._group_of_bit = {
             bits[group.satisfied_slot]: index
             for index, group in enumerate(template.clause_groups)
-            if not group.always_true
+            if group.satisfied_slot
         }
 
     def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:

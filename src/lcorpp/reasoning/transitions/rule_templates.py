@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundLiteral, GroundProgram
 
@@ -26,22 +25,17 @@ Conditions = tuple[tuple[int, int], ...]
 RankedBody = tuple[tuple[int, Conditions], ...]
 """The literals of a body about other components: (rank, conditions on the terms of that step), by rank."""
 
-NO_SLOT = -1
-"""The slot of what needs no bit."""
+NO_SLOT = 0
+"""The slot of what needs no bit; its bit is 0."""
 
+BodyUpdate = tuple[Conditions, int, int]
+"""How a step updates a body: if the conditions hold, the step satisfies its part of the body.
 
-class BodyUpdate(NamedTuple):
-    """How a step updates a body: if the conditions hold, the step satisfies its part of the body.
-
-    conditions: on the terms that the step decides.
-    pending_slot: of the bit for "the parts of earlier steps are satisfied", `NO_SLOT` if there are none.
-    target_slot: of the bit for "the part of this step is satisfied, too", which is the body if this step is
-        the last; `NO_SLOT` for the last step of a constraint.
-    """
-
-    conditions: Conditions
-    pending_slot: int
-    target_slot: int
+conditions: on the terms that the step decides.
+pending_slot: of the bit for "the parts of earlier steps are satisfied", `NO_SLOT` if there are none.
+target_slot: of the bit for "the part of this step is satisfied, too", which is the body if this step is the
+    last; `NO_SLOT` for the last step of a constraint.
+"""
 
 
 @dataclass(slots=True, eq=False)
@@ -50,19 +44,17 @@ class ClauseGroup:
 
     clause: one of the clauses, for its head.
     own_literals: its literals about the component itself; a clause with such literals has its own group.
-    always_true: whether one of the bodies has no literals about other components.
-    satisfied_slot: of the bit for "a body is satisfied", `NO_SLOT` if `always_true`.
-    bodies: the literals of each body about other components; empty if `always_true`.
-    pending: (slot, first, last): the slots for partly decided bodies, with the ranks between which they are
+    satisfied_slot: of the bit for "a body is satisfied", `NO_SLOT` if one always is, and for constraints.
+    bodies: the literals of each body about other components; none if one of the bodies has none.
+    pending: [slot, first, last]: the slots for partly decided bodies, with the ranks between which they are
         in use.
     """
 
     clause: Clause
     own_literals: Sequence[GroundLiteral]
-    always_true: bool = False
     satisfied_slot: int = NO_SLOT
     bodies: list[RankedBody] = field(default_factory=list)
-    pending: Sequence[tuple[int, int, int]] = ()
+    pending: Sequence[Sequence[int]] = ()
 
 
 @dataclass(eq=False)
@@ -96,20 +88,20 @@ class RuleTemplate:
 
     terms: the terms of the first component with this template, none for constraints. Other components with
         the template have terms with the same range and the same statements, and no interventions.
-    clause_groups: the clauses by head; none for constraints.
-    always_true: the indexes of the clause groups that are always true.
+    clause_groups: the clauses by head; one group for constraints.
     parents: one for each step that can update a body, in the order of the steps.
     recursive: whether a term depends on itself, or several terms on each other.
-    n_slots: the number of slots; those for "satisfied" come first, in the order of the clause groups.
+    always_true: the indexes of the clause groups that are always true.
+    n_slots: the number of slots.
     is_shared: whether several components have this template.
     """
 
     terms: tuple[int, ...]
     clause_groups: list[ClauseGroup]
     parents: list[Parent]
-    recursive: bool = False
+    recursive: bool
     always_true: list[int] = field(default_factory=list)
-    n_slots: int = 0
+    n_slots: int = NO_SLOT + 1
     is_shared: bool = False
 
     @classmethod
@@ -120,7 +112,7 @@ class RuleTemplate:
         places: Mapping[int, tuple[int, int]],
         outcomes: Sequence[int],
     ) -> RuleTemplate:
-        """Create the template of a component.
+        """Create the template of a component, or of constraints.
 
         Args:
             places: term of a body outside of the component -> (rank of its step, index in its component).
@@ -136,93 +128,72 @@ class RuleTemplate:
                 recursive = True
             elif kind is DERIVE:
                 key = clause.term, clause.value
+            elif kind is FORBID:
+                key = kind
             elif kind is not ASSIGN:
                 key = kind, clause.term, clause.value, clause.statement, clause.instance
             group = groups.get(key)
             if group is None:
                 group = groups[key] = ClauseGroup(clause, own_literals)
-            if body:
-                group.bodies.append(body)
-            else:
-                group.always_true = True
-        template = cls(terms, list(groups.values()), _create_parents(places), recursive)
-        parents = template.parents
+            group.bodies.append(body)
+        parents = [Parent(rank) for rank in sorted({rank for rank, _ in places.values()})]
+        template = cls(terms, list(groups.values()), parents, recursive)
         for index, group in enumerate(template.clause_groups):
-            if group.always_true:
+            if () in group.bodies:
                 template.always_true.append(index)
                 group.bodies = []
-            else:
+                continue
+            if terms:
                 group.satisfied_slot = template._add_slot()
                 parents[min([body[-1][0] for body in group.bodies])].allocates.append(group.satisfied_slot)
-        for group in template.clause_groups:
-            group.pending = template._register_bodies(group.bodies, group.satisfied_slot)
-            if len(group.bodies) > 1:
-                for rank in {rank for body in group.bodies for rank, _ in body}:
-                    parents[rank].clause_groups.append(group)
+            template._register_bodies(group)
         # steps that occur only in groups that are always true do not matter
         template.parents = [parent for parent in parents if parent.updates]
         return template
 
-    @classmethod
-    def from_constraints(
-        cls, clauses: Sequence[Clause], places: Mapping[int, tuple[int, int]], outcomes: Sequence[int]
-    ) -> RuleTemplate:
-        """Create the template of constraints; arguments as in `from_clauses`."""
-        template = cls((), [], _create_parents(places))
-        template._register_bodies([_split_body(clause, places, outcomes)[1] for clause in clauses], NO_SLOT)
-        return template
-
-    def _register_bodies(
-        self, bodies: Iterable[RankedBody], satisfied_slot: int
-    ) -> list[tuple[int, int, int]]:
-        """Add to the parents the updates of bodies with the same head.
+    def _register_bodies(self, group: ClauseGroup) -> None:
+        """Add to the parents the updates of the bodies of a group.
 
         What remains of two bodies may be equal; it then has one slot, so that partial worlds with the same
         future have the same state.
-
-        Returns:
-            As `ClauseGroup.pending`.
         """
-        slot_of: dict[RankedBody, int] = {}  # rest of a body -> slot
-        first: dict[int, int] = {}  # slot -> the rank of the first step that may set its bit
-        for body in bodies:
+        parents = self.parents
+        span_of: dict[RankedBody, list[int]] = {}  # rest of a body -> slot, first rank, last rank
+        for body in group.bodies:
             pending = NO_SLOT
-            for i, (rank, conditions) in enumerate(body, start=1):
-                rest, target, is_known = body[i:], satisfied_slot, False
-                if rest:
-                    slot = slot_of.get(rest)
-                    is_known = slot is not None
-                    target = self._add_slot() if slot is None else slot
-                    if not is_known:
-                        slot_of[rest], first[target] = target, rank
-                    first[target] = min(first[target], rank)
-                self.parents[rank].updates.append(BodyUpdate(conditions, pending, target))
-                if is_known:
+            for i in range(1, len(body)):
+                (rank, conditions), rest = body[i - 1], body[i:]
+                span = span_of.get(rest)
+                if span:
+                    parents[rank].updates.append((conditions, pending, span[0]))
+                    span[1] = min(span[1], rank)
                     break  # the updates of the rest are there
+                target = self._add_slot()
+                span_of[rest] = [target, rank, rest[0][0]]
+                parents[rank].updates.append((conditions, pending, target))
                 pending = target
-        spans = [(slot, first[slot], rest[0][0]) for rest, slot in slot_of.items()]
-        for slot, start, end in spans:
-            self.parents[start].allocates.append(slot)
-            self.parents[end].releases.append(slot)
-        return spans
+            else:
+                rank, conditions = body[-1]
+                parents[rank].updates.append((conditions, pending, group.satisfied_slot))
+        group.pending = list(span_of.values())
+        for slot, first, last in group.pending:
+            parents[first].allocates.append(slot)
+            parents[last].releases.append(slot)
+        if len(group.bodies) > 1:
+            for rank in {rank for body in group.bodies for rank, _ in body}:
+                parents[rank].clause_groups.append(group)
 
     def _add_slot(self) -> int:
         self.n_slots += 1
         return self.n_slots - 1
 
 
-Child = tuple[RuleTemplate, Parent, list[int], int]
-"""A component, or constraints, with bodies about the terms of one step: (template, parent, bits, reader).
+Child = tuple[RuleTemplate, Parent, list[int]]
+"""A component, or constraints, with bodies about the terms of one step: (template, parent, bits).
 
 parent: the step, as a parent in the template.
-bits: slot -> bit of the state, 0 before the slot is allocated and after it is released. The list has one more
-    entry, bits[NO_SLOT], which is always 0.
-reader: the last step that reads the bits.
+bits: slot -> bit of the state, 0 before the slot is allocated and after it is released.
 """
-
-
-def _create_parents(places: Mapping[int, tuple[int, int]]) -> list[Parent]:
-    return [Parent(rank) for rank in sorted({rank for rank, _ in places.values()})]
 
 
 def _split_body(
@@ -230,20 +201,28 @@ def _split_body(
 ) -> tuple[list[GroundLiteral], RankedBody]:
     """Split a body into literals about the component itself and conditions on earlier steps."""
     own_literals: list[GroundLiteral] = []
-    masks: dict[int, int] = {}
+    parts: list[tuple[int, Conditions]] = []
     for literal in clause.body:
         term = literal[0]
         if term in places:
-            masks[term] = masks.get(term, outcomes[term]) & literal[1]
+            rank, index = places[term]
+            parts.append((rank, ((index, literal[1] & outcomes[term]),)))
         else:
             own_literals.append(literal)
-    body: list[tuple[int, Conditions]] = []
-    for rank, index, mask in sorted([(*places[term], mask) for term, mask in masks.items()]):
-        if body and body[-1][0] == rank:
-            body[-1] = rank, (*body[-1][1], (index, mask))
-        else:
-            body.append((rank, ((index, mask),)))
-    return own_literals, tuple(body)
+    if len(parts) > 1:
+        parts.sort()
+        if len({rank for rank, _ in parts}) < len(parts):
+            parts = _join_conditions(parts)
+    return own_literals, tuple(parts)
+
+
+def _join_conditions(parts: Iterable[tuple[int, Conditions]]) -> list[tuple[int, Conditions]]:
+    """Join the conditions on the terms of the same step."""
+    joined: dict[int, dict[int, int]] = {}
+    for rank, ((index, mask),) in parts:
+        masks = joined.setdefault(rank, {})
+        masks[index] = masks.get(index, mask) & mask
+    return [(rank, tuple(masks.items())) for rank, masks in joined.items()]
 
 
 def describe_structure(

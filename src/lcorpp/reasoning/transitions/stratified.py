@@ -11,11 +11,10 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
-from lcorpp.reasoning.transitions.elimination_tree import EliminationTree
+from lcorpp.reasoning.grounding.ground_program import GroundProgram
+from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.local_distribution import ONE, GuardedClause, Outcome
 from lcorpp.reasoning.transitions.rule_templates import DERIVE
-from lcorpp.reasoning.transitions.strong_components import find_strongly_connected_components
 
 Atom = tuple[int, int]
 """(term, value)"""
@@ -84,7 +83,7 @@ class Stratified:
         for _, clause, _ in derivations:
             number_of.setdefault((clause.term, clause.value), len(number_of))
         rules: list[_Rule] = []
-        needs: list[set[int]] = [set() for _ in number_of]
+        needs: dict[int, set[int]] = {number: set() for number in number_of.values()}
         negations: list[tuple[int, int]] = []  # (head, negated atom)
         for bit, clause, body in derivations:
             head = number_of[clause.term, clause.value]
@@ -174,34 +173,6 @@ class Stratified:
             for row in _list_set_bits(truth.get((term, value), 0)):
                 column[row] = value
         return column
-
-
-def merge_deterministic_steps(
-    program: GroundProgram, clauses: Sequence[Clause], tree: EliminationTree
-) -> EliminationTree:
-    """Merge each deterministic component of several terms with the deterministic steps before and after it.
-
-    `Stratified` evaluates such a component for all states at once, so its deterministic inputs should be part
-    of it. Components with linear rules stay as they are.
-    """
-    if all(len(terms) == 1 or terms in tree.linear for terms in tree.order):
-        return tree
-    separate = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
-    separate.update([term for terms in tree.linear for term in terms])
-    first = list(range(len(tree.order)))  # step -> the first step of its run
-    runs: dict[int, list[int]] = {}
-    for step, terms in enumerate(tree.order):
-        run = runs.setdefault(first[step], [])
-        run.append(step)
-        own = tree.children[step]
-        if len(own) == 1 and separate.isdisjoint(terms) and separate.isdisjoint(tree.order[own[0]]):
-            first[own[0]] = first[step]
-    terms_of, children = list(tree.order), list(tree.children)
-    for start, run in runs.items():
-        if any(len(tree.order[step]) > 1 for step in run) and len(run) > 1:
-            terms_of[start] = tuple([term for step in run for term in tree.order[step]])
-            children[start] = tree.children[run[-1]]
-    return EliminationTree.from_nodes(terms_of, children, tree.roots, tree.linear)
 
 
 def _list_set_bits(number: int) -> list[int]:

@@ -75,7 +75,7 @@ class Transition:
         self._relevant: list[int] | None = (
             None  # indexes of the terms in conditions, if there are several terms
         )
-        for _, parent, bits, _ in children:
+        for _, parent, bits in children:
             for conditions, pending_slot, target_slot in parent.updates:
                 update = bits[pending_slot], bits[target_slot]
                 if n_terms > 1:
@@ -148,7 +148,7 @@ def _find_absorptions(children: Sequence[Child]) -> list[tuple[int, int]]:
     """Pair the satisfied bit of each clause group with the pending bits of its partly decided bodies."""
     begun = [
         (group, parent.rank, bits)
-        for _, parent, bits, _ in children
+        for _, parent, bits in children
         for group in parent.clause_groups
         if bits[group.satisfied_slot]
     ]

@@ -35,7 +35,6 @@ from dataclasses import dataclass, replace
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
-from lcorpp.reasoning.transitions.bit_allocator import BitAllocator
 from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.elimination_tree import EliminationTree, build_elimination_tree
 from lcorpp.reasoning.transitions.linear_recursion import MAX_FRONTIER, LinearRecursion
@@ -45,10 +44,9 @@ from lcorpp.reasoning.transitions.local_distribution import (
     Outcome,
     ProbabilityCache,
 )
-from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent, build_component
+from lcorpp.reasoning.transitions.recursive_components import build_component
 from lcorpp.reasoning.transitions.relevance import DerivedComponent, separate_irrelevant_rules
 from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
-from lcorpp.reasoning.transitions.stratified import merge_deterministic_steps
 from lcorpp.reasoning.transitions.transition import Transition
 
 
@@ -94,22 +92,14 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
         clauses, irrelevant = separate_irrelevant_rules(program, clauses, queried)
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
         tree = build_elimination_tree(program, clauses, outcomes)
-        merged = merge_deterministic_steps(program, clauses, tree)
         term_numbers = {program.names[term]: term for terms in tree.order for term in terms}
         consistent = not any(c.term < 0 and not c.body for c in clauses)
         needed = {term_numbers[name] for name in queried if name in term_numbers}
-        builder = _TransitionBuilder(program, clauses, outcomes, merged, needed)
-        transitions = builder.build()
-        if merged is not tree and any(
-            isinstance(transition.distribution, RecursiveComponent) for transition in transitions
-        ):
-            merged = tree  # a merged component is not stratified
-            builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
-            transitions = builder.build()
+        builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
         return TransitionSystem(
             program,
-            merged,
-            transitions,
+            tree,
+            builder.build(),
             consistent,
             term_numbers,
             [*builder.recursions, *irrelevant],
@@ -145,6 +135,7 @@ class _TransitionBuilder:
         self._index_of = {term: i for terms in order if len(terms) > 1 for i, term in enumerate(terms)}
         self._template_of: dict[object, RuleTemplate] = {}  # description of the structure -> template
         self._children: list[list[Child]] = [[] for _ in order]  # of each step
+        self._constraint_bits: dict[int, list[int]] = {}  # the last step of the body -> slot -> bit
         self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
         self.probabilities: ProbabilityCache = {}
         own_clauses: list[list[Clause]] = [[] for _ in order]
@@ -157,12 +148,12 @@ class _TransitionBuilder:
                 own_clauses[self._step_of[clause.term]].append(clause)
         count_by_size = Counter(map(len, own_clauses))
         self._components = [  # step -> (template, bits)
-            self._add_child(step, terms, own, count_by_size[len(own)] > 1)
-            for step, (terms, own) in enumerate(zip(order, own_clauses, strict=True))
+            self._add_child(terms, own, count_by_size[len(own)] > 1)
+            for terms, own in zip(order, own_clauses, strict=True)
         ]
         count_by_size = Counter(map(len, constraints.values()))
         for own in constraints.values():
-            self._add_child(-1, (), own, count_by_size[len(own)] > 1)
+            self._add_child((), own, count_by_size[len(own)] > 1)
         self.recursions: list[DerivedComponent] = []
         self._recursion_of: dict[RuleTemplate, LinearRecursion] = {}
         for step, terms in enumerate(order):
@@ -170,12 +161,11 @@ class _TransitionBuilder:
                 self._add_recursion(step, terms, own_clauses[step])
 
     def _add_child(
-        self, step: int, terms: tuple[int, ...], clauses: Sequence[Clause], has_equal_sized: bool
+        self, terms: tuple[int, ...], clauses: Sequence[Clause], has_equal_sized: bool
     ) -> tuple[RuleTemplate, list[int]]:
         """Find or create the template of a component, and add the component to the children of its parents.
 
         Args:
-            step: the step that decides the component, -1 for constraints.
             terms: the terms of the component; none for constraints.
             clauses: the clauses of the component, or constraints with the same last step.
             has_equal_sized: whether another component has the same number of clauses; only then can the
@@ -209,18 +199,16 @@ class _TransitionBuilder:
             places = {
                 term: (rank, self._index_of.get(term, 0)) for term, rank in zip(needed, ranks, strict=True)
             }
-            if terms:
-                template = RuleTemplate.from_clauses(terms, clauses, places, self._outcomes)
-            else:
-                template = RuleTemplate.from_constraints(clauses, places, self._outcomes)
+            template = RuleTemplate.from_clauses(terms, clauses, places, self._outcomes)
             if key is not None:
                 self._template_of[key] = template
         else:
             template.is_shared = True
-        bits = [0] * (template.n_slots + 1)  # the last is bits[NO_SLOT]
-        reader = step if step >= 0 else max(steps, default=-1)
+        bits = [0] * template.n_slots
+        if not terms and steps:
+            self._constraint_bits[max(steps)] = bits
         for parent in template.parents:
-            self._children[steps[parent.rank]].append((template, parent, bits, reader))
+            self._children[steps[parent.rank]].append((template, parent, bits))
         return template, bits
 
     def _add_recursion(self, step: int, terms: tuple[int, ...], clauses: Sequence[Clause]) -> None:
@@ -228,7 +216,7 @@ class _TransitionBuilder:
         template, _ = self._components[step]
         steps = sorted({self._step_of[x[0]] for clause in clauses for x in clause.body} - {step})
         recursion = LinearRecursion(
-            self._program, template.clause_groups, step, steps, self._find_read_terms(template, step)
+            self._program, template, step, steps, self._find_read_terms(template, step)
         )
         if 0 < recursion.width <= MAX_FRONTIER:
             self._recursion_of[template] = recursion
@@ -237,52 +225,48 @@ class _TransitionBuilder:
     def _find_read_terms(self, template: RuleTemplate, step: int) -> set[int]:
         """Find the terms of a component whose outcomes queries or children read."""
         read_terms = self._queried.intersection(template.terms)
-        for _, parent, _, _ in self._children[step]:
-            read_terms.update([template.terms[i] for update in parent.updates for i, _ in update.conditions])
+        for _, parent, _ in self._children[step]:
+            read_terms.update(
+                [template.terms[i] for conditions, _, _ in parent.updates for i, _ in conditions]
+            )
         return read_terms
 
     def build(self) -> list[Transition]:
         """Allocate the bits step by step and build the transitions."""
-        allocators = {root: BitAllocator({}) for root in self._tree.roots}  # step -> that of its branch
+        live_before = dict.fromkeys(self._tree.roots, 0)  # step -> mask of the bits in use before it
         transition_of: dict[object, Transition] = {}
         transitions: list[Transition] = []
         steps = zip(self._components, self._children, self._tree.order, strict=True)
         for step, ((template, own_bits), children, terms) in enumerate(steps):
-            is_shareable, allocator = template.is_shared, allocators.pop(step)
-            for other, parent, bits, reader in children:
-                is_shareable &= other.is_shared
+            is_shareable, live = template.is_shared, live_before.pop(step)
+            for other, parent, bits in children:
+                is_shareable = is_shareable and other.is_shared
                 for slot in parent.allocates:
-                    bits[slot] = allocator.allocate(reader)
+                    bits[slot] = ~live & (live + 1)  # the lowest bit that is not in use
+                    live |= bits[slot]
             closures: list[Closure] = []
             released: list[tuple[list[int], Sequence[int]]] = []  # (bits, slots)
-            if self._recursion_of:
-                for other, _, bits, _ in children:
-                    if other in self._recursion_of and self._recursion_of[other].is_touched_at(step):
-                        closure, finished = self._recursion_of[other].advance(step, bits, allocator)
-                        closures.append(closure)
-                        released.append((bits, finished))
+            for other, _, bits in children if self._recursion_of else ():
+                recursion = self._recursion_of.get(other)
+                if recursion and recursion.is_touched_at(step):
+                    closure, finished, live = recursion.advance(step, bits, live)
+                    closures.append(closure)
+                    released.append((bits, finished))
             # all bodies of the component are decided, so only bits for "satisfied" are left
-            recursion = self._recursion_of.get(template)
-            used_bits = own_bits if recursion is None else recursion.bits
-            input_mask = sum(used_bits)
+            input_mask = sum(own_bits)
             # a bit is free again only now, as the transition reads it together with those allocated above
-            allocator.release(input_mask, step)
-            for _, parent, bits, reader in children:
+            live ^= input_mask
+            for _, parent, bits in children:
                 if parent.releases:
-                    allocator.release(sum([bits[slot] for slot in parent.releases]), reader)
+                    live ^= sum([bits[slot] for slot in parent.releases])
                     released.append((bits, parent.releases))
             following = self._tree.children[step]
-            if len(following) == 1:  # usual in chains, and faster
-                allocators[following[0]] = allocator
-                live_masks: tuple[int, ...] = (allocator.live_mask,)
-            else:
-                after = allocator.split(self._tree.list_branches(step))
-                allocators.update(zip(following, after, strict=True))
-                live_masks = tuple([own.live_mask for own in after])
+            live_masks = (live,) if len(following) == 1 else self._split_live_bits(step, live)
+            live_before.update(zip(following, live_masks, strict=True))
             key = None
             if is_shareable:
                 parts: list[object] = [template, live_masks, *own_bits]
-                for _, parent, bits, _ in children:
+                for _, parent, bits in children:
                     parts.append(parent)
                     parts += [bits[slot] for slot in parent.slots]
                 key = tuple(parts)
@@ -300,6 +284,19 @@ class _TransitionBuilder:
                     bits[slot] = 0
         return transitions
 
+    def _split_live_bits(self, step: int, live: int) -> tuple[int, ...]:
+        """Return the mask of the bits that the steps of each branch after a step read."""
+        branches = self._tree.list_branches(step)
+        masks = [0] * len(branches)
+        largest = max(range(len(branches)), key=lambda i: len(branches[i]), default=-1)
+        for i, branch in enumerate(branches):
+            for reader in branch if i != largest else ():  # the largest reads the rest
+                for bit in (*self._components[reader][1], *self._constraint_bits.get(reader, ())):
+                    masks[i] |= bit & live
+        if branches:
+            masks[largest] = live ^ sum(masks)
+        return tuple(masks)
+
     def _build_distribution(
         self, template: RuleTemplate, bits: list[int], step: int, terms: tuple[int, ...]
     ) -> LocalDistribution:
@@ -309,7 +306,7 @@ class _TransitionBuilder:
         # a single term always counts, as others share its distribution
         read_terms = self._find_read_terms(template, step) if len(terms) > 1 else set(template.terms)
         recursion = self._recursion_of.get(template)
-        if recursion is not None:
+        if recursion:
             clauses = recursion.list_clauses()
         else:
             clauses = [

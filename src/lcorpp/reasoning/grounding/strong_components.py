@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TypeVar
+
+_Node = TypeVar("_Node", int, str)
 
 
-def find_strongly_connected_components(successors: Sequence[Iterable[int]]) -> list[tuple[int, ...]]:
+def find_strongly_connected_components(
+    successors: Mapping[_Node, Iterable[_Node]],
+) -> list[tuple[_Node, ...]]:
     """Return the strongly connected components of a graph, each after the components it points to.
 
     Args:
@@ -13,25 +18,23 @@ def find_strongly_connected_components(successors: Sequence[Iterable[int]]) -> l
 
     Source: Tarjan, SIAM J. Comput. 1(2), 1972, without recursion.
     """
-    finished = len(successors) + 1
-    index = [0] * len(successors)  # node -> number in the order of visits; 0: not visited
-    low = [0] * len(successors)
-    stack: list[int] = []
-    work: list[tuple[int, Iterator[int]]] = []
-    components: list[tuple[int, ...]] = []
-    counter = 0
-    for root in range(len(successors)):
-        entered = None if index[root] else root
+    finished = len(successors)
+    index: dict[_Node, int] = {}  # node -> number in the order of visits
+    low: dict[_Node, int] = {}
+    stack: list[_Node] = []
+    components: list[tuple[_Node, ...]] = []
+    for root in successors:
+        work: list[tuple[_Node, Iterator[_Node]]] = []
+        entered = None if root in index else root
         while entered is not None or work:
             if entered is not None:
-                counter += 1
-                index[entered] = low[entered] = counter
+                index[entered] = low[entered] = len(index)
                 stack.append(entered)
                 work.append((entered, iter(successors[entered])))
             node, rest = work[-1]
             entered = None
             for successor in rest:
-                if not index[successor]:
+                if successor not in index:
                     entered = successor
                     break
                 if index[successor] < low[node]:
@@ -44,7 +47,6 @@ def find_strongly_connected_components(successors: Sequence[Iterable[int]]) -> l
                     members = [stack.pop()]
                     while members[-1] != node:
                         members.append(stack.pop())
-                    for member in members:
-                        index[member] = finished
+                    index.update(dict.fromkeys(members, finished))
                     components.append(tuple(sorted(members)))
     return components
