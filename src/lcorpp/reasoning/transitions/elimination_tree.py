@@ -22,7 +22,7 @@ Intelligence 171, 2007 (pseudo trees).
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from math import log2
@@ -30,6 +30,7 @@ from math import log2
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.linear_recursion import find_linear_components
+from lcorpp.reasoning.transitions.recursion_order import rank_components
 
 MAX_EXACT_DEGREE = 32
 """The degrees of the members of larger scopes are updated only when one of them is about to be eliminated."""
@@ -62,13 +63,14 @@ class EliminationTree:
 
 
 def build_elimination_tree(
-    program: GroundProgram, clauses: Sequence[Clause], outcomes: Sequence[int]
+    program: GroundProgram, clauses: Sequence[Clause], outcomes: Sequence[int], queried: Collection[int]
 ) -> EliminationTree:
     """Build the elimination tree of a ground program.
 
     Args:
         clauses: the simplified clauses.
         outcomes: the mask of the possible outcomes of each term.
+        queried: the terms whose outcomes queries read.
     """
     needs: defaultdict[int, set[int]] = defaultdict(set)  # term -> the terms in the bodies of its clauses
     joint: set[frozenset[int]] = set()  # the terms of each constraint
@@ -100,7 +102,7 @@ def build_elimination_tree(
         ]
         constraints = {frozenset([component_of[term] for term in group]) for group in joint}
     linear = find_linear_components(program, components, clauses)
-    ranks = _rank_components(components, linear)
+    ranks = rank_components(components, linear, queried, clauses)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
     sizes = [sum([bits[outcomes[term]] for term in own]) for own in components]
     children, roots = _eliminate(
@@ -160,54 +162,6 @@ def _number_nodes(
             ends[step] = ends[numbered[step][-1]]
     order = [components[node] for node in preorder]
     return EliminationTree(order, numbered, tuple(sorted([number[root] for root in roots])), ends, linear)
-
-
-def _rank_components(
-    components: Sequence[tuple[int, ...]],
-    linear: Mapping[tuple[int, ...], Sequence[Clause]],
-) -> list[int]:
-    """Rank components in the order of the program, but the inputs of linear recursions by distance.
-
-    Its frontier is small if the rules of neighbouring terms are decided one after the other, as in the
-    Cuthill-McKee order of a sparse matrix.
-    """
-    ranks = list(range(len(components)))
-    if not linear:
-        return ranks
-    component_of = {term: i for i, terms in enumerate(components) for term in terms}
-    for terms, rules in linear.items():
-        neighbours: dict[int, set[int]] = {term: set() for term in terms}
-        links: list[tuple[set[int], set[int]]] = []  # (inputs of a rule, terms that it links)
-        for rule in rules:
-            linked = {rule.term, *(x[0] for x in rule.body if x[0] in neighbours)}
-            for term in linked:
-                neighbours[term] |= linked
-            links.append(({component_of[x[0]] for x in rule.body if x[0] not in neighbours}, linked))
-        position: dict[int, int] = {}
-        for term in terms:
-            if term not in position:
-                end = _list_by_distance(term, neighbours)[-1]  # far from the term, so at the rim
-                for reached in _list_by_distance(end, neighbours):
-                    position[reached] = len(position)
-        key: dict[int, int] = {}  # input -> position of the terms that it links
-        for inputs, linked in links:
-            at = max([position[term] for term in linked])
-            for i in inputs:
-                key[i] = min(key.get(i, at), at)
-        ordered = sorted(key, key=lambda i: (key[i], i))
-        for i, rank in zip(ordered, sorted([ranks[i] for i in ordered]), strict=True):
-            ranks[i] = rank
-    return ranks
-
-
-def _list_by_distance(start: int, neighbours: Mapping[int, set[int]]) -> list[int]:
-    """List the reachable nodes, nearest first; of equally near ones those with few neighbours first."""
-    order, seen = [start], {start}
-    for node in order:
-        new = sorted(neighbours[node] - seen, key=lambda other: (len(neighbours[other]), other))
-        seen.update(new)
-        order.extend(new)
-    return order
 
 
 def _eliminate(

@@ -73,11 +73,14 @@ class LinearRecursion:
         fixed = [edge for group in self._always for edge in self._edges_of[id(group)] or ()]
         self._fixed = [edge for edge in _close_over(fixed, (None, *self._first)) if edge[1] in self._first]
         for body, head in self._fixed:
-            self._extend(body, head, max(self._first[head], self._first.get(body, -1)))
+            self._extend(body, head, max(self._first[head], self._first[body] if body else -1))
         self._frontier: list[Atom] = []
         self._bit_of: dict[Edge, int] = {}
         self.width = max(
-            [sum([self._first[a] <= at <= self._find_last(a) for a in self._first]) for at in self._groups_at],
+            [
+                sum([self._first[a] <= at <= self._find_last(a) for a in self._first])
+                for at in self._groups_at
+            ],
             default=0,
         )
 
@@ -128,20 +131,20 @@ class LinearRecursion:
         number_of: dict[Atom | None, int] = {None: -1}
         for i, atom in enumerate(atoms):
             number_of[atom] = i
-        sources = [(bit, number_of[body], number_of[head]) for (body, head), bit in self._bit_of.items()]
+        closed = [(bit, number_of[body], number_of[head]) for (body, head), bit in self._bit_of.items()]
+        added = [
+            (0, number_of[body], number_of[head])
+            for body, head in self._fixed
+            if max(self._first[head], self._first[body] if body else -1) == step
+        ]
         finished: list[int] = []
         for group, is_done in self._groups_at[step]:
             bit = bits[group.satisfied_slot]
-            sources += [
+            added += [
                 (bit, number_of[body], number_of[head]) for body, head in self._edges_of[id(group)] or ()
             ]
             if is_done:
                 finished.append(group.satisfied_slot)
-        initial = [
-            (number_of[body], number_of[head])
-            for body, head in self._fixed
-            if max(self._first[head], self._first.get(body, -1)) == step
-        ]
         self._frontier = [atom for atom in atoms if self._find_last(atom) > step]
         bodies = [atom for atom in self._frontier if self._last_head.get(atom, -1) > step]  # may become true
         heads = [atom for atom in self._frontier if self._last_body.get(atom, -1) > step]  # are used later
@@ -158,11 +161,10 @@ class LinearRecursion:
         numbered = [(number_of[body], number_of[head], bit) for (body, head), bit in self._bit_of.items()]
         closure = Closure(
             len(atoms),
-            sources,
-            initial,
+            closed,
+            added,
             [(head, bit) for body, head, bit in numbered if body < 0],
             [edge for edge in numbered if edge[0] >= 0],
-            sum({bit for bit, _, _ in sources}),
         )
         return closure, finished, live
 
@@ -209,10 +211,10 @@ def find_linear_components(
     for clause in clauses if rules_of else ():
         if clause.term in rules_of:
             rules_of[clause.term].append(clause)
-    return {own: rules_of[own[0]] for own in recursive if _is_linear(program, set(own), rules_of[own[0]])}
+    return {own: rules_of[own[0]] for own in recursive if is_linear(program, set(own), rules_of[own[0]])}
 
 
-def _is_linear(program: GroundProgram, own: set[int], clauses: Iterable[Clause]) -> bool:
+def is_linear(program: GroundProgram, own: set[int], clauses: Iterable[Clause]) -> bool:
     """Whether a component has linear rules, and defaults without conditions that no rule of it uses."""
     bodies, defaults = set[Atom](), set[Atom]()
     if not own.isdisjoint(program.do):
@@ -252,10 +254,6 @@ def derive_values(
         if all(mask >> outcomes[term] & 1 for term, mask, _ in literals):
             outcomes[clause.term] = clause.value
     return outcomes
-
-
-def _list_atoms(edges: Iterable[Edge]) -> list[Atom]:
-    return [atom for edge in edges for atom in edge if atom is not None]
 
 
 def _close_over(edges: Iterable[Edge], starts: Iterable[Atom | None]) -> list[Edge]:

@@ -10,15 +10,15 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.linear_recursion import find_edges, is_linear
-from lcorpp.reasoning.transitions.strong_components import find_strongly_connected_components
 
 DerivedComponent = tuple[tuple[int, ...], Sequence[Clause]]
 """The terms of a component, and their rules."""
 
 
 def separate_irrelevant_rules(
-    program: GroundProgram, clauses: list[Clause], queried: Collection[str]
+    program: GroundProgram, clauses: list[Clause], queried: Collection[int]
 ) -> tuple[list[Clause], list[DerivedComponent]]:
     """Separate the rules of the terms that no query, constraint or random selection depends on.
 
@@ -50,16 +50,16 @@ def separate_irrelevant_rules(
                 relevant.add(term)
                 stack += [x[0] for rule in rules_of[term] for x in rule.body if x[0] in rules_of]
 
-    mark([*stack, *[term for term in rules_of if program.names[term] in queried]])
-    terms = [term for term in rules_of if term not in relevant]
-    number_of = {term: i for i, term in enumerate(terms)}
-    needs = [
-        {number_of[x[0]] for rule in rules_of[term] for x in rule.body if x[0] in number_of} for term in terms
+    mark([*stack, *queried])
+    irrelevant = [term for term in rules_of if term not in relevant]
+    needs = {
+        term: {x[0] for rule in rules_of[term] for x in rule.body if x[0] in rules_of} - relevant
+        for term in irrelevant
+    }
+    components: list[DerivedComponent] = [
+        (own, [rule for term in own for rule in rules_of[term]])
+        for own in find_strongly_connected_components(needs)
     ]
-    components: list[DerivedComponent] = []
-    for numbers in find_strongly_connected_components(needs):
-        own = tuple([terms[i] for i in numbers])
-        components.append((own, [rule for term in own for rule in rules_of[term]]))
     for own, rules in components:
         if not _has_one_model(program, own, rules):
             mark(own)
@@ -75,7 +75,7 @@ def _has_one_model(program: GroundProgram, terms: Sequence[int], rules: Sequence
     """
     if all(not rule.body for rule in rules) and len({rule.value for rule in rules}) == len(terms) == 1:
         return True  # a fact
-    if not is_linear(program, terms, rules):
+    if not is_linear(program, set(terms), rules):
         return False
     own = set(terms)
     values: dict[int, set[int]] = {term: set() for term in terms}

@@ -88,13 +88,13 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
     """
     with pause_gc():
         clauses, outcomes = simplify(program)
-        queried = set(queried)
-        clauses, irrelevant = separate_irrelevant_rules(program, clauses, queried)
+        names = set(queried)
+        needed = {term for term, name in enumerate(program.names) if name in names}
+        clauses, irrelevant = separate_irrelevant_rules(program, clauses, needed)
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
-        tree = build_elimination_tree(program, clauses, outcomes)
+        tree = build_elimination_tree(program, clauses, outcomes, needed)
         term_numbers = {program.names[term]: term for terms in tree.order for term in terms}
         consistent = not any(c.term < 0 and not c.body for c in clauses)
-        needed = {term_numbers[name] for name in queried if name in term_numbers}
         builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
         return TransitionSystem(
             program,
