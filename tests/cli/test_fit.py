@@ -56,6 +56,17 @@ def test_bad_data(lcorpp, files, data, message):
     assert ended.out == ""
 
 
+def test_an_interrupt_writes_nothing(lcorpp, files, tmp_path, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("lcorpp.reasoning.fitting.fit.climb", interrupt)
+    ended = lcorpp("fit", *files, "-o", tmp_path / "new.plog")
+    assert ended.code == 130
+    assert "interrupted while fitting; nothing is written" in ended.err
+    assert not (tmp_path / "new.plog").exists()
+
+
 def test_bad_output(lcorpp, files, tmp_path):
     ended = lcorpp("fit", *files, "-o", tmp_path / "new.csv")
     assert ended.code == 2

@@ -173,6 +173,17 @@ def test_estimates_can_be_printed_and_pickled():
     assert asked.interval == Interval.from_count(round(400 * asked), 400)
 
 
+def test_the_warning_points_at_the_call():
+    reasoner = Reasoner(parse_plog("p : boolean. random(p)."), samples=200)
+    for answer in (
+        lambda: reasoner.posterior("p"),
+        lambda: reasoner.ask(parse_query("?{p}", reasoner.program)),
+    ):
+        with pytest.warns(ReasoningWarning) as issued:
+            answer()
+        assert issued[0].filename == __file__
+
+
 def test_a_query_that_no_world_satisfies():
     program = parse_plog("p, q, r : boolean. random(p). r :- q, p.")
     with pytest.warns(ReasoningWarning):

@@ -134,6 +134,58 @@ def test_filter_and_enumeration_agree_on_random_programs(seed: int) -> None:
     assert answer["s(1)"]["true"] == pytest.approx(sensed / total, rel=1e-12)
 
 
+def test_evidence_of_a_probability_below_the_smallest_number() -> None:
+    text = """
+        moments = {0, 1}. at : moments -> rooms. rooms = {x, y}. sensors = {1..400}. #domain sensors(S).
+        on : sensors -> boolean. random(at(0)). random(at(1)). random(on(S)).
+        pr(on(S) | at(1)=x) = 0.1. pr(on(S) | at(1)=y) = 0.11."""
+    filter = Reasoner(parse_plog(text)).filter({"at(0)": "at(1)"}, ["on"], "at(1)")
+    answer = filter.step({f"on({i})": "true" for i in range(1, 401)})
+    assert answer["x"] == pytest.approx(1 / (1 + 1.1**400), rel=1e-9)
+
+
+def test_smoothing_leaves_out_states_that_the_past_excludes() -> None:
+    """The evidence is more probable by 1e9000 had it been b; only a is possible."""
+    text = """
+        moments = {0, 1}. who : moments -> people. people = {a, b}. seen : moments -> boolean.
+        random(who(0)). random(seen(1)). who(1)=X :- who(0)=X, people(X).
+        pr(seen(1) | who(1)=a) = 0.001. pr(seen(1) | who(1)=b) = 0.999."""
+    filter = Reasoner(parse_plog(text)).filter(
+        {"who(0)": "who(1)"}, ["seen(1)"], "who(1)", initial={"who(0)": "a"}, window=3000
+    )
+    for _ in range(3000):
+        assert filter.step({"seen(1)": True})["a"] == 1  # type: ignore[dict-item]
+    assert all(step["who(1)"]["a"] == 1 for step in filter.smooth())
+
+
+def test_a_query_may_lack_a_value_in_other_steps() -> None:
+    text = "moments = {0, 1}. a, b : moments -> boolean. random(a(0)). random(a(1)). b(1) :- a(1)."
+    filter = Reasoner(parse_plog(text)).filter({"a(0)": "a(1)"}, ["a(1)"], "b(1)")
+    assert filter.step({"a(1)": "true"})["true"] == 1
+    belief = filter.belief
+    with pytest.raises(ProgramError, match=r"b\(1\) has no value with probability 0.5"):
+        filter.step({})
+    assert filter.belief is belief
+
+
+def test_likelihoods_of_several_inputs() -> None:
+    """Sensors that err independently: their likelihoods multiply."""
+    text = """
+        moments = {0, 1}. at : moments -> rooms. rooms = {x, y, z}. sensors = {1..5}. #domain sensors(S).
+        seen : sensors -> rooms. random(at(0)). random(at(1)). random(seen(S)). #domain rooms(R).
+        pr(at(1)=R | at(0)=R) = 0.8. pr(seen(S)=R | at(1)=R) = 0.7."""
+    filter = Reasoner(parse_plog(text)).filter({"at(0)": "at(1)"}, ["seen"], "at(1)")
+    rng = np.random.default_rng(2)
+    scores = rng.uniform(0.01, 1, (5, 3))
+    found = filter.step({f"seen({i})": Likelihood(("z", "x", "y"), own) for i, own in enumerate(scores, 1)})
+    sensor = np.full((3, 3), 0.15) + 0.55 * np.eye(3)
+    expected = np.prod(np.roll(scores, -1, axis=1) @ sensor, axis=0)
+    np.testing.assert_allclose(found.probabilities, expected / expected.sum(), rtol=1e-12)
+    many = Reasoner(parse_plog(text.replace("1..5", "1..15"))).filter({"at(0)": "at(1)"}, ["seen"], "at(1)")
+    with pytest.raises(TooLargeError, match="14348907 combinations of values"):
+        many.step({f"seen({i})": Likelihood(("x", "y", "z"), scores[0]) for i in range(1, 16)})
+
+
 def test_the_memory_of_a_filter_is_constant() -> None:
     filter = Reasoner(unroll(1)).filter(CARRIED, ["classifier(1)"], "intention(1)", window=10)
     labels = [{"classifier(1)": "one"}, {"classifier(1)": "zero"}, {}]

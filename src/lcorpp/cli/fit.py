@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import log
 from pathlib import Path
 from typing import Annotated
 
@@ -37,9 +38,11 @@ def fit(
     Prints the program with the new numbers, comments and layout kept, and on standard error the numbers with
     their 95 % intervals. With -o, prints the numbers only.
     """
+    from lcorpp.cli.console import show_delayed_progress
     from lcorpp.cli.output_files import check_writable
     from lcorpp.files import read_text, write_atomically
     from lcorpp.reasoning import fit as fit_numbers, parse_plog, read_records
+    from lcorpp.reasoning.fitting.maximisation import TOLERANCE
 
     if output is not None:
         check_writable(output)
@@ -47,7 +50,19 @@ def fit(
             raise FileError(f"{output}: expected a file name that ends with .plog")
     text = read_text(file)
     fixed = [int(name) if name.isdecimal() else name for name in fix or ()]
-    result = fit_numbers(parse_plog(text, file=str(file)), read_records(data), fixed=fixed, prior=prior)
+    program = parse_plog(text, file=str(file))
+    try:
+        with show_delayed_progress("fitting") as advance:
+            result = fit_numbers(
+                program,
+                read_records(data),
+                fixed=fixed,
+                prior=prior,
+                # steps shrink by a nearly constant factor
+                progress=lambda n, change: advance(log(max(change, TOLERANCE), TOLERANCE), f"{n} steps"),
+            )
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("interrupted while fitting; nothing is written") from None
     fitted = result.rewrite(text)
     if output is None:
         typer.echo(fitted, nl=False)

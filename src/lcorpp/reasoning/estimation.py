@@ -10,10 +10,9 @@ import numpy as np
 
 from lcorpp.errors import TooLargeError
 from lcorpp.notebook import html_table, join_some
-from lcorpp.reasoning.answers import format_conditions, make_no_value_error, make_no_world_error
+from lcorpp.reasoning.answers import make_no_value_error, make_no_world_error
 from lcorpp.reasoning.grounding.ground_program import GroundProgram
-from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, sample_worlds
-from lcorpp.reasoning.transitions.transition_system import TransitionSystem
+from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, SampleCounts
 from lcorpp.values import Distribution, Interval
 from lcorpp.values.distribution import format_value
 
@@ -78,33 +77,23 @@ class EstimatedDistribution(Distribution):
 
 
 def estimate_probabilities(
-    ground: GroundProgram,
-    system: TransitionSystem,
-    term: str,
-    facts: Mapping[str, str],
-    *,
-    samples: int,
-    seed: int,
-    reason: TooLargeError,
+    ground: GroundProgram, found: SampleCounts, reason: TooLargeError, conditions: str, stacklevel: int
 ) -> dict[str, Estimate]:
-    """Estimate the probability of each value of a term; "" is for no value.
+    """Estimate the probability of each value of a term from sampled worlds; "" is for no value.
 
     Warns that the probabilities are estimates.
 
     Args:
-        ground, system: the program.
-        facts: term -> observed value.
-        samples: the number of worlds drawn; more, if too few of them have the facts.
         reason: why the probabilities are not computed.
+        conditions: the conditions of the question as text, for the error.
+        stacklevel: of the warning.
 
     Raises:
-        ProgramError: a world violates a condition of the language.
-        UndefinedError: it is certain that no world has the facts.
-        TooLargeError: too few sampled worlds have the facts.
+        UndefinedError: it is certain that no world has the evidence.
+        TooLargeError: too few sampled worlds have the evidence.
     """
-    found = sample_worlds(ground, system, term, facts, samples, seed)
     if not found.possible:
-        raise make_no_world_error(ground.source, format_conditions(facts, {}))
+        raise make_no_world_error(ground.source, conditions)
     if found.accepted < MIN_EFFECTIVE_SAMPLES:
         worlds = f"{found.drawn} worlds drawn at random"
         raise TooLargeError(
@@ -114,7 +103,7 @@ def estimate_probabilities(
             else f"{reason}, and no sample met the evidence, which is improbable or impossible, in {worlds}"
         )
     message = f"{reason}: estimated from {found.drawn} worlds drawn at random, effective sample size"
-    warnings.warn(f"{message} {found.accepted}", ReasoningWarning, stacklevel=6)
+    warnings.warn(f"{message} {found.accepted}", ReasoningWarning, stacklevel=stacklevel)
     return {
         value: Estimate(Interval.from_count(count, found.accepted), found.accepted)
         for value, count in found.counts.items()

@@ -14,13 +14,11 @@ Source: Murphy, Dynamic Bayesian Networks, 2002, section 3.2 (the interface algo
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
-from functools import reduce
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from math import prod
 
 import numpy as np
-import numpy.typing as npt
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_type, expected_one_of
 from lcorpp.notebook import join_some
@@ -30,14 +28,18 @@ from lcorpp.reasoning.answers import (
     make_no_value_error,
     make_no_world_error,
 )
+from lcorpp.reasoning.circuit.compiler import build_layers
+from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.evidence import Codes, EvidenceEncoder
-from lcorpp.reasoning.circuit.joint_weights import JointWeights
+from lcorpp.reasoning.circuit.passes import evaluate
 from lcorpp.reasoning.gc_pause import pause_gc
+from lcorpp.reasoning.grounding.ground_program import GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.slices import split_slices
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_evidence, resolve_inputs, resolve_queries, resolve_term
+from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array, Distribution, Label, Likelihood
 
 MAX_STATES = 1000
@@ -45,6 +47,9 @@ MAX_STATES = 1000
 
 MAX_CACHED_NUMBERS = 10_000_000
 """A filter caches matrices with at most this many numbers together."""
+
+_Outcomes = Sequence[Sequence[int]]
+"""Rows of outcomes of terms."""
 
 
 class Filter:
@@ -89,37 +94,33 @@ class Filter:
         self.inputs = tuple(resolve_inputs(program, inputs))
         self.queries, self.single = resolve_queries(program, query), isinstance(query, str)
         self._encoder = EvidenceEncoder(program, self.inputs)
-        ranges = [list_values(program, term) for term in self._new]
-        self._sizes = [len(values) for values in ranges]
+        self._ranges = [list_values(program, term) for term in self._new]
+        self._sizes = list(map(len, self._ranges))
         if prod(self._sizes) > MAX_STATES:
             raise TooLargeError(
                 f"{program.file}: {prod(self._sizes)} combinations of values of the carried terms; at most"
                 f" {MAX_STATES} can be filtered"
             )
-        self.states = tuple(product(*ranges))
-        self._codes = np.array(list(product(*map(range, self._sizes))), dtype=np.intp)
-        self._matrices: dict[tuple[Label | None, ...], Array] = {}
-        self._columns: list[tuple[str, tuple[str, ...], slice]] = []  # query, its values, its columns
-        end = len(self.states)
-        for query in self.queries:
-            values = list_values(program, query)
-            self._columns.append((query, values, slice(end, end + len(values))))
-            end += len(values)
-        self._max_cached = max(1, MAX_CACHED_NUMBERS // (len(self.states) * (end + 1)))
-
+        self.states = tuple(product(*self._ranges))
+        codes = list(product(*map(range, self._sizes)))
         initial = resolve_evidence(program, initial)
-        ground = ground_program(program, {}, queried=self.queries)
-        past, step = split_slices(ground, self._old, initial)
-        start = JointWeights(past, (*self._old, *initial))
-        self._check_values(self._old, start.compute((self._old, self._codes)).sum(), float(start.compute()))
-        self._weights = JointWeights(step, (*self._old, *self._new, *self.inputs, *self.queries))
-        encoder = EvidenceEncoder(program, tuple(initial))
-        codes = np.array([[encoder.encode_value(*fact) for fact in initial.items()]], dtype=np.intp)
-        first = start.compute((tuple(initial), codes), (self._old, self._codes))[0]
-        if not first.sum() > 0:
-            raise make_no_world_error(program, format_conditions(initial, {}))
-        self._first = first / first.sum()
-        self._reachable = self._find_reachable()
+        past, step = split_slices(ground_program(program, {}, queried=self.queries), self._old, initial)
+        self._first = self._compute_first(_Table(past, (*self._old, *initial)), codes, initial)
+
+        self._table = _Table(step, (*self._old, *self._new, *self.inputs, *self.queries))
+        self._before = self._table.encode(self._old, codes)
+        columns = [self._table.encode(self._new, codes)]
+        self._answers: list[tuple[str, tuple[str, ...], slice]] = []  # query, its values, their columns
+        end = len(codes)
+        for name in self.queries:
+            values = list_values(program, name)
+            self._answers.append((name, values, slice(end, end + len(values))))
+            end += len(values) + 1  # the last outcome is having no value
+            columns.append(self._table.encode((name,), [[i] for i in range(len(values) + 1)]))
+        self._after = np.vstack([*columns, self._table.encode()])
+        self._matrices: dict[tuple[object, ...], Array] = {}
+        self._n_cached = 0
+        self._check_reachable_states()
         self.reset()
 
     def __repr__(self) -> str:
@@ -143,17 +144,17 @@ class Filter:
         Raises:
             ProgramError: an input or a value is unknown, or a query may have no value under the evidence.
             UndefinedError: the evidence is impossible.
+            TooLargeError: the values of the inputs with likelihoods have too many combinations.
         """
         matrix = None
         try:
             key = tuple(map(evidence.get, self.inputs))
             if len(key) - key.count(None) == len(evidence):
-                matrix = self._matrices.get(key)
-        except (AttributeError, TypeError, ValueError):
-            pass  # reported below
+                matrix = self._matrices[key][0]
+        except (AttributeError, KeyError, TypeError, ValueError):
+            pass  # new, or reported below
         if matrix is None:
-            check_type(evidence, Mapping, "evidence", ProgramError)
-            matrix = self._find_matrix(self._encoder.canonicalize(evidence))
+            matrix = self._find_matrix(evidence)
         weights = self.belief @ matrix
         total = weights[-1]
         if not total > 0:
@@ -164,11 +165,15 @@ class Filter:
             )
         weights /= total
         weights.flags.writeable = False
+        answers = {}
+        for query, values, own in self._answers:
+            if weights[own.stop]:
+                raise make_no_value_error(self.program, query, weights[own.stop])
+            answers[query] = Distribution.unchecked(values, weights[own])
         n = len(self.states)
         self.belief = weights[:n]
         if self.window:
             self._steps.append((matrix[:, :n], self.belief))
-        answers = {q: Distribution.unchecked(values, weights[own]) for q, values, own in self._columns}
         return answers[self.queries[0]] if self.single else answers
 
     def smooth(self) -> list[dict[str, Distribution]]:
@@ -180,89 +185,117 @@ class Filter:
             For each step: carried term of slice 1 -> distribution.
         """
         future = np.ones(len(self.states))
-        answers = []
+        answers: list[dict[str, Distribution]] = []
         for matrix, belief in reversed(self._steps):
-            joint = belief * future
-            joint = (joint / joint.sum()).reshape(self._sizes)
-            axes = range(len(self._sizes))
-            answers.append(
-                {
-                    term: Distribution(
-                        list_values(self.program, term), joint.sum(axis=tuple(a for a in axes if a != axis))
-                    )
-                    for axis, term in enumerate(self._new)
-                }
-            )
-            future = matrix @ future
-            future /= future.max()
+            smoothed = belief * future
+            smoothed /= smoothed.sum()
+            joint = smoothed.reshape(self._sizes)
+            answers.append({})
+            for axis, (term, values) in enumerate(zip(self._new, self._ranges, strict=True)):
+                marginal = np.moveaxis(joint, axis, 0).reshape(len(values), -1).sum(axis=1)
+                answers[-1][term] = Distribution(values, marginal)
+            # states that the past excludes are left out: their futures may be more probable by any factor
+            future = matrix @ np.divide(smoothed, belief, out=np.zeros_like(belief), where=belief > 0)
         return answers[::-1]
 
-    # matrices
-
     def _find_matrix(self, evidence: Mapping[str, Label]) -> Array:
-        """(states, columns) P(x1, e | x0), P(q, e | x0) for the queries, P(e | x0); sum likelihoods out."""
-        for name, label in evidence.items():
+        """(states, columns) P(x1, e | x0), P(q, e | x0) for the queries, and P(e | x0), up to one factor.
+
+        With likelihoods it is a weighted sum of the matrices for all values of their inputs.
+        """
+        given = self._encoder.canonicalize(evidence)
+        hard = {
+            n: self._encoder.encode_value(n, v) for n, v in given.items() if not isinstance(v, Likelihood)
+        }
+        weights = np.ones(1)
+        ranges: list[range] = []
+        for name, label in given.items():
             if isinstance(label, Likelihood):
-                values = self._encoder.values[name]
-                if set(label.values) != set(values):
+                values, weight_of = self._encoder.values[name], dict(label)
+                if weight_of.keys() != set(values):
                     raise ProgramError(
                         f"a likelihood of {', '.join(label.values)} for {name}; {expected_one_of(values)}"
                     )
-                parts = [w * self._find_matrix({**evidence, name: value}) for value, w in label if w > 0]
-                return reduce(np.add, parts)
-        codes = [self._encoder.encode_value(name, value) for name, value in evidence.items()]
-        key = tuple(map(evidence.get, self.inputs))
+                weights = np.multiply.outer(weights, [weight_of[value] for value in values]).ravel()
+                ranges.append(range(len(values)))
+        soft = [name for name in given if name not in hard]
+        key = (*[given.get(name) if name in hard else None for name in self.inputs], *soft)
         if key not in self._matrices:
-            if len(self._matrices) >= self._max_cached:
+            size = len(weights) * len(self._before) * len(self._after)
+            if size > MAX_CACHED_NUMBERS:
+                raise TooLargeError(
+                    f"{self.program.file}: {len(weights)} combinations of values of {join_some(soft)}, which"
+                    f" have likelihoods, in {len(self.states)} states"
+                )
+            if self._n_cached + size > MAX_CACHED_NUMBERS:
                 self._matrices.clear()
-            self._matrices[key] = self._compute_matrix(tuple(evidence), codes)
-        return self._matrices[key]
+                self._n_cached = 0
+            observed = [(*hard.values(), *own) for own in product(*ranges)]
+            rows = self._table.encode((*hard, *soft), observed)
+            self._matrices[key] = self._table.compute(rows, self._before, self._after)
+            self._n_cached += size
+        matrix: Array = np.tensordot(weights, self._matrices[key], 1)
+        return matrix
 
-    def _compute_matrix(self, observed: Sequence[str], codes: Sequence[int]) -> Array:
-        blocks = [self._compute_conditional(observed, codes, self._new, self._codes)]
-        for query, values, _ in self._columns:
-            outcomes = np.arange(len(values) + 1)[:, None]
-            block = self._compute_conditional(observed, codes, (query,), outcomes)
-            no_value = block[self._reachable, -1].max()
-            if no_value:
-                raise make_no_value_error(self.program, query, f"up to {no_value:.6g}")
-            blocks.append(block[:, :-1])
-        blocks.append(blocks[0].sum(axis=1, keepdims=True))
-        return np.hstack(blocks)
+    # checks
 
-    def _compute_conditional(
-        self, observed: Sequence[str], codes: Sequence[int], terms: Sequence[str], outcomes: Codes
-    ) -> Array:
-        """(states, outcomes) P(outcomes of terms, evidence | state of slice 0)."""
-        evidence = (observed, np.array([codes], dtype=np.intp))
-        joint = self._weights.compute(evidence, (self._old, self._codes), (terms, outcomes))[0]
-        conditional: Array = joint * len(self.states)  # the states are equally probable, see `split_slices`
-        return conditional
+    def _compute_first(self, table: _Table, codes: _Outcomes, initial: Mapping[str, str]) -> Array:
+        """(states,) Compute the initial belief."""
+        encoder = EvidenceEncoder(self.program, tuple(initial))
+        facts = table.encode(tuple(initial), [[encoder.encode_value(*fact) for fact in initial.items()]])
+        outcomes = np.vstack([table.encode(self._old, codes), table.encode()])
+        (prior,), (first,) = table.compute(table.encode(), outcomes), table.compute(facts, outcomes)
+        self._check_values(self._old, prior, "")
+        if not first[:-1].any():
+            raise make_no_world_error(self.program, format_conditions(initial, {}))
+        belief: Array = first[:-1] / first[:-1].sum()
+        return belief
 
-    def _find_reachable(self) -> npt.NDArray[np.bool_]:
-        """(states,) The states that steps without evidence lead to; check that their steps lead to states."""
-        step = self._compute_conditional((), (), self._new, self._codes)
-        total = self._compute_conditional((), (), (), np.zeros((1, 0), dtype=np.intp))[:, 0]
-        reachable = np.zeros(len(self.states), dtype=bool)
-        more = self._first > 0
-        while (more & ~reachable).any():
-            reachable |= more
-            more = step[reachable].any(axis=0)
-        for i in np.flatnonzero(reachable):
-            state = dict(zip(self._old, self.states[i], strict=True))
-            self._check_values(
-                self._new, step[i].sum(), total[i], f" if the last step{format_conditions(state, {})}"
-            )
-        return reachable
+    def _check_reachable_states(self) -> None:
+        """Check that the states that steps without evidence lead to lead to states in turn."""
+        n, matrix = len(self.states), self._find_matrix({})
+        following, checked = np.flatnonzero(self._first).tolist(), set[int]()
+        while new := set(following) - checked:
+            for i in new:
+                state = dict(zip(self._old, self.states[i], strict=True))
+                weights = np.append(matrix[i, :n], matrix[i, -1])
+                self._check_values(self._new, weights, f" if the last step{format_conditions(state, {})}")
+            checked |= new
+            following = np.flatnonzero(matrix[list(new), :n].any(axis=0)).tolist()
 
-    def _check_values(
-        self, terms: Sequence[str], with_values: float, total: float, condition: str = ""
-    ) -> None:
-        if with_values < total * (1 - 1e-9):
+    def _check_values(self, terms: Sequence[str], weights: Array, condition: str) -> None:
+        """Check that the last weight, of all worlds, is the sum of the others, with values of the terms."""
+        lost = 1 - weights[:-1].sum() / weights[-1] if weights[-1] else 0.0
+        if lost > 1e-9:
             raise ProgramError(
                 f"{self.program.file}: {', '.join(terms)}: a carried term has no value with probability"
-                f" {1 - with_values / total:.6g}{condition}; expected a value in each world"
+                f" {lost:.6g}{condition}; expected a value in each world"
             )
+
+
+class _Table:
+    """The weights of combinations of outcomes of some terms of a ground program."""
+
+    def __init__(self, ground: GroundProgram, names: Iterable[str]) -> None:
+        self._names = list(dict.fromkeys(names))
+        diagram = build_decision_diagram(build_transition_system(ground, self._names))
+        self._layers = build_layers(diagram, self._names)
+
+    def encode(self, terms: Sequence[str] = (), outcomes: _Outcomes = ((),)) -> Codes:
+        """(n, names) Encode n combinations of outcomes of terms; the others, by default all, are free."""
+        codes = np.full((len(outcomes), len(self._names)), -1, dtype=np.intp)
+        codes[:, [self._names.index(term) for term in terms]] = outcomes
+        return codes
+
+    def compute(self, *parts: Codes) -> Array:
+        """(n1, n2, ...) Compute the weights of each combination of a row of each part, up to one factor."""
+        codes, agree = parts[0], np.ones(len(parts[0]), dtype=bool)
+        for part in parts[1:]:
+            codes = codes[..., None, :]
+            agree = agree[..., None] & ((codes < 0) | (part < 0) | (codes == part)).all(axis=-1)
+            codes = np.maximum(codes, part)
+        weights: Array = evaluate(self._layers, codes.reshape(-1, len(self._names))).reshape(agree.shape)
+        return weights * agree
 
 
 def _resolve_carried(program: Program, carried: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:

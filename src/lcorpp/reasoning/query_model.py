@@ -48,6 +48,8 @@ class QueryModel:
         self.term = name_question(query)
         self.ground = ground_program(program, do, observed, query.literals, (self.term,))
         self.system = build_transition_system(self.ground, (self.term,))
+        parts = [str(part)[:-1] for part in (*query.observations, *query.interventions)]
+        self.conditions = f" has {', '.join(parts)}" if parts else ""
 
     @cached_property
     def worlds(self) -> WorldQueries:
@@ -76,25 +78,23 @@ class QueryModel:
             return self._estimate(error)
 
     def _compute(self, *, exact: bool) -> QueryAnswer:
-        parts = [str(part)[:-1] for part in (*self.query.observations, *self.query.interventions)]
-        conditions = f" has {', '.join(parts)}" if parts else ""
         worlds = self.worlds
         weights: Mapping[str, Fraction | float]
         weights = (worlds.compute_exact_weights if exact else worlds.compute_float_weights)(self.term, {})
         if self.query.subjects:
-            return normalise_marginal(self.program, self.term, weights, conditions)  # type: ignore[type-var, return-value]
+            return normalise_marginal(self.program, self.term, weights, self.conditions)  # type: ignore[type-var, return-value]
         total = sum(weights.values())
         if not total:
-            raise make_no_world_error(self.program, conditions)
+            raise make_no_world_error(self.program, self.conditions)
         return weights.get("true", 0 * total) / total
 
     def _estimate(self, reason: TooLargeError) -> QueryAnswer:
         """Estimate the answer from sampled worlds; the numbers are `Estimate`s."""
         from lcorpp.reasoning.estimation import drop_no_value, estimate_probabilities  # imports numpy
+        from lcorpp.reasoning.transitions.rejection_sampling import sample_worlds
 
-        estimates = estimate_probabilities(
-            self.ground, self.system, self.term, {}, samples=self.samples, seed=self.seed, reason=reason
-        )
+        found = sample_worlds(self.ground, self.system, self.term, self.samples, self.seed)
+        estimates = estimate_probabilities(self.ground, found, reason, self.conditions, stacklevel=6)
         if not self.query.subjects:
             return estimates["true"]
         return dict(drop_no_value(self.ground, self.term, estimates))

@@ -26,8 +26,9 @@ from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
+from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Query
+from lcorpp.reasoning.language.syntax import Literal, Query
 from lcorpp.reasoning.query_model import EnumeratedQuery, QueryModel
 from lcorpp.reasoning.resolve import (
     check_rng,
@@ -36,6 +37,7 @@ from lcorpp.reasoning.resolve import (
     resolve_labels,
     resolve_query,
     resolve_subject,
+    resolve_term,
 )
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
@@ -294,12 +296,14 @@ class Reasoner:
         self, reason: TooLargeError, term: str, facts: Mapping[str, str], do: Mapping[str, str]
     ) -> Distribution:
         from lcorpp.reasoning.estimation import EstimatedDistribution, drop_no_value, estimate_probabilities
+        from lcorpp.reasoning.transitions.rejection_sampling import sample_worlds
 
-        ground = ground_program(self.program, do, queried=(term,))
-        system = build_transition_system(ground, (term, *facts))
-        estimates = estimate_probabilities(
-            ground, system, term, facts, samples=self.samples, seed=self.seed, reason=reason
-        )
+        terms = {name: resolve_term(self.program, name) for name in facts}
+        observed = [Literal(terms[name], "=", parse_term(value, name)) for name, value in facts.items()]
+        ground = ground_program(self.program, do, observed, queried=(term,))
+        system = build_transition_system(ground, (term,))
+        found = sample_worlds(ground, system, term, self.samples, self.seed)
+        estimates = estimate_probabilities(ground, found, reason, format_conditions(facts, do), stacklevel=5)
         return EstimatedDistribution.from_estimates(drop_no_value(ground, term, estimates))
 
 

@@ -202,6 +202,24 @@ def test_constraints_select_the_records() -> None:
     assert result.numbers[0].cases == pytest.approx(120)  # 60 draws were rejected
 
 
+def test_the_ascent_is_accelerated_and_reports_its_progress() -> None:
+    """Eight coins must agree: few draws are accepted, and expectation-maximisation alone takes 260 steps."""
+    program = parse_plog(
+        "n = {1..8}. #domain n(I). x : n -> boolean. random(x(I)). pr(x(I)) = 0.4.\n"
+        ":- x(I), -x(1). :- x(1), -x(I)."
+    )
+    steps: list[tuple[int, float]] = []
+    result = fit(
+        program,
+        [{"x(1)": "true"}] * 40 + [{"x(3)": "false"}] * 20,
+        progress=lambda n, change: steps.append((n, change)),
+    )
+    assert float(result.numbers[0].value) == pytest.approx(1 / (1 + (20 / 40) ** (1 / 8)), abs=1e-6)
+    assert result.converged
+    assert result.iterations == steps[-1][0] < 60
+    assert steps[-1][1] < 1e-9
+
+
 def test_a_symmetric_mixture_is_not_identifiable() -> None:
     program = parse_plog(
         "a, b : boolean. random(a). random(b). pr(a) = 0.3.\npr(b | a) = 0.9. pr(b | a=false) = 0.2."

@@ -68,3 +68,15 @@ def test_dynamic_ranges():
         " random(b : {X : free(X)})."
     )
     assert bound(text, {"b": "2"}) == pytest.approx(1)  # the bodies of three rules, each its own attribute
+
+
+def test_evidence_that_no_world_has():
+    text = "c, p, r, t : boolean. random(c). p=false :- c. random(r). pr(r | p=false, c) = 1/10."
+    assert bound(f"{text} random(t). pr(t | c) = 1/5.", {"p": "true", "r": "true", "t": "true"}) == 0
+
+
+def test_many_observed_parents():
+    causes = [f"c{i}" for i in range(100)]
+    text = " ".join(f"{c} : boolean. random({c})." for c in causes)
+    text += f" s : boolean. random(s). pr(s | {', '.join(causes)}) = 1/10."
+    assert bound(text, {"s": "true", **dict.fromkeys(causes, "true")}) == pytest.approx(0.1 * 0.5**100)

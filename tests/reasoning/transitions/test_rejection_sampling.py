@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning import Enumeration, Program, parse_plog, read_plog
+from lcorpp.reasoning import Enumeration, Program, parse_plog, parse_query, read_plog
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.transitions.rejection_sampling import SampleCounts, sample_worlds
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
@@ -32,8 +32,10 @@ def sample(
     seed: int = 0,
     do: dict[str, str] | None = None,
 ) -> SampleCounts:
-    ground = ground_program(program, do or {})
-    return sample_worlds(ground, build_transition_system(ground), query, evidence, samples, seed)
+    conditions = ", ".join(f"obs({term}={value})" for term, value in evidence.items())
+    asked = parse_query(f"{query} | {conditions}" if evidence else query, program)
+    ground = ground_program(program, do or {}, [observation.literal for observation in asked.observations])
+    return sample_worlds(ground, build_transition_system(ground, (query,)), query, samples, seed)
 
 
 @pytest.mark.parametrize(("name", "query", "evidence", "do"), CASES)

@@ -75,7 +75,7 @@ def differentiate(
 
 
 def evaluate(layers: Sequence[Layer], codes: Codes) -> Array:
-    """(B,) Compute the joint weights of outcomes of observed terms, up to a constant factor.
+    """(B,) Compute the joint weights of outcomes of observed terms, up to one factor for all rows.
 
     Args:
         codes: (B, observed terms) the outcome of each observed term, -1 for no evidence.
@@ -85,7 +85,7 @@ def evaluate(layers: Sequence[Layer], codes: Codes) -> Array:
         outputs, _, _ = _go_up(arithmetic, layers, part)
         root = arithmetic.get_root(outputs[-1])
         weights.fraction[rows], weights.exponent[rows] = root.fraction[0], root.exponent[0]
-    return weights.scale(0)
+    return weights.scale(max(weights.exponent[weights.fraction > 0].tolist(), default=0))
 
 
 def _split(

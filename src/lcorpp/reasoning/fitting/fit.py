@@ -16,10 +16,11 @@ import numpy as np
 from lcorpp.errors import DataError, ProgramError, UndefinedError, check_type, expected_one_of
 from lcorpp.reasoning.fitting.expectation import Expectation
 from lcorpp.reasoning.fitting.maximisation import (
+    Progress,
+    climb,
     compute_prior_counts,
     count_cases,
     group_cases,
-    maximise,
 )
 from lcorpp.reasoning.fitting.number_model import NumberModel, build_number_model, list_free_numbers
 from lcorpp.reasoning.fitting.records import group_records
@@ -30,12 +31,6 @@ from lcorpp.reasoning.language.syntax import Number, Probability
 from lcorpp.values import Array
 
 LOG = logging.getLogger(__name__)
-
-MAX_ITERATIONS = 10_000
-"""Expectation-maximisation ends after this many iterations."""
-
-TOLERANCE = 1e-9
-"""It ends when no number changes by more than this."""
 
 SIGNIFICANT_DIGITS = 6
 """Fitted numbers have this many digits."""
@@ -137,6 +132,7 @@ def fit(
     *,
     fixed: Collection[str | int] = (),
     prior: float = 0.0,
+    progress: Progress | None = None,
 ) -> Fit:
     """Fit the numbers of pr-atoms to records: maximise their likelihood, or the posterior with a prior.
 
@@ -148,6 +144,7 @@ def fit(
         fixed: attributes and lines of the program whose pr-atoms keep their numbers.
         prior: the pseudo-counts of each case: the program's numbers count as this many records in which the
             pr-atoms apply.
+        progress: is called with the number of steps so far, and the largest change of a number in the last.
 
     Raises:
         DataError: there are no records, or `prior` is negative.
@@ -175,19 +172,13 @@ def fit(
         raise UndefinedError(
             f"{program.file}: record {rows[impossible[0]]} is in no possible world of positive measure"
         )
-    parameters, converged, iterations = model.start, False, 0
-    while not converged and iterations < MAX_ITERATIONS:
-        expected = expectation.compute(model.evaluate(parameters))
-        counts = expected.counts @ expected.repeats + prior_counts
-        following = maximise(model, groups, parameters, counts)
-        converged = bool(np.abs(following - parameters).max() < TOLERANCE)
-        parameters, iterations = following, iterations + 1
+    parameters, iterations, converged = climb(model, groups, expectation, prior_counts, progress)
     if not converged:
         LOG.warning("%s: the numbers still change after %d iterations", program.file, iterations)
     values = model.evaluate(parameters)
     expected = expectation.compute(values)
     cases = count_cases(model, values, expected.counts @ expected.repeats)
-    uncertainty = compute_uncertainty(model, expectation, prior_counts, parameters)
+    intervals, n_undetermined = compute_uncertainty(model, expectation, prior_counts, parameters)
     statements = list(program.statements)
     numbers = []
     rounded = _round(model, parameters)
@@ -195,13 +186,13 @@ def fit(
         statement = statements[index]
         assert isinstance(statement, Probability)
         statements[index] = new = replace(statement, number=Number(rounded[i], at=statement.number.at))
-        numbers.append(FittedNumber(new, old, uncertainty.intervals[i], float(cases[i])))
+        numbers.append(FittedNumber(new, old, intervals[i], float(cases[i])))
     return Fit(
         Program(program.file, tuple(statements), program.semantics),
         tuple(numbers),
         int(repeats.sum()),
         expected.log_likelihood,
-        uncertainty.n_undetermined,
+        n_undetermined,
         iterations,
         converged,
     )

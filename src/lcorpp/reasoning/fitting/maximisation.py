@@ -1,27 +1,40 @@
-"""The maximisation step: the numbers that make given counts most probable.
+"""Maximisation: the numbers that make given counts most probable, and the ascent of the likelihood.
 
 If the same pr-atoms always apply together, their numbers are relative frequencies. Otherwise the objective is
-concave, and a step sets each number in turn to its best value: it is an ECM step.
+concave, and a step sets each number in turn to its best value: it is an ECM step. As steps shrink by nearly
+constant factors, the ascent extrapolates them (SQUAREM).
 
-Source: Meng and Rubin, "Maximum likelihood estimation via the ECM algorithm", Biometrika 80(2), 1993.
+Source: Meng and Rubin, "Maximum likelihood estimation via the ECM algorithm", Biometrika 80(2), 1993;
+Varadhan and Roland, "Simple and globally convergent methods for accelerating the convergence of any EM
+algorithm", Scandinavian Journal of Statistics 35(2), 2008.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from lcorpp.errors import ProgramError
+from lcorpp.reasoning.fitting.expectation import Expectation
 from lcorpp.reasoning.fitting.number_model import Case, NumberModel
 from lcorpp.reasoning.language.program import Program
 from lcorpp.values import Array
+
+MAX_STEPS = 10_000
+"""The ascent ends after this many steps of expectation-maximisation."""
+
+TOLERANCE = 1e-9
+"""The ascent ends when no number changes by more than this."""
 
 BISECTIONS = 60
 """Enough to halve an interval down to the precision of floating point."""
 
 Group = Sequence[Case]
 """Cases that share parameters."""
+
+Progress = Callable[[int, float], None]
+"""Callback with the number of steps, and the largest change of a number in the last one."""
 
 
 def group_cases(program: Program, model: NumberModel) -> list[Group]:
@@ -88,6 +101,57 @@ def _maximise_one(model: NumberModel, rests: list[int], parameters: Array, i: in
         else:
             high = middle
     return low
+
+
+def climb(
+    model: NumberModel,
+    groups: Sequence[Group],
+    expectation: Expectation,
+    prior: Array,
+    progress: Progress | None = None,
+) -> tuple[Array, int, bool]:
+    """Climb from the numbers of the program to a maximum of the likelihood, or with a prior of the posterior.
+
+    Args:
+        prior: (f,) pseudo-counts of the forms.
+
+    Returns:
+        The parameters, the number of steps, and whether they do not change any more.
+    """
+    used = prior > 0
+    n_steps = 0
+
+    def step(parameters: Array) -> tuple[Array, float]:
+        """Return the parameters after a step, and the objective before it."""
+        nonlocal n_steps
+        n_steps += 1
+        values = model.evaluate(parameters)
+        expected = expectation.compute(values)
+        objective = expected.log_likelihood + float(prior[used] @ np.log(values[used]))
+        counts = expected.counts @ expected.repeats + prior
+        return maximise(model, groups, parameters, counts), objective
+
+    start = following = model.start
+    reached = -np.inf
+    while n_steps < MAX_STEPS:
+        first, objective = step(start)
+        if objective < reached:  # the leap went too far
+            start, reached = following, -np.inf
+            continue
+        following, _ = step(first)
+        change, last_change = first - start, following - first
+        largest = float(np.abs(last_change).max())
+        if progress is not None:
+            progress(n_steps, largest)
+        if largest < TOLERANCE:
+            return following, n_steps, True
+        reached, curvature = objective, last_change - change
+        length = max(1.0, float(np.linalg.norm(change)) / (float(np.linalg.norm(curvature)) + TOLERANCE**2))
+        leap = start + 2 * length * change + length**2 * curvature - following
+        values, falls = model.evaluate(following), -model.coefficients @ leap
+        falls[values == 0] = 0.0
+        start = following + leap * min(1.0, 0.9 / (falls / np.maximum(values, TOLERANCE)).max(initial=0.9))
+    return following, n_steps, False
 
 
 def count_cases(model: NumberModel, values: Array, counts: Array) -> Array:

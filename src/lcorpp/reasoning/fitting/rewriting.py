@@ -17,33 +17,22 @@ def replace_numbers(text: str, numbers: Mapping[tuple[int, int], str], file: str
     Raises:
         ProgramError: no pr-atom begins at a given place.
     """
-    cursor = Cursor(text, file)
+    cursor, remaining = Cursor(text, file), dict(numbers)
     parts: list[str] = []
-    copied, remaining = 0, dict(numbers)
+    copied = 0
     while cursor.kind != END:
-        at = cursor.at.line, cursor.at.column
-        if at in remaining:
-            start, end = _find_number(cursor)
-            parts += [text[copied:start], remaining.pop(at)]
-            copied = end
+        place = cursor.at.line, cursor.at.column
+        if place in remaining:
+            first = last = 0
+            while cursor.kind not in (".", END):
+                last = cursor.index
+                if cursor.take() in ("=", "=="):
+                    first = cursor.index  # the number is between the last equals sign and the full stop
+            if first:
+                parts += [text[copied : cursor.starts[first]], remaining.pop(place)]
+                copied = cursor.starts[last] + len(cursor.texts[last])
         cursor.index += 1
     if remaining:
         line, column = next(iter(remaining))
         raise ProgramError(f"{file}:{line}:{column}: expected the pr-atom of the program, not another text")
     return "".join([*parts, text[copied:]])
-
-
-def _find_number(cursor: Cursor) -> tuple[int, int]:
-    """Return the offsets of the first and after the last character of the number of the next pr-atom."""
-    texts, starts = cursor.texts, cursor.starts
-    index = texts.index("pr", cursor.index) + 1
-    depth = 0
-    while index < len(starts):  # to the bracket that closes `pr(`
-        depth += {"(": 1, ")": -1}.get(texts[index], 0)
-        index += 1
-        if not depth:
-            break
-    first = index + 1  # after the equals sign
-    last = texts.index(".", first) - 1
-    cursor.index = last
-    return starts[first], starts[last] + len(texts[last])

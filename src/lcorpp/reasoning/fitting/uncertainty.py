@@ -12,9 +12,6 @@ confidence or fiducial limits", Biometrika 26(4), 1934.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.linalg import null_space
 
@@ -38,25 +35,17 @@ DIFFERENCE = 1e-4
 """The step of numerical derivatives, in units of ``sqrt(p (1 - p))``."""
 
 
-@dataclass(frozen=True)
-class Uncertainty:
-    """What the data state about the parameters.
-
-    intervals: (low, high) 95 % interval of each parameter, None if it is not identifiable.
-    n_undetermined: the number of independent directions in which the data do not determine the parameters.
-    """
-
-    intervals: Sequence[tuple[float, float] | None]
-    n_undetermined: int
-
-
 def compute_uncertainty(
     model: NumberModel, expectation: Expectation, prior: Array, parameters: Array
-) -> Uncertainty:
+) -> tuple[list[tuple[float, float] | None], int]:
     """Compute intervals at a maximum of the likelihood.
 
     Args:
         prior: (f,) pseudo-counts of the forms.
+
+    Returns:
+        The 95 % interval of each parameter, None if it is not identifiable; and the number of independent
+        directions in which the data do not determine the parameters.
     """
     is_inside = (parameters > BOUNDARY) & (parameters < 1 - BOUNDARY)
     scale = np.sqrt(parameters * (1 - parameters)) * is_inside
@@ -99,15 +88,15 @@ def compute_uncertainty(
         if is_inside[i] and np.linalg.norm(undetermined[i]) > np.sqrt(NULL_SCORE) * scale[i]:
             intervals.append(None)
         elif is_inside[i]:
-            odds, error = p / (1 - p), np.sqrt(covariance[i, i]) / (p * (1 - p))
-            factor = np.exp(Z95 * error)
+            odds = float(p / (1 - p))
+            factor = float(np.exp(Z95 * np.sqrt(covariance[i, i]) / (p * (1 - p))))
             intervals.append((odds / (odds + factor), odds * factor / (1 + odds * factor)))
         elif slopes[i] < BOUNDARY:
             intervals.append(None)
         else:  # exact for complete records, where the slope is their number
             limit = float(0.025 ** (1 / slopes[i]))
             intervals.append((0.0, 1 - limit) if p < 0.5 else (limit, 1.0))
-    return Uncertainty(intervals, undetermined.shape[1])
+    return intervals, undetermined.shape[1]
 
 
 def _list_fixed_sums(model: NumberModel, parameters: Array) -> Array:

@@ -15,9 +15,12 @@ from itertools import product
 from math import inf, log, prod
 from typing import NamedTuple
 
+import numpy as np
+
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.transitions.local_distribution import enumerate_outcomes
+from lcorpp.values import Array
 
 MAX_ROWS = 1000
 """The maximal size of a table."""
@@ -26,12 +29,11 @@ MAX_ROWS = 1000
 class _Table(NamedTuple):
     """A function of the outcomes of terms.
 
-    terms: in the order of the keys of `rows`.
-    rows: outcomes, each as a mask -> logarithm of a probability.
+    terms: sorted. logs: logarithms of probabilities, with an axis for each term.
     """
 
     terms: tuple[int, ...]
-    rows: Mapping[tuple[int, ...], float]
+    logs: Array
 
 
 def bound_evidence(
@@ -60,13 +62,16 @@ def bound_evidence(
         outcomes = [1 << i for i in range(len(ground.values[parent]) + 1) if mask >> i & 1]
         # of outcomes that satisfy the same literals one suffices
         domains[parent] = list({tuple([bool(m & o) for m in literals]): o for o in outcomes}.values())
+        if not outcomes:  # it is observed to have a value that it has in no world
+            return {}, -inf
     tables = {
         term: _make_table(ground, term, own, domains, possible[term]) for term, own in clauses_of.items()
     }
-    bounds = {term: max(table.rows.values(), default=-inf) for term, table in tables.items()}
-    parents = sorted(domains, key=lambda term: step_of.get(term, -1), reverse=True)
-    total = _maximize(list(tables.values()), parents, domains)
-    return bounds, total
+    bounds = {term: float(table.logs.max(initial=-inf)) for term, table in tables.items()}
+    rest = list(tables.values())
+    for parent in sorted(domains, key=lambda term: step_of.get(term, -1), reverse=True):
+        rest = _eliminate(rest, parent)
+    return bounds, sum([table.logs.item() for table in rest])
 
 
 def _make_table(
@@ -82,64 +87,42 @@ def _make_table(
     combinations if they are too many, or if the term depends on itself.
     """
     parents = tuple(sorted({parent for clause in clauses for parent, _, _ in clause.body}))
-    if term in parents or prod(len(domains[parent]) for parent in parents) > MAX_ROWS:
-        return _Table((), {(): 0.0})
-    rows = {}
+    varying = [parent for parent in parents if len(domains[parent]) > 1]
+    shape = [len(domains[parent]) for parent in varying]
+    if term in parents or prod(shape) > MAX_ROWS:
+        return _Table((), np.zeros(()))
+    logs = []
     for row in product(*[domains[parent] for parent in parents]):
         outcome_of = dict(zip(parents, row, strict=True))
         true = [c for c in clauses if all(outcome_of[parent] & allowed for parent, allowed, _ in c.body)]
         column = enumerate_outcomes(ground, term, true, {})
         is_broken = any(violation for _, _, violation in column)
         share = sum(p for value, p, _ in column if possible >> value & 1)
-        rows[row] = log(share) if share and not is_broken else -inf
-    return _Table(parents, rows)
+        logs.append(log(share) if share and not is_broken else -inf)
+    return _Table(tuple(varying), np.array(logs).reshape(shape))
 
 
-def _maximize(tables: Sequence[_Table], order: Sequence[int], domains: Mapping[int, list[int]]) -> float:
-    """Bound the maximum of a sum of tables, eliminating terms in the given order."""
-    rank = {term: i for i, term in enumerate(order)}
-    buckets: dict[int, list[_Table]] = {term: [] for term in order}
-    total = 0.0
-
-    def place(table: _Table) -> float:
-        if not table.terms:
-            return table.rows.get((), -inf)
-        buckets[min(table.terms, key=rank.__getitem__)].append(table)
-        return 0.0
-
+def _eliminate(tables: Sequence[_Table], term: int) -> list[_Table]:
+    """Replace the tables about a term by their sum, maximized over its outcomes; by several if too large."""
+    rest, parts = [], list[_Table]()
     for table in tables:
-        total += place(table)
-    for term in order:
-        parts: list[_Table] = []
-        for table in buckets.pop(term):
-            if parts and _count_rows({*parts[-1].terms, *table.terms}, domains) <= MAX_ROWS:
-                parts[-1] = _add(parts[-1], table, domains)
-            else:
-                parts.append(table)
-        for part in parts:
-            total += place(_eliminate(part, term))
-    return total
+        if term not in table.terms:
+            rest.append(table)
+            continue
+        if parts:
+            terms = tuple(sorted({*parts[-1].terms, *table.terms}))
+            here, there = (part.logs.reshape(_align(part, terms)) for part in (parts[-1], table))
+            if prod(np.broadcast_shapes(here.shape, there.shape)) <= MAX_ROWS:
+                parts[-1] = _Table(terms, here + there)
+                continue
+        parts.append(table)
+    for terms, logs in parts:
+        at = terms.index(term)
+        rest.append(_Table(terms[:at] + terms[at + 1 :], logs.max(axis=at, initial=-inf)))
+    return rest
 
 
-def _count_rows(terms: set[int], domains: Mapping[int, list[int]]) -> int:
-    return prod(len(domains[term]) for term in terms)
-
-
-def _add(first: _Table, second: _Table, domains: Mapping[int, list[int]]) -> _Table:
-    terms = tuple(sorted({*first.terms, *second.terms}))
-    here, there = ([terms.index(term) for term in table.terms] for table in (first, second))
-    rows = {
-        row: first.rows[tuple([row[i] for i in here])] + second.rows[tuple([row[i] for i in there])]
-        for row in product(*[domains[term] for term in terms])
-    }
-    return _Table(terms, rows)
-
-
-def _eliminate(table: _Table, term: int) -> _Table:
-    """Maximize a table over the outcomes of a term."""
-    at = table.terms.index(term)
-    rows: dict[tuple[int, ...], float] = {}
-    for row, value in table.rows.items():
-        rest = row[:at] + row[at + 1 :]
-        rows[rest] = max(rows.get(rest, -inf), value)
-    return _Table(table.terms[:at] + table.terms[at + 1 :], rows)
+def _align(table: _Table, terms: Sequence[int]) -> list[int]:
+    """The shape of a table with an axis of length 1 for each other term."""
+    length = dict(zip(table.terms, table.logs.shape, strict=True))
+    return [length.get(term, 1) for term in terms]

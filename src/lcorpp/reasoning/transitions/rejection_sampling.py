@@ -4,8 +4,9 @@ A sampler decides the components in their order. It does not draw observed terms
 the probability q / U, where q is the probability of all observed values in the world, and U is an upper bound
 of q (`evidence_bound`). So the worlds accepted are independent draws from the distribution given the
 evidence: their number is the effective sample size, and the share of a value among them has a binomial
-interval. Weighting worlds by q instead, without U, underestimates the error:
-if the evidence has a rare cause that no world has, all weights are small and equal, and seem reliable.
+interval. Weighting worlds by q instead, without U, underestimates the error: if the evidence has a rare cause
+that no world has, all weights are small and equal, and seem reliable. The evidence are constraints of the
+ground program.
 
 Source: von Neumann, "Various techniques used in connection with random digits", 1951 (rejection); Dagum and
 Luby, "An optimal approximation algorithm for Bayesian inference", Artificial Intelligence 93, 1997 (bounds
@@ -48,82 +49,61 @@ class SampleCounts:
 
     counts: value of the queried term -> the number of accepted worlds with it; the key "" is for no value.
     drawn: the number of worlds drawn.
-    accepted: the number of worlds accepted; less than `MIN_EFFECTIVE_SAMPLES` if the evidence is too
-        improbable for sampling.
     possible: False if it is certain that no world has the evidence.
     """
 
     counts: Mapping[str, int]
     drawn: int
-    accepted: int
     possible: bool
+
+    @property
+    def accepted(self) -> int:
+        """The number of worlds accepted."""
+        return sum(self.counts.values())
 
 
 def sample_worlds(
-    ground: GroundProgram,
-    system: TransitionSystem,
-    query: str,
-    evidence: Mapping[str, str],
-    samples: int,
-    seed: int,
+    ground: GroundProgram, system: TransitionSystem, query: str, samples: int, seed: int
 ) -> SampleCounts:
-    """Draw worlds and count the values of a term among those that agree with the evidence.
+    """Draw worlds and count the values of a term among those that are accepted.
 
-    Accepted worlds are independent of how many were rejected before, so drawing until they suffice leaves
-    their distribution as it is.
+    Up to `MAX_EXTENSION` times as many worlds are drawn if too few of the first ones are accepted, but enough
+    can be expected. Accepted worlds are independent of how many were rejected before, so drawing until they
+    suffice leaves their distribution as it is.
 
     Args:
-        ground: the program.
+        ground: the program, with the evidence.
         system: its transition system.
+        samples: the number of worlds to draw.
 
     Raises:
         ProgramError: a drawn world breaks a condition of the language.
     """
-    sampler = _WorldSampler(ground, system, evidence, Random(seed))
+    sampler = _WorldSampler(ground, system, Random(seed))
     queried = system.term_numbers.get(query)
-    values = next((own for name, own in zip(ground.names, ground.values, strict=True) if name == query), ())
+    limit = MAX_EXTENSION * samples
     numbers: Counter[int] = Counter()
-    drawn = accepted = 0
-    while sampler.possible and (drawn < samples or _is_worth_drawing(drawn, accepted, samples)):
+    drawn = 0
+    while system.consistent and (
+        drawn < samples
+        or (drawn < limit and numbers.total() < MIN_EFFECTIVE_SAMPLES <= numbers.total() * limit / drawn)
+    ):
         drawn += 1
         value = sampler.draw(queried)
         if value is not None:
             numbers[value] += 1
-            accepted += 1
+    values = next((own for name, own in zip(ground.names, ground.values, strict=True) if name == query), ())
     counts = {name: numbers.pop(i, 0) for i, name in enumerate(values)}
-    return SampleCounts(counts | {"": numbers.total()}, drawn, accepted, sampler.possible)
-
-
-def _is_worth_drawing(drawn: int, accepted: int, samples: int) -> bool:
-    """Whether too few worlds are accepted, and enough can be expected within the limit."""
-    limit = MAX_EXTENSION * samples
-    return accepted < MIN_EFFECTIVE_SAMPLES <= accepted * limit / drawn and drawn < limit
+    return SampleCounts(counts | {"": numbers.total()}, drawn, system.consistent)
 
 
 class _WorldSampler:
-    """Draws worlds and accepts those that agree with the evidence.
+    """Draws worlds and accepts those that agree with the evidence."""
 
-    possible: False if it is certain that there is no such world.
-    """
-
-    def __init__(
-        self, ground: GroundProgram, system: TransitionSystem, evidence: Mapping[str, str], random: Random
-    ) -> None:
+    def __init__(self, ground: GroundProgram, system: TransitionSystem, random: Random) -> None:
         self._system, self._random = system, random
         # step -> state of the input bits -> choices
         self._choices: list[dict[int, _Choices]] = [{} for _ in system.transitions]
-        observed: dict[int, int] = {}
-        self.possible = system.consistent
-        for name, value in evidence.items():
-            term = system.term_numbers.get(name)
-            if term is None:
-                self.possible = False
-            else:
-                observed[term] = system.program.values[term].index(value)
-        self._observed = [
-            [(i, observed[term]) for i, term in enumerate(terms) if term in observed]
-            for terms in system.tree.order
-        ]
         self._bound, self._following_bounds = self._bound_evidence(ground)  # logarithms
 
     def draw(self, queried: int | None) -> int | None:
@@ -155,7 +135,7 @@ class _WorldSampler:
         return value
 
     def _list_choices(self, step: int, bits: int) -> _Choices:
-        """List the choices of positive probability that neither evidence nor a constraint excludes."""
+        """List the choices of positive probability that no constraint excludes."""
         transition = self._system.transitions[step]
         program = self._system.program
         choices: list[_Choice] = []
@@ -164,28 +144,27 @@ class _WorldSampler:
                 names = [program.names[term] for term in self._system.tree.order[step]]
                 message = outcome.violation.format(program.source.statements, names)
                 raise ProgramError(f"{message}, in a world drawn at random")
-            if outcome.weight and all(outcome.values[i] == value for i, value in self._observed[step]):
-                effect = transition.find_effect(outcome.values)
-                if effect is not None:
-                    choices.append((float(outcome.weight), effect, outcome))
+            effect = transition.find_effect(outcome.values) if outcome.weight else None
+            if effect is not None:
+                choices.append((float(outcome.weight), effect, outcome))
         cumulative = list(accumulate(choice[0] for choice in choices))
         return log(cumulative[-1]) if choices else -inf, cumulative, choices
 
     def _bound_evidence(self, ground: GroundProgram) -> tuple[float, list[float]]:
         """Bound the probability of the evidence in all worlds, and its part from the next step on."""
         order, n_steps = self._system.tree.order, len(self._system.transitions)
-        possible: dict[int, int] = {}  # observed or constrained term -> mask of its outcomes
+        possible: dict[int, int] = {}  # constrained term -> mask of its outcomes
         step_of: dict[int, int] = {}
         for step, terms in enumerate(order):
             step_of.update(dict.fromkeys(terms, step))
             if len(terms) == 1:
-                outcomes = range(len(ground.values[terms[0]]) + 1)
-                if self._observed[step]:
-                    outcomes = range(self._observed[step][0][1], self._observed[step][0][1] + 1)
-                find_effect = self._system.transitions[step].find_effect
-                mask = sum([1 << value for value in outcomes if find_effect((value,)) is not None])
-                if mask.bit_count() <= len(ground.values[terms[0]]):
-                    possible[terms[0]] = mask
+                find_effect, no_value = (
+                    self._system.transitions[step].find_effect,
+                    len(ground.values[terms[0]]),
+                )
+                outcomes = [i for i in range(no_value + 1) if find_effect((i,)) is not None]
+                if len(outcomes) <= no_value:
+                    possible[terms[0]] = sum([1 << i for i in outcomes])
         if not possible:
             return 0.0, [0.0] * n_steps
         bounds, total = bound_evidence(ground, possible, step_of)
