@@ -69,20 +69,13 @@ def build_layers(diagram: DecisionDiagram, names: Sequence[str]) -> list[Layer]:
             for i, size in enumerate(sizes)
         ]
     numbers = diagram.system.term_numbers
-    variables = {numbers[name]: i for i, name in enumerate(names) if name in numbers}
-    layers = []
-    for i, name in enumerate(names):
-        if name not in numbers:  # a term that no rule names has no value in any world
-            no_value = len(list_values(diagram.system.program.source, name))
-            layers.append(Layer.from_entries(i, (), (1, no_value + 1, 1), {(0, no_value, 0): 1.0}))
-    tops = [_Part([{0: 1.0}], ((number, Groups([0], 1)),), 1) for number in range(len(layers))]
-    builder = _LayerBuilder(diagram, variables, layers)
+    layers: list[Layer] = []
+    builder = _LayerBuilder(diagram, {numbers[name]: i for i, name in enumerate(names)}, layers)
     parts: dict[int, _Part] = {}
     for step in range(len(diagram.arcs) - 1, -1, -1):
         children = [parts.pop(child) for child in diagram.system.tree.children[step]]
         parts[step] = builder.sum_step(step, children)
-    tops += [parts[root] for root in diagram.system.tree.roots]
-    builder.finish(tops)
+    builder.finish([parts[root] for root in diagram.system.tree.roots])
     return layers
 
 

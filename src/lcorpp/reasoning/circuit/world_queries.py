@@ -64,9 +64,7 @@ class WorldQueries:
         system, outcomes = diagram.system, diagram.outcomes
         arcs_of = list(diagram.arcs)
         for name, value in evidence.items():
-            term = system.term_numbers.get(name)
-            if term is None:  # it has no value in any world
-                return [arcs.select([]) for arcs in arcs_of]
+            term = system.term_numbers[name]
             step, i = self._position_of[term]
             observed = system.program.values[term].index(value)
             labels = arcs_of[step].outcomes

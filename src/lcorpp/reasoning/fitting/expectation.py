@@ -100,13 +100,10 @@ class Expectation:
         codes: dict[int, npt.NDArray[np.intp]] = {}  # term -> the outcome in each record, -1 for not observed
         for i, record in enumerate(evidence):
             for name, value in record.items():
-                term = system.term_numbers.get(name)
-                if term is None:  # it has no value in any world
-                    possible[i] &= not value
-                else:
-                    values = system.program.values[term]
-                    own = codes.setdefault(term, np.full(len(evidence), -1))
-                    own[i] = values.index(value) if value else len(values)
+                term = system.term_numbers[name]
+                values = system.program.values[term]
+                own = codes.setdefault(term, np.full(len(evidence), -1))
+                own[i] = values.index(value) if value else len(values)
         agreement: list[_Mask | None] = []
         for terms, step in zip(system.tree.order, self._steps, strict=True):
             agrees: _Mask | None = None

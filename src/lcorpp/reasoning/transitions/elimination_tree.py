@@ -82,8 +82,8 @@ def build_elimination_tree(
                 own.add(literal[0])
         elif len(body) > 1:
             joint.add(frozenset([literal[0] for literal in body]))
-    for term in program.do:
-        needs[term]  # an intervention alone may give a value to the term
+    for term in (*program.do, *queried):
+        needs[term]  # an intervention alone may give a value to a term, and queries read also no value
     for term, own in needs.items():
         own.discard(term)
     terms = sorted(needs)

@@ -29,7 +29,7 @@ own steps read; other branches may use the same bits otherwise.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence, Set
 from dataclasses import dataclass, replace
 
 from lcorpp.reasoning.gc_pause import pause_gc
@@ -58,7 +58,7 @@ class TransitionSystem:
     tree: the steps.
     transitions: step -> the outcomes of its terms and their effect on the state.
     consistent: False if a constraint without body shows that there is no world.
-    term_numbers: term as text -> its number in `program`, for the terms that may have a value.
+    term_numbers: queried term as text -> its number in `program`.
     derived: the components whose outcomes `linear_recursion.derive_values` computes if a world is listed:
         those that no query depends on, and those with linear rules, whose transitions decide only the terms
         that other rules or queries read.
@@ -87,13 +87,12 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
         queried: the terms whose outcomes queries read.
     """
     with pause_gc():
+        program, term_numbers = _number_queried_terms(program, set(queried))
         clauses, outcomes = simplify(program)
-        names = set(queried)
-        needed = {term for term, name in enumerate(program.names) if name in names}
+        needed = set(term_numbers.values())
         clauses, irrelevant = separate_irrelevant_rules(program, clauses, needed)
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
         tree = build_elimination_tree(program, clauses, outcomes, needed)
-        term_numbers = {program.names[term]: term for terms in tree.order for term in terms}
         consistent = not any(c.term < 0 and not c.body for c in clauses)
         builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
         return TransitionSystem(
@@ -105,6 +104,18 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
             [*builder.recursions, *irrelevant],
             builder.probabilities,
         )
+
+
+def _number_queried_terms(program: GroundProgram, queried: Set[str]) -> tuple[GroundProgram, dict[str, int]]:
+    """Number the queried terms; add those to the program that none of its rules names."""
+    numbers = {name: term for term, name in enumerate(program.names) if name in queried}
+    missing = sorted(queried - numbers.keys())
+    if missing:
+        attributes = program.source.attributes
+        ranges = [attributes[name.partition("(")[0]].values for name in missing]
+        numbers.update((name, len(program.names) + i) for i, name in enumerate(missing))
+        program = replace(program, names=[*program.names, *missing], values=[*program.values, *ranges])
+    return program, numbers
 
 
 class _TransitionBuilder:
