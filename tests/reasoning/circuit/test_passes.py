@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning import Circuit, Enumeration, Reasoner, parse_plog
+from lcorpp.reasoning import Circuit, Enumeration, Reasoner, load_circuit, parse_plog, save_circuit
 from lcorpp.values import Likelihood
 
 WEATHER = parse_plog(
@@ -135,6 +135,29 @@ def test_improbable_hidden_values_in_batches():
     assert circuit({"c": ["true", "false"]}).tolist() == [[1, 0], [pytest.approx(1e-299), 1]]
     assert np.isnan(circuit({"c": ["true"], "b": ["false"]}, undefined="nan")).all()
     assert circuit.exact({"c": "true"})["true"] == Fraction(1)
+
+
+def test_hidden_values_that_later_evidence_makes_probable(tmp_path):
+    """The compiler sums out a value of probability 10^-400 if x=a; evidence of 10^-600 rules out x=b."""
+    tiny = f"1/1{'0' * 200}"
+    program = parse_plog(
+        "kind = {a, b, c}. x : kind. random(x). i = {1..5}. s : i -> boolean. random(s(I)). #domain i(I)."
+        f" pr(s(1) | x=a) = {tiny}. pr(s(2) | x=a) = {tiny}. pr(s(1) | x=b) = {tiny}."
+        f" pr(s(3) | x=b) = {tiny}. pr(s(4) | x=b) = {tiny}. pr(s(I) | x=c) = 0. both : boolean."
+        " both :- s(1), s(2). both=false :- not s(1). both=false :- not s(2)."
+    )
+    circuit = Reasoner(program).compile(["both", "s(3)", "s(4)", "s(5)"], "x")
+    save_circuit(circuit, tmp_path / "a")
+    given = {"both": "true", "s(3)": "true", "s(4)": "true"}
+    certain, unlikely = (Likelihood(("true", "false"), weights) for weights in ([1, 0], [1, 3]))
+    soft = given | {"both": certain, "s(5)": unlikely}
+    exact = [float(p) for p in circuit.exact(given).values()]
+    assert exact == pytest.approx([1, 2e-200, 0], rel=1e-9)
+    for answer in (circuit, load_circuit(tmp_path / "a")):
+        for evidence in (given, soft):
+            assert answer(evidence).probabilities.tolist() == pytest.approx(exact, rel=1e-9)
+            batch = answer({name: [value, None] for name, value in evidence.items()})
+            assert batch.tolist() == [pytest.approx(exact, rel=1e-9), pytest.approx([1 / 3] * 3)]
 
 
 def test_impossible_evidence_is_never_improbable():

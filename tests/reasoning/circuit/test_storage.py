@@ -188,6 +188,14 @@ def test_numbers_that_are_not_weights(circuit, number, tmp_path):
         load_circuit(path)
 
 
+def test_files_with_lost_weights_are_compiled_again(circuit, tmp_path):
+    path = tmp_path / "a.npz"
+    save_circuit(circuit, path)
+    rewrite_header(path, lambda head: None, {"0/0": np.array([[0, 0, 0.0]])})
+    given = {"time": "morning", "classifier": "one"}
+    assert dict(load_circuit(path)(given)["intention"]) == dict(circuit(given)["intention"])
+
+
 STORED = Path(__file__).parent / "stored"
 """Files written by lcorpp before its modules were renamed; format version 1."""
 
@@ -201,9 +209,11 @@ def test_old_files_can_be_read(circuit):
 
 
 def test_old_files_with_sparse_matrices_can_be_read():
-    """Three tosses of a coin that shows heads with probability x/65, with x from 1 to 65."""
+    """Three tosses of a coin that shows heads with probability x/65, with x from 1 to 65.
+
+    A weight of the file is 0, so the program is compiled again.
+    """
     old = load_circuit(STORED / "version_1_sparse.circuit")
-    assert any(layer.matrix.dense is None for layer in old.layers)
     assert (old.inputs, old.do) == (("p(1)", "p(2)"), {"q": "true"})
     squares, cubes = (sum(x**k for x in range(1, 66)) for k in (2, 3))
     given = {"p(1)": "true", "p(2)": "true"}

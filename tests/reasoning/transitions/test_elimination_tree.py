@@ -35,3 +35,16 @@ def test_a_chain_has_a_frontier_of_one_term():
     assert max(mask.bit_count() for transition in system.transitions for mask in transition.live_masks) == 1
     assert len(set(system.transitions)) < 6  # equal steps share their transition
     assert repr(system) == "TransitionSystem(<text>: 51 terms, 51 steps)"
+
+
+def test_slices_are_eliminated_one_after_the_other():
+    """The cheapest component is often in another slice; the width would grow with the number of slices."""
+    program = parse_plog("""
+        t = {0..50}. next = {1..50}. #domain t(T). #domain next(N). people = {student, professor, visitor}.
+        who : t -> people. in_library, interested : t -> boolean.
+        random(who(0)). who(N)=W :- who(N-1)=W, people(W). random(in_library(T)). random(interested(T)).
+        pr(in_library(N) | in_library(N-1), who(N)=student) = 0.7.
+        pr(interested(N) | interested(N-1)) = 0.9.
+        pr(interested(N) | interested(N-1)=false, in_library(N)) = 0.2.""")
+    system = build_transition_system(ground_program(program, {}))
+    assert max(mask.bit_count() for transition in system.transitions for mask in transition.live_masks) < 12

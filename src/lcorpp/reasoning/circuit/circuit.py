@@ -139,12 +139,10 @@ class Circuit:
     def _compute_probabilities(self, evidence: EncodedEvidence) -> dict[str, Array]:
         """(B, outcomes) Compute the distribution of each query; rows of NaN for impossible evidence."""
         rows, numbers = evidence.number_rows()
-        distinct = evidence.take(rows)
-        weights = differentiate(self.layers, distinct, [self._variables[query] for query in self.queries])
+        weights = differentiate(
+            self.layers, evidence.take(rows), [self._variables[query] for query in self.queries]
+        )
         by_query = {query: weights[self._variables[query]] for query in self.queries}
-        if not evidence.weights and any(not layer.matrix.smallest for layer in self.layers):
-            names = [self._encoder.decode(row) for row in distinct.codes]
-            self.world_queries.restore_lost(names, {q: (self.values[q], by_query[q]) for q in by_query})
         with np.errstate(invalid="ignore"):
             return {
                 query: (own / own.sum(axis=1, keepdims=True)).take(numbers, axis=0)

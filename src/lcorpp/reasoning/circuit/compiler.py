@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import MAX_EMAX, MIN_EMIN, Context, Decimal, localcontext
+from itertools import chain
+from typing import Any
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
-from lcorpp.reasoning.circuit.matrices import Groups, Layer
+from lcorpp.reasoning.circuit.matrices import MIN_WEIGHT, Groups, Layer
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
@@ -17,14 +20,8 @@ from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_inputs, resolve_interventions, resolve_queries
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
-MIN_WEIGHT = 1e-30
-"""Weights are scaled up if all of them are below this: only ratios matter, and long products underflow."""
-
-_Row = Mapping[int, float]
-"""input -> weight"""
-
-_Entries = Mapping[tuple[tuple[int, ...], int, int], float]
-"""(node and the outcomes of later observed terms, outcome of the next one, input) -> weight"""
+WIDE = Context(prec=25, Emin=MIN_EMIN, Emax=MAX_EMAX)
+"""The context of decimal numbers, which do not underflow."""
 
 
 @pause_gc()
@@ -62,21 +59,16 @@ def compile_program(
 
 def build_layers(diagram: DecisionDiagram, names: Sequence[str]) -> list[Layer]:
     """Build the layers for the observed terms, each after its sources; the last one has one output."""
-    if not diagram.has_worlds:
-        sizes = [len(list_values(diagram.system.program.source, name)) + 1 for name in names]
-        return [
-            Layer.from_entries(i, ((i - 1, Groups([0], 1)),) if i else (), (1, size, 1), {})
-            for i, size in enumerate(sizes)
-        ]
-    numbers = diagram.system.term_numbers
-    layers: list[Layer] = []
-    builder = _LayerBuilder(diagram, {numbers[name]: i for i, name in enumerate(names)}, layers)
-    parts: dict[int, _Part] = {}
-    for step in range(len(diagram.arcs) - 1, -1, -1):
-        children = [parts.pop(child) for child in diagram.system.tree.children[step]]
-        parts[step] = builder.sum_step(step, children)
-    builder.finish([parts[root] for root in diagram.system.tree.roots])
-    return layers
+    try:
+        return _LayerBuilder(diagram, names, diagram.compute_weights(), MIN_WEIGHT).build()
+    except _UnderflowError:
+        with localcontext(WIDE):
+            weights: list[Any] = [Decimal(p.numerator) / p.denominator for _, p in diagram.outcomes]
+            return _LayerBuilder(diagram, names, weights, 0.0).build()
+
+
+class _UnderflowError(ArithmeticError):
+    """A sum is so small that the product of two might underflow."""
 
 
 @dataclass(slots=True)
@@ -84,12 +76,12 @@ class _Part:
     """The nodes of a step as weighted sums of inputs.
 
     rows: node -> input -> weight.
-    sources, n_inputs: the inputs, as in `Layer`; without sources the only input is 1.
+    sources, n_inputs: the inputs, as in `Layer`.
     n_arcs: the number of arcs that the rows multiply.
     """
 
-    rows: Sequence[_Row]
-    sources: tuple[tuple[int, Groups], ...]
+    rows: Sequence[Mapping[int, float]]
+    sources: Sequence[tuple[int, Groups]]
     n_inputs: int
     n_arcs: int = 0
 
@@ -98,105 +90,149 @@ class _LayerBuilder:
     """Sums out all terms but the observed ones, from the leaves of a decision diagram to its roots.
 
     Args:
-        variables: observed term -> its index among the observed terms.
-        layers: the list to which layers are appended.
+        names: the observed terms.
+        weights: of the outcomes of the diagram, in any type of numbers.
+        min_weight: the smallest sum that is allowed.
     """
 
-    def __init__(self, diagram: DecisionDiagram, variables: Mapping[int, int], layers: list[Layer]) -> None:
-        self._diagram, self._variables, self._layers = diagram, variables, layers
-        self._weights = diagram.compute_weights()
+    def __init__(
+        self, diagram: DecisionDiagram, names: Sequence[str], weights: Sequence[float], min_weight: float
+    ) -> None:
+        self._diagram, self._names, self._weights, self._min_weight = diagram, names, weights, min_weight
+        numbers = diagram.system.term_numbers
+        self._variables = {numbers[name]: i for i, name in enumerate(names)}
+        self._layers: list[Layer] = []
 
-    def sum_step(self, step: int, children: Sequence[_Part]) -> _Part:
-        """Return the nodes of a step, given those of its branches."""
-        diagram, variables = self._diagram, self._variables
+    def build(self) -> list[Layer]:
+        """Return the layers.
+
+        Raises:
+            _UnderflowError: a weight may be lost.
+        """
+        diagram, children = self._diagram, self._diagram.system.tree.children
+        tops: list[_Part | list[float]] = []
+        for i, name in enumerate(self._names) if not diagram.has_worlds else ():
+            size = len(list_values(diagram.system.program.source, name)) + 1
+            tops.append(self._append(i, _Part((), (), 1), (1, size, 1), {}))
+        parts: dict[int, _Part | list[float]] = {}
+        for step in range(len(children) - 1, -1, -1) if diagram.has_worlds else ():
+            parts[step] = self._sum_step(step, [parts.pop(child) for child in children[step]])
+        tops += parts.values()  # of the roots
+        (weight,), varying = self._multiply_numbers([1], [[0]] * len(tops), tops)
+        (row,), part = self._join(varying, 1)
+        part.rows = [{start: factor * weight for start, factor in row.items()}]
+        self._append_product(part)
+        return self._layers
+
+    def _sum_step(self, step: int, children: Sequence[_Part | list[float]]) -> _Part | list[float]:
+        """Return the nodes of a step, given those of its branches: numbers if none has observed terms."""
+        diagram = self._diagram
         terms, arcs, n_nodes = diagram.system.tree.order[step], diagram.arcs[step], diagram.sizes[step]
         weights = [self._weights[outcome] for outcome in arcs.outcomes]
         if not all(weights):  # pr-atoms of probability 0
             kept = [i for i, weight in enumerate(weights) if weight]
             weights, arcs = [weights[i] for i in kept], arcs.select(kept)
-        observed = [i for i, term in enumerate(terms) if term in variables]
-        if not observed and not any(child.sources for child in children):
-            return _sum_numbers(arcs.sources, arcs.targets, weights, children, n_nodes)
-        rows, part = self._multiply_branches(arcs.targets, weights, children)
+        weights, varying = self._multiply_numbers(weights, arcs.targets, children)
+        observed = [i for i, term in enumerate(terms) if term in self._variables]
+        if not observed and not varying:
+            numbers: list[float] = [0] * n_nodes
+            for source, weight in zip(arcs.sources, weights, strict=True):
+                numbers[source] += weight
+            self._check(numbers)
+            return numbers
+        rows, part = self._join(varying, len(weights))
+        nodes: Sequence[Any] = arcs.sources
         if observed:
-            entries: dict[tuple[tuple[int, ...], int, int], float] = {}
-            for source, outcome, weight, row in zip(arcs.sources, arcs.outcomes, weights, rows, strict=True):
-                values = diagram.outcomes[outcome][0]
-                node = source, *[values[i] for i in observed[1:]]
-                for start, factor in row.items():
-                    key = node, values[observed[0]], start
-                    entries[key] = entries.get(key, 0.0) + factor * weight
-            return self._append_observed(part, entries, [terms[i] for i in observed], n_nodes)
-        sums: list[dict[int, float]] = [{} for _ in range(n_nodes)]
-        for source, weight, row in zip(arcs.sources, weights, rows, strict=True):
-            own = sums[source]
+            outcomes = [diagram.outcomes[outcome][0] for outcome in arcs.outcomes]
+            nodes = [
+                (source, *[own[i] for i in observed])
+                for source, own in zip(arcs.sources, outcomes, strict=True)
+            ]
+        sums: dict[Any, dict[int, float]] = {}
+        for node, weight, row in zip(nodes, weights, rows, strict=True):
+            total = sums.setdefault(node, {})
             for start, factor in row.items():
-                if start in own:
-                    own[start] += factor * weight
-                else:
-                    own[start] = factor * weight
-        part.rows, part.n_arcs = sums, part.n_arcs + len(weights)
-        if not step % 16:
-            _rescale(sums)
-        if part.n_inputs > 1 and sum(map(len, sums)) > 4 * part.n_arcs + 64:  # the product becomes dense
+                total[start] = total.get(start, 0) + factor * weight
+        self._check(chain.from_iterable([total.values() for total in sums.values()]))
+        if observed:
+            return self._append_observed(part, sums, [terms[i] for i in observed], n_nodes)
+        part.rows, part.n_arcs = [sums.get(node, {}) for node in range(n_nodes)], part.n_arcs + len(weights)
+        if part.n_inputs > 1 and sum(map(len, part.rows)) > 4 * part.n_arcs + 64:  # the product becomes dense
             return self._append_product(part)
         return part
 
-    def finish(self, tops: Sequence[_Part]) -> None:
-        """Append the last layer, whose output is the product of the roots."""
-        weights = [1.0]
-        rows, part = self._multiply_branches([[0] for _ in tops], weights, tops)
-        part.rows = [{start: factor * weights[0] for start, factor in rows[0].items()}]
-        self._append_product(part)
-
-    def _multiply_branches(
-        self, targets: Sequence[Sequence[int]], weights: list[float], branches: Sequence[_Part]
-    ) -> tuple[list[_Row], _Part]:
-        """Multiply the nodes to which arcs lead.
+    def _multiply_numbers(
+        self,
+        weights: list[float],
+        targets: Sequence[Sequence[int]],
+        branches: Sequence[_Part | list[float]],
+    ) -> tuple[list[float], list[tuple[Sequence[int], _Part]]]:
+        """Multiply the weights of arcs by those nodes to which they lead that are numbers.
 
         Args:
             targets: for each branch the node of each arc.
-            weights: of the arcs; branches of numbers are multiplied into them.
 
         Returns:
-            (rows, part): the product of the other branches for each arc, input -> weight; and a part with
-            these inputs, still without rows.
+            (weights, others): the products; and the targets and nodes of the other branches.
         """
-        varying: list[tuple[Sequence[int], _Part]] = []
+        others: list[tuple[Sequence[int], _Part]] = []
         for own, branch in zip(targets, branches, strict=True):
-            if branch.sources:
-                varying.append((own, branch))
-                continue
-            numbers = _scale_numbers(branch)
-            for i, target in enumerate(own):
-                weights[i] *= numbers[target]
-        if not varying:
-            return [{0: 1.0}] * len(weights), _Part((), (), 1)
-        if len(varying) == 1:
-            own, branch = varying[0]
-            return [branch.rows[target] for target in own], _Part(
-                (), branch.sources, branch.n_inputs, branch.n_arcs
-            )
-        places: dict[tuple[int, ...], int] = {}  # nodes of the branches -> input
-        rows: list[_Row] = [
-            {places.setdefault(nodes, len(places)): 1.0}
-            for nodes in zip(*[own for own, _ in varying], strict=True)
-        ]
-        layers = [self._append_product(branch).sources[0] for _, branch in varying]
-        keys = zip(*places, strict=True)
+            if isinstance(branch, _Part):
+                others.append((own, branch))
+            else:
+                weights = [weight * branch[target] for weight, target in zip(weights, own, strict=True)]
+                self._check(weights)
+        return weights, others
+
+    def _join(
+        self, branches: Sequence[tuple[Sequence[int], _Part]], n_arcs: int
+    ) -> tuple[Sequence[Mapping[int, float]], _Part]:
+        """Return the product of the branches for each arc, input -> weight, and a part with these inputs."""
+        if not branches:
+            return [{0: 1}] * n_arcs, _Part((), (), 1)
+        if len(branches) == 1:
+            ((own, branch),) = branches
+            return [branch.rows[target] for target in own], replace(branch, rows=())
+        layers = [self._append_product(branch).sources[0] for _, branch in branches]
+        targets = list(zip(*[own for own, _ in branches], strict=True))
+        places = {
+            nodes: i for i, nodes in enumerate(dict.fromkeys(targets))
+        }  # nodes of the branches -> input
         sources = [
-            (layer, Groups(own, outputs.size)) for (layer, outputs), own in zip(layers, keys, strict=True)
+            (layer, Groups([nodes[i] for nodes in places], outputs.size))
+            for i, (layer, outputs) in enumerate(layers)
         ]
-        return rows, _Part((), tuple(sources), len(places))
+        return [{places[nodes]: 1} for nodes in targets], _Part((), sources, len(places))
 
     def _append_product(self, part: _Part) -> _Part:
         """Append a layer whose outputs are the nodes of a part, unless it has them already; return them."""
-        is_identity = all(row == {i: 1.0} for i, row in enumerate(part.rows))
-        is_all = len(part.sources) == 1 and part.sources[0][1].layout is None  # outputs of the layer below
+        is_identity = all(row == {i: 1} for i, row in enumerate(part.rows))
+        is_all = len(part.sources) == 1 and part.sources[0][1].is_identity  # outputs of the layer below
         if is_all and is_identity and len(part.rows) == part.n_inputs:
             return part
         entries = {(node, 0, start): w for node, row in enumerate(part.rows) for start, w in row.items()}
         return self._append(-1, part, (len(part.rows), 1, part.n_inputs), entries)
+
+    def _append_observed(
+        self, part: _Part, sums: Mapping[Any, Mapping[int, float]], terms: Sequence[int], n_nodes: int
+    ) -> _Part:
+        """Append a layer for each observed term of one step; return the outputs of the last.
+
+        Args:
+            sums: (node, outcome of each term) -> input -> weight.
+        """
+        for term in terms:
+            outputs: dict[Any, int] = {}  # (node, outcomes of the terms that follow) -> output
+            entries = {}
+            for (node, outcome, *others), row in sums.items():
+                output = outputs.setdefault((node, *others), len(outputs)) if others else node
+                for start, weight in row.items():
+                    entries[output, outcome, start] = weight
+            n_outcomes = len(self._diagram.system.program.values[term]) + 1
+            shape = len(outputs) or n_nodes, n_outcomes, part.n_inputs
+            part = self._append(self._variables[term], part, shape, entries)
+            sums = {key: {output: 1} for key, output in outputs.items()}
+        return part
 
     def _append(
         self,
@@ -208,55 +244,8 @@ class _LayerBuilder:
         """Append a layer with the inputs of a part, see `Layer.from_entries`; return its outputs."""
         self._layers.append(Layer.from_entries(variable, part.sources, shape, entries))
         outputs = Groups(range(shape[0]), shape[0])
-        return _Part([{i: 1.0} for i in range(shape[0])], ((len(self._layers) - 1, outputs),), shape[0])
+        return _Part([{i: 1} for i in range(shape[0])], ((len(self._layers) - 1, outputs),), shape[0])
 
-    def _append_observed(self, part: _Part, entries: _Entries, terms: Sequence[int], n_nodes: int) -> _Part:
-        """Append a layer for each observed term of one step; return the outputs of the last.
-
-        The outputs of the others are pairs of a node of the step and the outcomes of the terms that follow.
-        """
-        for i, term in enumerate(terms):
-            is_last = i == len(terms) - 1
-            nodes: dict[tuple[int, ...], int] = {}
-            by_output = {
-                (node[0] if is_last else nodes.setdefault(node, len(nodes)), outcome, start): weight
-                for (node, outcome, start), weight in entries.items()
-            }
-            n_outcomes = len(self._diagram.system.program.values[term]) + 1
-            shape = n_nodes if is_last else max(len(nodes), 1), n_outcomes, part.n_inputs
-            part = self._append(self._variables[term], part, shape, by_output)
-            entries = {((node[0], *node[2:]), node[1], i): 1.0 for node, i in nodes.items()}
-        return part
-
-
-def _sum_numbers(
-    sources: Sequence[int],
-    targets: Sequence[Sequence[int]],
-    weights: list[float],
-    branches: Sequence[_Part],
-    n_nodes: int,
-) -> _Part:
-    """Sum the weights of arcs times the numbers of the nodes to which they lead, by their source."""
-    for own, branch in zip(targets, branches, strict=True):
-        numbers = _scale_numbers(branch)
-        weights = [weight * numbers[target] for weight, target in zip(weights, own, strict=True)]
-    column = [0.0] * n_nodes
-    for source, weight in zip(sources, weights, strict=True):
-        column[source] += weight
-    return _Part([{0: weight} for weight in column], (), 1)
-
-
-def _scale_numbers(part: _Part) -> list[float]:
-    """Return the numbers of a part without sources, scaled up if all of them are tiny."""
-    numbers = [row[0] for row in part.rows]
-    largest = max(numbers, default=1.0)
-    return [number / largest for number in numbers] if 0 < largest < MIN_WEIGHT else numbers
-
-
-def _rescale(rows: Sequence[dict[int, float]]) -> None:
-    """Scale tiny weights up together: only their ratios matter."""
-    largest = max([weight for row in rows for weight in row.values()], default=0.0)
-    if 0 < largest < MIN_WEIGHT:
-        for row in rows:
-            for start in row:
-                row[start] /= largest
+    def _check(self, numbers: Iterable[float]) -> None:
+        if min(numbers, default=1) < self._min_weight:
+            raise _UnderflowError

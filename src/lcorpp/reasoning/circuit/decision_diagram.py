@@ -26,7 +26,7 @@ from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.conditions import ConditionViolation
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import QUERY_TERM
-from lcorpp.reasoning.transitions.linear_recursion import derive_values
+from lcorpp.reasoning.transitions.stratified import derive_values
 from lcorpp.reasoning.transitions.transition import Effect, Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 
@@ -105,52 +105,60 @@ def build_decision_diagram(system: TransitionSystem, limit: int = MAX_ARCS) -> D
         ProgramError: a world breaks a condition of the language, or a component has too many stable models.
     """
     with pause_gc():
-        diagram, violations = _expand(system, limit)
-        _prune(diagram)
-    if violations:  # a violation in no world was pruned
+        expander = _Expander()
+        diagram = _expand(system, expander, limit)
+        if expander.has_dead_ends:
+            _prune(diagram)
+    if expander.violations:  # a violation in no world was pruned
         for step, arcs in enumerate(diagram.arcs):
             for arc, outcome in enumerate(arcs.outcomes):
-                if outcome in violations:
-                    raise _make_error(diagram, step, arc, violations[outcome])
+                if outcome in expander.violations:
+                    raise _make_error(diagram, step, arc, expander.violations[outcome])
     return diagram
 
 
-def _expand(system: TransitionSystem, limit: int) -> tuple[DecisionDiagram, dict[int, ConditionViolation]]:
-    """Expand step by step; return the diagram and the conditions that outcomes break."""
+def _expand(system: TransitionSystem, expander: _Expander, limit: int) -> DecisionDiagram:
+    """Expand step by step."""
     states: list[tuple[int, ...]] = [()] * len(system.transitions)
     if system.consistent:
         for root in system.tree.roots:
             states[root] = (0,)
     arcs: list[Arcs] = []
-    expander = _Expander()
     known: dict[tuple[Transition, tuple[int, ...]], _Levels] = {}
     total = 0
     for step, transition in enumerate(system.transitions):
-        max_arcs = min(limit - total, MAX_LEVEL_BITS // max(transition.n_bits, 1))
-        expanded = known.get((transition, states[step])) if transition.is_shared else None
-        if expanded is None:
-            expanded = expander.expand(transition, states[step], max_arcs)
+        max_arcs = min(limit - total, MAX_LEVEL_BITS // transition.n_bits)
+        key = transition, states[step]
+        levels = known.get(key) if transition.is_shared else None
+        if levels is None:
+            levels = expander.expand(transition, states[step], max_arcs)
             if transition.is_shared:
-                known[transition, states[step]] = expanded
-        n_arcs = len(expanded[0].sources)
+                known[key] = levels
+        own, following = levels
+        n_arcs = len(own.sources)
         if n_arcs > max_arcs:
             raise TooLargeError(
                 f"{system.program.source.file}: more than {total + max_arcs} arcs in the decision diagram"
             )
-        arcs.append(expanded[0])
-        for child, reached in zip(system.tree.children[step], expanded[1], strict=True):
-            states[child] = reached
         total += n_arcs
-    diagram = DecisionDiagram(system, [len(own) for own in states], arcs, expander.outcomes)
-    return diagram, expander.violations
+        arcs.append(own)
+        for child, reached in zip(system.tree.children[step], following, strict=True):
+            states[child] = reached
+    return DecisionDiagram(system, [len(own) for own in states], arcs, expander.outcomes)
 
 
 class _Expander:
-    """Computes the arcs from the states of one step, and the states that they lead to."""
+    """Computes the arcs from the states of one step, and the states that they lead to.
+
+    outcomes: as in `DecisionDiagram`.
+    violations: outcome -> the condition that it breaks.
+    has_dead_ends: whether there is a state without arcs.
+    """
 
     def __init__(self) -> None:
         self.outcomes: list[tuple[Sequence[int], Fraction]] = []
         self.violations: dict[int, ConditionViolation] = {}
+        self.has_dead_ends = False
         self._choices: dict[Transition, dict[int, list[_Choice]]] = {}
 
     def expand(self, transition: Transition, states: Sequence[int], max_arcs: int) -> _Levels:
@@ -170,6 +178,7 @@ class _Expander:
                 outcomes.append(outcome)
             if len(outcomes) > max_arcs:
                 break
+        self.has_dead_ends |= len(set(sources)) < len(states)
         targets, following = [], []
         for mask in transition.live_masks:
             own = [reached & mask for reached in reached_states]

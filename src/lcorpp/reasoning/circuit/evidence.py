@@ -6,6 +6,7 @@ import reprlib
 from collections.abc import Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -73,9 +74,18 @@ class EncodedEvidence:
         weights: Array | None = None
         if variable in self.weights:
             weights = self.weights[variable].T[outcomes][:, codes]
-        elif np.maximum.reduce(codes, initial=-1) >= 0:
-            weights = ((codes == outcomes[:, None]) | (codes < 0)).astype(np.float64)
+        elif self._bounds[1][variable] >= 0:
+            is_outcome = codes == outcomes[:, None]
+            if self._bounds[0][variable] < 0:
+                is_outcome |= codes < 0
+            weights = is_outcome.astype(np.float64)
         return weights
+
+    @cached_property
+    def _bounds(self) -> tuple[list[int], list[int]]:
+        """The smallest and the largest code of each term."""
+        lowest, highest = self.codes.min(axis=0, initial=0), self.codes.max(axis=0, initial=-1)
+        return lowest.tolist(), highest.tolist()
 
 
 class EvidenceEncoder:
@@ -190,10 +200,6 @@ class EvidenceEncoder:
                 f"{where}a likelihood of {', '.join(label.values)} for {name}; {expected_one_of(values)}"
             )
         return [*[weight_of[value] for value in values], 0.0]
-
-    def decode(self, row: Codes) -> dict[str, str]:
-        """Return the evidence of one row of codes, term -> value."""
-        return {n: self.values[n][i] for n, i in zip(self.names, row.tolist(), strict=True) if i >= 0}
 
     def check_codes(self, codes: Codes) -> EncodedEvidence:
         """Check the shape, type and range of codes (B, inputs)."""

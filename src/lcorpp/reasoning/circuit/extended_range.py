@@ -62,7 +62,8 @@ class ExtendedArithmetic:
 
     def apply(self, matrix: Matrix, columns: ExtendedNumbers) -> ExtendedNumbers:
         """(rows, B) Multiply columns (columns, B) by a matrix."""
-        weights = self.convert(matrix.weights[:, None])
+        exponents = 0 if matrix.exponents is None else matrix.exponents[:, None]
+        weights = ExtendedNumbers.normalise(matrix.weights[:, None], exponents)
         return self.sum(matrix.rows, weights * columns[matrix.columns.keys])
 
     def get_ratios(self, numbers: ExtendedNumbers) -> Array:

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +29,9 @@ Index = npt.NDArray[np.intp]
 
 MAX_DENSE_ENTRIES = 4096
 """Matrices with at most this many entries, zeros included, are dense, which is faster."""
+
+MIN_WEIGHT = 1e-150
+"""Matrices with smaller weights have separate exponents."""
 
 
 class Groups:
@@ -41,33 +45,32 @@ class Groups:
         self.keys, self.size = np.asarray(keys, dtype=np.intp), size
 
     @cached_property
-    def layout(self) -> tuple[Index | slice, Index, Index] | None:
-        """The rows sorted by group, the first row of each group that has rows, and these groups.
+    def is_identity(self) -> bool:
+        """Whether row i is group i, for all groups."""
+        return len(self.keys) == self.size and bool((self.keys == np.arange(self.size)).all())
 
-        It is None if row i is group i, for all groups.
-        """
-        keys = self.keys
-        if len(keys) == self.size and (keys == np.arange(self.size)).all():
-            return None
-        order: Index | slice = slice(None)
+    @cached_property
+    def layout(self) -> tuple[Index | slice, Index, Index]:
+        """The rows sorted by group, the first row of each group that has rows, and these groups."""
+        keys, order = self.keys, None
         if (keys[1:] < keys[:-1]).any():
             order = np.argsort(keys, kind="stable")
             keys = keys[order]
         is_first = np.ones(len(keys), dtype=np.bool_)
         np.not_equal(keys[1:], keys[:-1], out=is_first[1:])
         starts = is_first.nonzero()[0]
-        return order, starts, keys[starts]
+        return slice(None) if order is None else order, starts, keys[starts]
 
 
 class Matrix:
     """A non-negative sparse matrix.
 
     rows, columns: the row and the column of each entry, sorted by row.
-    weights: (entries,) positive.
+    weights: (entries,) positive, to be multiplied by ``2**exponents`` if these are given.
     """
 
-    def __init__(self, rows: Groups, columns: Groups, weights: Array) -> None:
-        self.rows, self.columns, self.weights = rows, columns, weights
+    def __init__(self, rows: Groups, columns: Groups, weights: Array, exponents: Index | None = None) -> None:
+        self.rows, self.columns, self.weights, self.exponents = rows, columns, weights, exponents
 
     def __repr__(self) -> str:
         return f"Matrix({self.rows.size} x {self.columns.size}, {len(self.weights)} entries)"
@@ -75,12 +78,12 @@ class Matrix:
     @cached_property
     def transposed(self) -> Matrix:
         """The transposed matrix."""
-        return Matrix(self.columns, self.rows, self.weights)
+        return Matrix(self.columns, self.rows, self.weights, self.exponents)
 
     @cached_property
     def smallest(self) -> float:
-        """The smallest weight."""
-        return float(self.weights.min(initial=1.0))
+        """The smallest weight, 0 if floating point cannot represent the weights."""
+        return float(self.weights.min(initial=1.0)) if self.exponents is None else 0.0
 
     @cached_property
     def dense(self) -> Array | None:
@@ -117,12 +120,12 @@ class Layer:
         shape: tuple[int, int, int],
         entries: Mapping[tuple[int, int, int], float],
     ) -> Layer:
-        """Build a layer from (output, outcome, input) -> weight.
+        """Build a layer from (output, outcome, input) -> weight, in any type of numbers.
 
         Args:
             shape: the number of outputs, outcomes and inputs.
         """
-        keys = sorted(entries)
+        keys = sorted([key for key, weight in entries.items() if weight])
         pairs = sorted({(i, outcome) for _, outcome, i in keys})
         column_of = {pair: column for column, pair in enumerate(pairs)}
         return cls(
@@ -133,6 +136,16 @@ class Layer:
             Matrix(
                 Groups([output for output, _, _ in keys], shape[0]),
                 Groups([column_of[i, outcome] for _, outcome, i in keys], len(pairs)),
-                np.array([entries[key] for key in keys]),
+                *_split_exponents([entries[key] for key in keys]),
             ),
         )
+
+
+def _split_exponents(numbers: Sequence[float]) -> tuple[Array, Index | None]:
+    """Convert numbers to floating point, if some are tiny with separate exponents."""
+    if min(numbers, default=1) >= MIN_WEIGHT:
+        return np.array(numbers, dtype=np.float64), None
+    fractions = [Fraction(number) for number in numbers]
+    exponents = [n.numerator.bit_length() - n.denominator.bit_length() for n in fractions]
+    weights = [float(n / Fraction(2) ** e) for n, e in zip(fractions, exponents, strict=True)]
+    return np.array(weights), np.array(exponents)

@@ -161,7 +161,7 @@ def _differentiate(
 
 def _take(numbers: _Numbers, groups: Groups) -> _Numbers:
     """Return the number of the group of each row."""
-    return numbers if groups.layout is None else numbers[groups.keys]
+    return numbers if groups.is_identity else numbers[groups.keys]
 
 
 def _multiply_others(
@@ -199,7 +199,7 @@ class _FloatArithmetic:
 
     def sum(self, groups: Groups, numbers: Array) -> Array:
         """(groups, B) Sum the rows (n, B) of each group."""
-        if groups.layout is None:
+        if groups.is_identity:
             return numbers
         order, starts, targets = groups.layout
         sums = np.add.reduceat(numbers[order], starts) if len(starts) else numbers[:0]

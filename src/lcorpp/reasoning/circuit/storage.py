@@ -1,10 +1,11 @@
 """Store a compiled circuit in one file: numbers, JSON and the program's text, no code.
 
 The file is a numpy archive (.npz). Its entry `circuit` is JSON: format and version, the program's text,
-inputs, queries and interventions, and for each layer its variable (key `label`), shape, outcomes and the
-layers before it (key `sources`). The entries `<layer>/<outcome>` and `<layer>/every` are the matrices,
-`<layer>/from/<source>` the nodes that are its inputs. Version 1 had a chain of layers, applied the other way
-round, and a last row `ending`.
+inputs, queries and interventions, and for each layer its variable (key `label`), shape (outputs, inputs),
+outcomes and the layers before it (key `sources`). The entries `<layer>/<outcome>`, or `<layer>/every` without
+outcomes, are tables of output, input, weight and, for weights below the range of floating point, an exponent
+of 2; `<layer>/from/<source>` are the nodes that are its inputs. Version 1 had a chain of layers, applied the
+other way round, and a last row `ending`.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from math import inf
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,13 +29,17 @@ from lcorpp.errors import DataError, LcorppError
 from lcorpp.files import read_bytes, write_atomically
 from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.circuit.circuit import Circuit
+from lcorpp.reasoning.circuit.compiler import compile_program
 from lcorpp.reasoning.circuit.decision_diagram import MAX_ARCS
-from lcorpp.reasoning.circuit.matrices import Groups, Index, Layer
+from lcorpp.reasoning.circuit.matrices import Groups, Layer
 from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.language.program import Program, program_text
 from lcorpp.reasoning.resolve import resolve_interventions, resolve_subject
 
 FORMAT, VERSION = "lcorpp circuit", 2
+
+MAX_EXPONENT = 10_000_000
+"""Weights with larger or smaller exponents of 2 are not read."""
 
 DECODING_ERRORS = (
     *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError),
@@ -54,7 +60,10 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
     for number, layer in enumerate(circuit.layers):
         arrays |= {f"{number}/from/{source}": nodes.keys for source, nodes in layer.sources}
         matrix, pairs = layer.matrix, layer.matrix.columns.keys
-        table = np.stack([matrix.rows.keys, layer.inputs.keys[pairs], matrix.weights], axis=1)
+        columns: list[npt.NDArray[Any]] = [matrix.rows.keys, layer.inputs.keys[pairs], matrix.weights]
+        if matrix.exponents is not None:
+            columns.append(matrix.exponents)
+        table = np.stack(columns, axis=1)
         own = layer.outcomes.keys[pairs]
         outcomes = [] if layer.variable < 0 else np.unique(own).tolist()
         arrays |= {f"{number}/{outcome}": table[own == outcome] for outcome in outcomes}
@@ -101,9 +110,13 @@ def load_circuit(path: str | Path) -> Circuit:
             raise DataError(f"its format is {head['format']!r}")
         if head["version"] not in (1, VERSION):
             raise DataError(f"its version is {head['version']!r}; this lcorpp reads version {VERSION}")
+        if head["version"] == 1:
+            head["layers"], arrays = _reverse_chain(head["layers"], arrays)
         program = _parse_program(head)
-        layers = _read_layers(head, arrays, program)
         query = head["queries"][0] if head["single"] else head["queries"]
+        layers, has_zeros = _read_layers(head, arrays, program)
+        if has_zeros:  # an earlier lcorpp may have lost tiny weights
+            return compile_program(program, head["inputs"], query, head["do"])
         return Circuit(program, head["inputs"], query, head["do"], layers)
     except LcorppError as error:
         raise DataError(f"{path}: not a circuit that can be used: {error}") from None
@@ -124,32 +137,52 @@ def _parse_program(head: dict[str, Any]) -> Program:
     return program
 
 
-def _read_layers(
-    head: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], program: Program
-) -> list[Layer]:
-    """Read layers; check that each term has one, with outcomes in its range, and that they form a tree."""
+_Arrays = dict[str, npt.NDArray[Any]]
+
+
+def _reverse_chain(layers: Sequence[dict[str, Any]], arrays: _Arrays) -> tuple[list[dict[str, Any]], _Arrays]:
+    """Convert the layers of version 1: transposed, in reverse, after the last row."""
+    ending = arrays["ending"]
+    places = np.arange(len(ending))
+    reverse = [{"label": -1, "shape": [len(ending), 1], "outcomes": [], "sources": []}]
+    tables = {"0/every": np.stack([places, 0 * places, ending], axis=1)[ending != 0]}
+    for number, layer in reversed(list(enumerate(layers))):
+        last, new = len(reverse) - 1, len(reverse)
+        reverse.append({**layer, "shape": layer["shape"][::-1], "sources": [last]})
+        tables[f"{new}/from/{last}"] = np.arange(layer["shape"][0])
+        for outcome in layer["outcomes"] or ["every"]:
+            tables[f"{new}/{outcome}"] = arrays[f"{number}/{outcome}"][:, [1, 0, 2]]
+    return reverse, tables
+
+
+def _read_layers(head: Mapping[str, Any], arrays: _Arrays, program: Program) -> tuple[list[Layer], bool]:
+    """Read the layers; return them, and whether a weight is 0.
+
+    Raises:
+        DataError: a term has not one layer, with outcomes in its range, or the layers do not form a tree.
+    """
     names = dict.fromkeys((*head["inputs"], *head["queries"]))
     n_outcomes = {-1: 1} | {i: len(list_values(program, name)) + 1 for i, name in enumerate(names)}
-    stored = [_StoredLayer.read(number, own, arrays) for number, own in enumerate(head["layers"])]
-    if head["version"] == 1:
-        ending = dict(enumerate(arrays["ending"].tolist()))
-        last = _StoredLayer(-1, [], (len(ending), 1), {(i, 0, 0): weight for i, weight in ending.items()})
-        stored = [last, *[layer.reverse(number) for number, layer in enumerate(stored[::-1])]]
-    variables = sorted([layer.variable for layer in stored if layer.variable != -1])
-    if variables != list(range(len(names))):
-        raise DataError(f"its layers are those of {variables}, not of the {len(names)} terms")
     layers: list[Layer] = []
     used: list[int] = []
-    for number, layer in enumerate(stored):
-        n_outputs, n_inputs = layer.shape
-        shape = n_outputs, n_outcomes[layer.variable], n_inputs
-        if not all(0 <= size <= MAX_ARCS for size in shape) or (n_inputs != 1 and not layer.sources):
-            raise DataError(f"layer {number} has the shape {layer.shape}")
-        for key, weight in layer.entries.items():
-            if not (0 <= weight < inf and all(0 <= i < size for i, size in zip(key, shape, strict=True))):
-                raise DataError(f"a matrix has entries outside of {layer.shape}, or negative ones")
+    has_zeros = False
+    for number, own in enumerate(head["layers"]):
+        n_outputs, n_inputs = map(int, own["shape"])
+        shape = n_outputs, n_outcomes[own["label"]], n_inputs
+        if not all(0 <= size <= MAX_ARCS for size in shape) or (n_inputs != 1 and not own["sources"]):
+            raise DataError(f"layer {number} has the shape {own['shape']}")
+        entries: dict[tuple[int, int, int], Any] = {}
+        for outcome in own["outcomes"] or ["every"]:
+            for output, start, weight, *exponent in arrays[f"{number}/{outcome}"].tolist():
+                key = int(output), 0 if outcome == "every" else int(outcome), int(start)
+                inside = all(0 <= i < size for i, size in zip(key, shape, strict=True))
+                if not (inside and 0 <= weight < inf and all(abs(e) <= MAX_EXPONENT for e in exponent)):
+                    raise DataError(f"a matrix has entries outside of {shape}, or that are no weights")
+                has_zeros |= not weight
+                entries[key] = Fraction(weight) * Fraction(2) ** int(*exponent) if exponent else weight
         sources = []
-        for source, nodes in layer.sources:
+        for source in own["sources"]:
+            nodes = arrays[f"{number}/from/{source}"].astype(np.intp)
             if not 0 <= source < number or nodes.shape != (n_inputs,):
                 raise DataError(f"layer {number} does not fit to layer {source} before it")
             n_nodes = layers[source].matrix.rows.size
@@ -157,42 +190,10 @@ def _read_layers(
                 raise DataError(f"layer {number} has inputs that are no outputs of layer {source}")
             sources.append((source, Groups(nodes, n_nodes)))
             used.append(source)
-        layers.append(Layer.from_entries(layer.variable, sources, shape, layer.entries))
+        layers.append(Layer.from_entries(own["label"], sources, shape, entries))
+    variables = sorted([layer.variable for layer in layers if layer.variable != -1])
+    if variables != list(range(len(names))):
+        raise DataError(f"its layers are those of {variables}, not of the {len(names)} terms")
     if sorted(used) != list(range(len(layers) - 1)) or layers[-1].matrix.rows.size != 1:
         raise DataError("its layers do not end in one number")
-    return layers
-
-
-class _StoredLayer(NamedTuple):
-    """A layer of a file, not checked yet.
-
-    sources: (layer, nodes) for each branch.
-    shape: (outputs, inputs).
-    entries: (output, outcome, input) -> weight.
-    """
-
-    variable: int
-    sources: Sequence[tuple[int, Index]]
-    shape: tuple[int, int]
-    entries: Mapping[tuple[int, int, int], float]
-
-    @classmethod
-    def read(
-        cls, number: int, head: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]]
-    ) -> _StoredLayer:
-        """Read a layer; version 1 has no sources."""
-        sources = [(int(s), arrays[f"{number}/from/{s}"].astype(np.intp)) for s in head.get("sources", ())]
-        n_outputs, n_inputs = map(int, head["shape"])
-        tables = {int(outcome): arrays[f"{number}/{outcome}"] for outcome in head["outcomes"]}
-        entries = {
-            (int(output), outcome, int(start)): weight
-            for outcome, table in (tables or {0: arrays[f"{number}/every"]}).items()
-            for output, start, weight in table.tolist()
-        }
-        return cls(int(head["label"]), sources, (n_outputs, n_inputs), entries)
-
-    def reverse(self, number: int) -> _StoredLayer:
-        """Transpose a layer of version 1; `number` is that of the layer before it."""
-        entries = {(start, outcome, output): w for (output, outcome, start), w in self.entries.items()}
-        sources = [(number, np.arange(self.shape[0]))]
-        return _StoredLayer(self.variable, sources, self.shape[::-1], entries)
+    return layers, has_zeros

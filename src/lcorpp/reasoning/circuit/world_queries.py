@@ -21,7 +21,6 @@ from lcorpp.reasoning.circuit.decision_diagram import Arcs, DecisionDiagram, dec
 if TYPE_CHECKING:
     import numpy as np
 
-    from lcorpp.values import Array
 
 SAMPLER_CACHE_SIZE = 100
 """The tables to sample from are cached for at most this many sets of evidence."""
@@ -77,21 +76,6 @@ class WorldQueries:
         arcs_of = self._list_arcs(evidence)
         weights, unit = self._find_integers(arcs_of)
         return {value: w * unit for value, w in self._sum_measures(query, arcs_of, weights).items()}
-
-    def restore_lost(
-        self, evidence: Sequence[Mapping[str, str]], by_query: Mapping[str, tuple[Sequence[str], Array]]
-    ) -> None:
-        """Replace rows of 0 by sums of fractions, if the compiler lost weights to underflow.
-
-        Args:
-            evidence: of each row.
-            by_query: query -> (values, (B, outcomes) weights).
-        """
-        for query, (values, weights) in by_query.items():
-            for row in [i for i, own in enumerate(weights.tolist()) if not any(own)]:
-                exact = self.compute_exact_weights(query, evidence[row])
-                total = sum(exact.values()) or 1
-                weights[row] = [float(exact.get(name, 0) / total) for name in (*values, "")]
 
     def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[Value, float]:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""

@@ -1,20 +1,23 @@
 """Compilation, step 1: simplify a ground program without changing its worlds.
 
-1. Drop the clauses whose positive literals no clause can satisfy (least fixed point over all clauses).
+1. Drop the clauses whose positive literals no clause can satisfy (least fixed point over all clauses), and
+   the pr-atoms and dynamic ranges of terms without a selection.
 2. Turn rules that contradict an observation into constraints, which cut worlds off earlier.
 3. Compute the possible outcomes of each term; drop literals that are true for all of them and clauses with a
    literal that is true for none; repeat until nothing changes.
-4. Drop the pr-atoms and dynamic ranges of terms without a selection.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram, make_full_mask
 
 SUPPORTING_KINDS = (ClauseKind.DERIVE, ClauseKind.SELECT)
 """The kinds of clauses that give values to terms."""
+
+ATTENDANT_KINDS = (ClauseKind.RANGE, ClauseKind.ASSIGN)
+"""The kinds of clauses that matter only for random terms."""
 
 PLAIN_KINDS = (ClauseKind.DERIVE, ClauseKind.FORBID)
 """The kinds of clauses that equal head and body make redundant."""
@@ -27,8 +30,8 @@ def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
         (clauses, outcomes): outcomes[t] is the mask of the possible outcomes of term t, with bit i for value
         i and the next bit for no value.
     """
-    possible = _compute_possible_values(program)
-    clauses = _propagate_observations(program, _drop_unsupported(program.clauses, possible))
+    possible, random = _compute_possible_values(program)
+    clauses = _propagate_observations(program, _drop_unsupported(program.clauses, possible, random))
     outcomes = _compute_outcomes(program, clauses, possible)
     narrowed: list[int] | None = None
     while narrowed != outcomes:
@@ -38,14 +41,17 @@ def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
             break
         clauses = shorter
         narrowed = _compute_outcomes(program, clauses, outcomes)
-    random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT}
-    plain = (ClauseKind.DERIVE, ClauseKind.SELECT, ClauseKind.FORBID)
-    return [clause for clause in clauses if clause.term in random or clause.kind in plain], outcomes
+    return clauses, outcomes
 
 
-def _compute_possible_values(program: GroundProgram) -> list[int]:
-    """Compute the mask of the values that each term may have in some world: the least fixed point."""
+def _compute_possible_values(program: GroundProgram) -> tuple[list[int], set[int]]:
+    """Compute the mask of the values that each term may have in some world: the least fixed point.
+
+    Returns:
+        (masks, terms): the second are those that may be selected at random.
+    """
     possible = [0] * len(program.values)
+    random: set[int] = set()
     if program.do_is_fact:
         for term, value in program.do.items():
             possible[term] |= 1 << value
@@ -67,22 +73,27 @@ def _compute_possible_values(program: GroundProgram) -> list[int]:
             if clause.kind is derive:
                 mask = 1 << clause.value
             else:
+                random.add(head)
                 mask = 1 << program.do[head] if head in program.do else (1 << len(program.values[head])) - 1
             if mask & ~possible[head]:
                 possible[head] |= mask
                 extended.append(head)
         ready = [clause for term in extended for clause in waiting.pop(term, ())]
-    return possible
+    return possible, random
 
 
-def _drop_unsupported(clauses: Sequence[Clause], possible: Sequence[int]) -> list[Clause]:
-    """Drop the clauses with a positive literal that needs an impossible value, and duplicate clauses.
+def _drop_unsupported(
+    clauses: Sequence[Clause], possible: Sequence[int], random: Collection[int]
+) -> list[Clause]:
+    """Drop clauses with a positive literal that needs an impossible value, idle clauses and duplicates.
 
     Rules and constraints with interchangeable variables have many equal instances; one remains.
     """
     kept: list[Clause] = []
     known: set[object] = set()
     for clause in clauses:
+        if clause.term not in random and clause.kind in ATTENDANT_KINDS:
+            continue
         body = clause.body
         for term, allowed, negated in body:
             if not negated and not allowed & possible[term]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
-from operator import add, ge, gt, le, lt, mul, sub, truediv
+from operator import add, eq, ge, gt, le, lt, mul, ne, sub, truediv
 from typing import Any
 
 from lcorpp.reasoning.language.issues import SourceIssue
@@ -29,7 +29,9 @@ _OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
 }  # fmt: skip
 """Operations on fractions, and on integers of 32 bits, whose quotients floats truncate correctly."""
 
-_ORDERS: dict[str, Callable[[int, int], bool]] = {"<": lt, "<=": le, ">": gt, ">=": ge}
+_RELATIONS: dict[str, Callable[[Any, Any], bool]] = {
+    "=": eq, "!=": ne, "<": lt, "<=": le, ">": gt, ">=": ge
+}  # fmt: skip
 
 
 def iter_variables(expression: Expression) -> Iterator[Variable]:
@@ -125,10 +127,6 @@ def compare_values(left: Value, relation: str, right: Value) -> bool:
 
     The checker rejects an order of other values.
     """
-    if relation == "=":
-        return left == right
-    if relation == "!=":
-        return left != right
-    if isinstance(left, str) or isinstance(right, str):
-        return False
-    return _ORDERS[relation](left, right)
+    if relation in ("=", "!=") or (isinstance(left, int) and isinstance(right, int)):
+        return _RELATIONS[relation](left, right)
+    return False

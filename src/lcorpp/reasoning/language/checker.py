@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import find_variables
 from lcorpp.reasoning.language.conformance import (
-    check_attribute,
     check_ground_literal,
     check_intervention,
     check_query,
@@ -21,7 +20,6 @@ from lcorpp.reasoning.language.issues import Place, SortMismatch, SourceIssue
 from lcorpp.reasoning.language.safety import check_variables
 from lcorpp.reasoning.language.signature import Signature, build_signature
 from lcorpp.reasoning.language.syntax import (
-    BodyLiteral,
     Clause,
     DynamicRange,
     Intervention,
@@ -33,7 +31,6 @@ from lcorpp.reasoning.language.syntax import (
     Rule,
     Selection,
     Statement,
-    Term,
 )
 from lcorpp.reasoning.language.traversal import (
     as_clause,
@@ -67,12 +64,8 @@ def check_statements(statements: Sequence[Statement]) -> Signature:
 
 
 def _check_clause(clause: Clause, signature: Signature) -> None:
-    head = get_head(clause)
-    if head:
-        check_attribute(head.term, signature)
-        if isinstance(clause, Rule) and _is_valid_fact(clause, head.term.name, signature):
-            return
-    _check_body(get_body(clause), signature)
+    if isinstance(clause, Rule) and _is_valid_fact(clause, signature):
+        return
     if isinstance(clause, Probability):
         _check_probability(clause, signature)
     check_variables(clause, signature)
@@ -80,25 +73,14 @@ def _check_clause(clause: Clause, signature: Signature) -> None:
         _check_range(clause, clause.range, signature)
 
 
-def _is_valid_fact(rule: Rule, name: str, signature: Signature) -> bool:
+def _is_valid_fact(rule: Rule, signature: Signature) -> bool:
     """Whether a rule is a fact of integers and names in their sorts, which needs no other checks."""
-    values, attribute = list_fact_values(rule), signature.attributes[name]
-    if values is None:
+    values = list_fact_values(rule)
+    if values is None or rule.head is None:
         return False
+    attribute = signature.get_attribute(rule.head.term)
     sorts = (*attribute.arguments, attribute.range)
     return all(str(value) in signature.sorts[sort] for value, sort in zip(values, sorts, strict=True))
-
-
-def _check_body(body: Iterable[BodyLiteral], signature: Signature) -> None:
-    for literal in body:
-        if not isinstance(literal, Literal):
-            continue
-        if not signature.is_sort(literal):
-            check_attribute(literal.term, signature)
-        elif len(literal.term.arguments) != 1 or (literal.relation, literal.value) != ("=", Term("true")):
-            raise SourceIssue(
-                literal.at, f"{literal.term.name} is a sort; expected {literal.term.name}(...) without value"
-            )
 
 
 def _check_range(selection: Selection, dynamic_range: DynamicRange, signature: Signature) -> None:
@@ -106,13 +88,13 @@ def _check_range(selection: Selection, dynamic_range: DynamicRange, signature: S
     variable = dynamic_range.variable
     if variable.name in find_variables(*list_expressions(selection)):
         raise SourceIssue(variable.at, f"variable {variable} of the dynamic range is also used outside of it")
-    _check_body(dynamic_range.condition, signature)
     body = (*selection.body, *dynamic_range.condition)
     check_variables(Rule(Literal(selection.term, "=", variable), body, at=selection.at), signature)
 
 
 def _check_probability(atom: Probability, signature: Signature) -> None:
     """Check the label and the number of a pr-atom."""
+    signature.get_attribute(atom.term)
     selections = require_selections(atom.term, atom.at, signature)
     if (label := atom.label) is not None:
         labels = [selection.label for selection in selections if selection.label]
@@ -153,19 +135,19 @@ def drop_ill_sorted(statements: Sequence[Statement]) -> tuple[Statement, ...]:
 
 def _has_instances(statement: Statement, signature: Signature) -> bool:
     clause = as_clause(statement)
-    if clause is None:
-        return True
-    head = get_head(clause)
-    if head:
-        check_attribute(head.term, signature)
-    literals = [part for part in (head, *get_body(clause)) if isinstance(part, Literal) and not part.negated]
     try:
-        for literal in literals:
-            if not signature.is_sort(literal):
-                check_attribute(literal.term, signature)
-                check_slots(signature.iter_literal_slots(literal), signature)
+        if clause:
+            _check_clause(clause, signature)
     except SortMismatch:
-        return False
-    except SourceIssue:
-        pass  # an unknown name, which `check_statements` reports
+        assert clause
+        head = get_head(clause)
+        if head:
+            signature.get_attribute(head.term)
+        literals = [part for part in (head, *get_body(clause)) if isinstance(part, Literal)]
+        positive = [part for part in literals if not part.negated and not signature.is_sort(part)]
+        try:
+            check_slots(signature.iter_body_slots(positive), signature)
+        except SortMismatch:
+            return False
+        raise
     return True

@@ -21,6 +21,7 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     Variable,
 )
+from lcorpp.reasoning.language.traversal import as_literal
 
 
 def check_query(query: Query, signature: Signature) -> None:
@@ -55,30 +56,14 @@ def check_ground_literal(literal: Literal, signature: Signature) -> None:
     """Check a literal without variables."""
     _check_ground_term(literal.term, signature)
     canonical_text(literal.value)  # raises for a variable
-    check_slots(signature.iter_literal_slots(literal), signature)
+    check_slots(signature.iter_attribute_slots(literal), signature)
     check_order((literal,), {}, signature)
 
 
 def _check_ground_term(term: Term, signature: Signature) -> None:
-    check_attribute(term, signature)
-    for argument in term.arguments:
-        canonical_text(argument)  # raises for a variable
-    check_slots(signature.iter_term_slots(term), signature)
-
-
-def check_attribute(term: Term, signature: Signature) -> None:
-    """Check the name of an attribute and its number of arguments; raise SortMismatch for a wrong number."""
-    attribute = signature.attributes.get(term.name)
-    if attribute is None:
-        what = "is a sort, not an attribute" if term.name in signature.sorts else "is not declared"
-        raise SourceIssue(term.at, f"{term.name!r} {what}; {expected_one_of(list(signature.attributes))}")
-    if len(term.arguments) != len(attribute.arguments):
-        shape = f"{term.name}({', '.join(attribute.arguments)})" if attribute.arguments else term.name
-        raise SortMismatch(
-            term.at,
-            f"{term.name} has {len(attribute.arguments)} arguments, not {len(term.arguments)};"
-            f" expected {shape}",
-        )
+    signature.get_attribute(term)
+    canonical_text(term)  # raises for a variable
+    check_slots(signature.iter_attribute_slots(as_literal(term)), signature)
 
 
 def check_slots(slots: Iterable[ArgumentSlot], signature: Signature) -> None:

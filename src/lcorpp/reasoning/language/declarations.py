@@ -18,7 +18,7 @@ from lcorpp.reasoning.language.lexer import HASH_NAME, INTEGER, NAME, VARIABLE, 
 from lcorpp.reasoning.language.sorts import (
     Condition,
     Connective,
-    IntervalTerm,
+    Interval,
     RecordSort,
     SortDefinition,
     SortExpression,
@@ -51,11 +51,7 @@ def parse_sort(cursor: Cursor, name: str, at: Place) -> SortDefinition:
         cursor.expect("=")
     sort = _parse_sort_expression(cursor)
     cursor.expect(".")
-    return _define_sort(name, sort, at)
-
-
-def _define_sort(name: str, sort: SortExpression, at: Place) -> SortDefinition:
-    return SortDefinition(name, SortSet((sort,)) if isinstance(sort, IntervalTerm) else sort, at=at)
+    return SortDefinition(name, sort, at=at)
 
 
 def require_name(expression: Expression | Literal, what: str) -> Term:
@@ -76,34 +72,31 @@ def parse_attributes(cursor: Cursor, term: Term) -> Iterator[Statement]:
         at = cursor.at
         terms.append(Term(cursor.expect(NAME), at=at))
     cursor.expect(":")
-    new_sorts: list[SortDefinition] = []
-    sorts = [_parse_attribute_sort(cursor, term, new_sorts)]
+    sorts = [_parse_attribute_sort(cursor)]
     while cursor.accept(",") or cursor.accept("*"):
-        sorts.append(_parse_attribute_sort(cursor, term, new_sorts))
+        sorts.append(_parse_attribute_sort(cursor))
     if cursor.accept("->"):
-        target = _parse_attribute_sort(cursor, term, new_sorts)
-        cursor.expect(".")
-    else:
-        cursor.expect(".")
-        if len(sorts) > 1:
-            raise SourceIssue(term.at, f"attribute {term} has arguments but no range; expected '-> sort'")
-        target = sorts.pop()
-    yield from new_sorts
+        sorts.append(_parse_attribute_sort(cursor))
+    elif len(sorts) > 1 and cursor.next_is("."):
+        raise SourceIssue(term.at, f"attribute {term} has arguments but no range; expected '-> sort'")
+    cursor.expect(".")
+    names: list[str] = []
+    for place, sort in enumerate(sorts, 1):
+        if isinstance(sort, SortName):
+            names.append(sort.name)
+        else:
+            cursor.uses_plog2 = True
+            names.append(f"{term.name}_sort_{place}")
+            yield SortDefinition(names[-1], sort, at=sort.at)
     for term in terms:
-        yield AttributeDeclaration(term.name, tuple(sorts), target, at=term.at)
+        yield AttributeDeclaration(term.name, tuple(names[:-1]), names[-1], at=term.at)
 
 
-def _parse_attribute_sort(cursor: Cursor, attribute: Term, new_sorts: list[SortDefinition]) -> str:
-    if cursor.kind == NAME and cursor.second_kind not in ("(", ".."):
-        return cursor.take()
+def _parse_attribute_sort(cursor: Cursor) -> SortExpression:
     at = cursor.at
-    expression = _parse_sort_expression(cursor)
-    if isinstance(expression, SortName):
-        return expression.name
-    cursor.uses_plog2 = True
-    name = f"{attribute.name}_sort_{len(new_sorts) + 1}"
-    new_sorts.append(_define_sort(name, expression, at))
-    return name
+    if cursor.kind == NAME and cursor.second_kind not in ("(", ".."):
+        return SortName(cursor.take(), at=at)
+    return _parse_sort_expression(cursor)
 
 
 # sort expressions
@@ -134,7 +127,7 @@ def _parse_simple_sort(cursor: Cursor) -> SortExpression:
         raise cursor.make_unexpected_error()
     low = _parse_bound(cursor)
     cursor.expect("..")
-    return IntervalTerm(low, _parse_bound(cursor), at=at)
+    return SortSet((Interval(low, _parse_bound(cursor), at=at),), at=at)
 
 
 def parse_sort_name(cursor: Cursor) -> str:
@@ -143,13 +136,13 @@ def parse_sort_name(cursor: Cursor) -> str:
     return cursor.expect(HASH_NAME)[1:]
 
 
-def _parse_element(cursor: Cursor) -> Expression | IntervalTerm:
+def _parse_element(cursor: Cursor) -> Expression | Interval:
     """Parse an element of a set: a value or an interval."""
     low = parse_value(cursor)
     if not cursor.accept(".."):
         return low
     high = parse_value(cursor)
-    return IntervalTerm(_evaluate_bound(low), _evaluate_bound(high), at=low.at)
+    return Interval(_evaluate_bound(low), _evaluate_bound(high), at=low.at)
 
 
 def _evaluate_bound(bound: Expression) -> int:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from lcorpp.reasoning.language.issues import Place, SourceIssue
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortSet
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
@@ -74,9 +74,13 @@ def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Stat
             raise SourceIssue(literal.at, "do(...) is not supported in the body of a rule")
         if literal.term.name != "obs":
             return literal
-        term, value, polarity = _split_observation(literal.term)
-        observed.setdefault(term.name, term)
-        return replace(literal, term=_make_observed_term(term, value, polarity, literal.term.at))
+        match literal.term.arguments:
+            case (Term() as term, *rest) if len(rest) <= 2:
+                observed.setdefault(term.name, term)
+                return replace(literal, term=_make_observed_term(term, *rest))
+        raise SourceIssue(
+            literal.at, f"expected obs(attribute, value) or obs(attribute, value, true), not {literal.term}"
+        )
 
     rewritten = [map_literals(statement, rewrite) for statement in statements]
     if not observed:
@@ -95,20 +99,10 @@ def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Stat
             literal, at = statement.literal, statement.at
             if not literal.negated and literal.relation in ("=", "!="):
                 polarity = TRUE if literal.relation == "=" else FALSE
-                term = _make_observed_term(literal.term, literal.value, polarity, at)
+                term = _make_observed_term(literal.term, literal.value, polarity)
                 rewritten.append(Rule(Literal(term, "=", TRUE, at=at), at=at))
     return rewritten
 
 
-def _split_observation(term: Term) -> tuple[Term, Expression, Expression]:
-    """Split `obs(term, value, polarity)`; value and polarity are `true` by default."""
-    first, *rest = term.arguments or (None,)
-    if not isinstance(first, Term) or len(rest) > 2:
-        raise SourceIssue(
-            term.at, f"expected obs(attribute, value) or obs(attribute, value, true), not {term}"
-        )
-    return first, rest[0] if rest else TRUE, rest[1] if len(rest) > 1 else TRUE
-
-
-def _make_observed_term(term: Term, value: Expression, polarity: Expression, at: Place) -> Term:
-    return Term(f"observed_{term.name}", (*term.arguments, value, polarity), at=at)
+def _make_observed_term(term: Term, value: Expression = TRUE, polarity: Expression = TRUE) -> Term:
+    return Term(f"observed_{term.name}", (*term.arguments, value, polarity), at=term.at)

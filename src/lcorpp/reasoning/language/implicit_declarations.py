@@ -14,7 +14,7 @@ from functools import reduce
 
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
 from lcorpp.reasoning.language.issues import Place
-from lcorpp.reasoning.language.signature import mangle_name
+from lcorpp.reasoning.language.signature import build_signature, mangle_name
 from lcorpp.reasoning.language.sorts import (
     BOOLEAN,
     SortDefinition,
@@ -22,11 +22,9 @@ from lcorpp.reasoning.language.sorts import (
     SortName,
     SortOperation,
     SortSet,
-    SortTable,
 )
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
-    DomainDirective,
     Expression,
     Literal,
     Statement,
@@ -55,18 +53,10 @@ class _Inference:
     """
 
     def __init__(self, statements: Sequence[Statement]) -> None:
-        self.declared: dict[str, AttributeDeclaration] = {}
+        signature = build_signature(statements)
+        self.declared, self._sorts, self._domains = signature.attributes, signature.sorts, signature.domains
         self.uses: dict[str, dict[int, _Use]] = {}
         self.names: dict[tuple[str, int], str] = {}
-        self._domains: dict[str, str] = {}
-        self._sorts = SortTable()
-        for statement in statements:
-            if isinstance(statement, AttributeDeclaration):
-                self.declared.setdefault(statement.name, statement)
-            elif isinstance(statement, DomainDirective):
-                self._domains.update(dict.fromkeys(statement.variables, statement.sort))
-            elif isinstance(statement, SortDefinition) and statement.name != BOOLEAN:
-                self._sorts.define(statement)
         for statement in statements:
             self._collect_uses(statement)
 
@@ -77,7 +67,7 @@ class _Inference:
         for literal in literals:
             term = literal.term
             declared = self.declared.get(term.name)
-            if term.name in self._sorts.known or term.name == "obs" or (declared and declared.arguments):
+            if term.name in self._sorts or term.name == "obs" or (declared and declared.arguments):
                 continue
             use = self.uses.setdefault(term.name, {}).setdefault(
                 len(term.arguments), _Use(term.at, [{} for _ in (*term.arguments, literal.value)])
@@ -86,7 +76,7 @@ class _Inference:
             values = () if literal.value is term else (literal.value,)  # a selected term has no value
             for slot, expression in zip(use.slots, (*term.arguments, *values), strict=False):
                 if isinstance(expression, Variable):
-                    if (sort := sorts.get(expression.name)) in self._sorts.known:
+                    if (sort := sorts.get(expression.name)) in self._sorts:
                         slot[f"#{sort}"] = SortName(str(sort), at=term.at)
                 elif not any(iter_variables(expression)):
                     slot[canonical_text(expression)] = expression
@@ -98,7 +88,7 @@ class _Inference:
             name, arguments = literal.term.name, literal.term.arguments
             attribute = self.declared.get(name)
             pairs: list[tuple[Expression, str]] = []
-            if name in self._sorts.known and len(arguments) == 1:
+            if name in self._sorts and len(arguments) == 1:
                 pairs.append((arguments[0], name))
             elif attribute:
                 if literal.relation == "=":
@@ -133,9 +123,9 @@ class _Inference:
         """Infer the sort of a position: a name, an expression for a new sort, or None if it has no use."""
         names = [use for use in slot.values() if isinstance(use, SortName)]
         constants = {text: use for text, use in slot.items() if not isinstance(use, SortName)}
-        if not names and constants.keys() <= self._sorts.known[BOOLEAN].keys():
+        if not names and constants.keys() <= self._sorts[BOOLEAN].keys():
             return BOOLEAN if constants else None
-        if len(names) == 1 and self._sorts.known[names[0].name].keys() >= constants.keys():
+        if len(names) == 1 and self._sorts[names[0].name].keys() >= constants.keys():
             return names[0].name
         parts: list[SortExpression] = [*names]
         if constants:

@@ -73,36 +73,27 @@ def parse_plog(
     dialect: Semantics = "2018" if cursor.uses_plog2 else "2009"
     chosen = (cursor.semantics or dialect) if semantics is None else semantics
     try:
-        statements = desugar(statements, dialect)
+        return _make_program(file, desugar(statements, dialect), chosen, strict)
     except SourceIssue as issue:
         raise ProgramError(str(issue)) from None
-    try:
-        return _make_program(file, statements, chosen, strict)
-    except ProgramError as error:
-        hint = _suggest_lenient(file, statements, chosen) if strict else ""
-        raise ProgramError(f"{error}{hint}") from None
 
 
 def _make_program(
     file: str, statements: tuple[Statement, ...], semantics: Semantics, strict: bool
 ) -> Program:
+    """Make a program; the message of a strict refusal ends with a hint if the lenient mode reads it."""
+    if not strict:
+        return Program(file, drop_ill_sorted(statements), semantics)
     try:
-        if strict:
-            check_record_names(statements)
-        else:
-            statements = drop_ill_sorted(statements)
-    except SourceIssue as issue:
-        raise ProgramError(str(issue)) from None
-    return Program(file, statements, semantics)
-
-
-def _suggest_lenient(file: str, statements: tuple[Statement, ...], semantics: Semantics) -> str:
-    """Return the end of the message of a strict refusal if the lenient mode reads the program."""
-    try:
-        _make_program(file, statements, semantics, False)
-    except ProgramError:
-        return ""
-    return "; strict=False (lcorpp ask --lenient) reads the program"
+        program = Program(file, statements, semantics)
+        check_record_names(program.signature)
+    except (SourceIssue, ProgramError) as error:
+        try:
+            _make_program(file, statements, semantics, False)
+        except (SourceIssue, ProgramError):
+            raise error from None
+        raise ProgramError(f"{error}; strict=False (lcorpp ask --lenient) reads the program") from None
+    return program
 
 
 def parse_query(text: str, program: Program) -> Query:

@@ -10,8 +10,8 @@ from types import MappingProxyType
 
 from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import is_integer
-from lcorpp.reasoning.language.issues import Place, SourceIssue
-from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortTable, find_record_shapes
+from lcorpp.reasoning.language.issues import Place, SortMismatch, SourceIssue
+from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortTable
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     BodyLiteral,
@@ -22,6 +22,7 @@ from lcorpp.reasoning.language.syntax import (
     Selection,
     Statement,
     Term,
+    syntax_node,
 )
 from lcorpp.reasoning.language.traversal import as_selection, get_body, get_head
 
@@ -29,25 +30,22 @@ ArgumentSlot = tuple[Expression, str]
 """An expression and the sort required at its position."""
 
 
-@dataclass(frozen=True, repr=False)
-class Attribute:
+@syntax_node
+class Attribute(AttributeDeclaration):
     """A declared attribute.
 
-    arguments: the sort names of its arguments.
-    range: the sort name of its values.
     values: the values in order of declaration; integers are decimal text.
-    line: the line of the declaration.
     """
 
-    name: str
-    arguments: tuple[str, ...]
-    range: str
     values: tuple[str, ...]
-    line: int
+
+    @property
+    def line(self) -> int:
+        """The line of the declaration."""
+        return self.at.line
 
     def __repr__(self) -> str:
-        arguments = f"{', '.join(self.arguments)} -> " if self.arguments else ""
-        return f"<Attribute {self.name} : {arguments}{self.range}, {len(self.values)} values>"
+        return f"<Attribute {str(self)[:-1]}, {len(self.values)} values>"
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,12 +56,14 @@ class Signature:
     attributes: name -> attribute.
     domains: variable -> the sort declared by `#domain`.
     selections: attribute -> its random selections, including those of cr-rules.
+    records: name and number of arguments of the records in sorts.
     """
 
     sorts: Mapping[str, Mapping[str, None]]
     attributes: Mapping[str, Attribute]
     domains: Mapping[str, str]
-    selections: Mapping[str, tuple[Selection, ...]] = field(default_factory=dict)
+    selections: Mapping[str, tuple[Selection, ...]]
+    records: frozenset[tuple[str, int]] = frozenset()
     _common_counts: dict[tuple[str, ...], int] = field(default_factory=dict, init=False, compare=False)
 
     def __repr__(self) -> str:
@@ -93,47 +93,68 @@ class Signature:
     def resolve_overload(self, literal: Literal) -> Literal:
         """Return the literal with the mangled name (`mangle_name`) of its attribute if that is overloaded."""
         term, count = literal.term, len(literal.term.arguments)
-        attribute = self.attributes.get(term.name)
-        other = self.attributes.get(mangle_name(term.name, count))
-        if attribute is None or other is None:
-            return literal
-        if len(attribute.arguments) == count or len(other.arguments) != count:
-            return literal
-        return replace(literal, term=replace(term, name=other.name))
+        attribute, mangled = self.attributes.get(term.name), mangle_name(term.name, count)
+        if attribute and len(attribute.arguments) != count and mangled in self.attributes:
+            return replace(literal, term=replace(term, name=mangled))
+        return literal
 
     def is_sort(self, literal: Literal) -> bool:
         """Whether the literal is a sort membership `s(X)`; attributes take precedence over sorts."""
         return literal.term.name in self.sorts and literal.term.name not in self.attributes
 
-    def iter_term_slots(self, term: Term) -> Iterator[ArgumentSlot]:
-        """The argument slots of an attribute term."""
-        return zip(term.arguments, self.attributes[term.name].arguments, strict=True)
+    def get_attribute(self, term: Term) -> Attribute:
+        """Return the attribute of a term.
 
-    def iter_literal_slots(self, literal: Literal) -> Iterator[ArgumentSlot]:
-        """The argument slots of a literal: arguments, and the value unless it is only compared by order.
-
-        A positive sort membership `s(X)` has one slot, a negated one none.
+        Raises:
+            SourceIssue: its name is unknown.
+            SortMismatch: the term has a wrong number of arguments.
         """
-        if not self.is_sort(literal):
-            yield from self.iter_term_slots(literal.term)
-            if literal.relation in ("=", "!="):
-                yield literal.value, self.attributes[literal.term.name].range
-        elif not literal.negated:
-            yield literal.term.arguments[0], literal.term.name
+        attribute = self.attributes.get(term.name)
+        if attribute is None:
+            what = "is a sort, not an attribute" if term.name in self.sorts else "is not declared"
+            raise SourceIssue(term.at, f"{term.name!r} {what}; {expected_one_of(list(self.attributes))}")
+        if len(term.arguments) != len(attribute.arguments):
+            shape = f"{term.name}({', '.join(attribute.arguments)})" if attribute.arguments else term.name
+            raise SortMismatch(
+                term.at,
+                f"{term.name} has {len(attribute.arguments)} arguments, not {len(term.arguments)};"
+                f" expected {shape}",
+            )
+        return attribute
+
+    def iter_attribute_slots(self, literal: Literal) -> Iterator[ArgumentSlot]:
+        """The slots of a literal: its arguments, and its value unless that is only compared by order.
+
+        Raises:
+            SourceIssue, SortMismatch: as `get_attribute`.
+        """
+        attribute = self.get_attribute(literal.term)
+        yield from zip(literal.term.arguments, attribute.arguments, strict=True)
+        if literal.relation in ("=", "!="):
+            yield literal.value, attribute.range
 
     def iter_body_slots(self, body: Iterable[BodyLiteral]) -> Iterator[ArgumentSlot]:
-        """The argument slots of a body."""
+        """The slots of a body; a positive sort membership `s(X)` has one."""
         for literal in body:
-            if isinstance(literal, Literal):
-                yield from self.iter_literal_slots(literal)
+            if not isinstance(literal, Literal):
+                continue
+            if not self.is_sort(literal):
+                yield from self.iter_attribute_slots(literal)
+            elif len(literal.term.arguments) != 1 or (literal.relation, literal.value) != ("=", Term("true")):
+                name = literal.term.name
+                raise SourceIssue(literal.at, f"{name} is a sort; expected {name}(...) without value")
+            elif not literal.negated:
+                yield literal.term.arguments[0], literal.term.name
 
     def iter_slots(self, clause: Clause) -> Iterator[ArgumentSlot]:
-        """The argument slots of a clause without those of a dynamic range, which has its own variables."""
+        """The slots of a clause without those of a dynamic range, which has its own variables."""
         head = get_head(clause)
-        return self.iter_body_slots((head, *get_body(clause)) if head else get_body(clause))
+        if head:
+            yield from self.iter_attribute_slots(head)
+        yield from self.iter_body_slots(get_body(clause))
 
     def iter_range_slots(self, selection: Selection) -> Iterator[ArgumentSlot]:
-        """The argument slots of a dynamic range, its variable first."""
+        """The slots of a dynamic range, its variable first."""
         if selection.range:
             yield selection.range.variable, self.attributes[selection.term.name].range
             yield from self.iter_body_slots(selection.range.condition)
@@ -175,6 +196,7 @@ def build_signature(statements: Sequence[Statement]) -> Signature:
         MappingProxyType(attributes),
         MappingProxyType(domains),
         MappingProxyType(selections),
+        frozenset(sorts.records),
     )
 
 
@@ -189,7 +211,7 @@ def _collect_attributes(
         for name in (*declared.arguments, declared.range):
             _check_sort(name, declared.at, sorts)
         attributes[declared.name] = Attribute(
-            declared.name, declared.arguments, declared.range, values[declared.range], declared.at.line
+            declared.name, declared.arguments, declared.range, values[declared.range], at=declared.at
         )
     return attributes
 
@@ -207,7 +229,7 @@ def _check_sort(name: str, at: Place, sorts: Iterable[str]) -> None:
         raise SourceIssue(at, f"unknown sort {name!r}; {expected_one_of(list(sorts))}")
 
 
-def check_record_names(statements: Sequence[Statement]) -> None:
+def check_record_names(signature: Signature) -> None:
     """Check that no attribute has the name and the number of arguments of a record.
 
     Raises:
@@ -215,11 +237,10 @@ def check_record_names(statements: Sequence[Statement]) -> None:
 
     Source: the manual of plog 2.0, section on errors in attribute declarations.
     """
-    records = set().union(*(find_record_shapes(s.sort) for s in statements if isinstance(s, SortDefinition)))
-    for declared in (s for s in statements if isinstance(s, AttributeDeclaration)):
-        if (declared.name, len(declared.arguments)) in records:
+    for attribute in signature.attributes.values():
+        if (attribute.name, len(attribute.arguments)) in signature.records:
             raise SourceIssue(
-                declared.at,
-                f"{declared.name} is an attribute and, with as many arguments, a record in a sort;"
+                attribute.at,
+                f"{attribute.name} is an attribute and, with as many arguments, a record in a sort;"
                 " expected different names",
             )

@@ -6,7 +6,6 @@ The total work for one program is bounded by `MAX_HANDLED_MEMBERS`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from math import prod
 
@@ -21,6 +20,7 @@ from lcorpp.reasoning.language.syntax import (
     SyntaxNode,
     Term,
     Variable,
+    syntax_node,
 )
 
 MAX_SORT_SIZE = 100_000
@@ -36,7 +36,7 @@ Members = dict[str, None]
 """The members of a sort in order, as text."""
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class SortDefinition(Statement):
     """`name = {elements}.` or, a construct of plog 2.0, `#name = expression.`"""
 
@@ -51,9 +51,11 @@ class SortTable:
     """The evaluated sorts of a program; a definition may refer to earlier sorts.
 
     known: name -> members.
+    records: name and number of arguments of the records.
     """
 
     def __init__(self) -> None:
+        self.records: set[tuple[str, int]] = set()
         self.known: dict[str, Members] = {BOOLEAN: {"true": None, "false": None}}
         self._handled = 0
 
@@ -67,8 +69,7 @@ class SortTable:
         members = sort.evaluate(self, name) if isinstance(sort, SortSet) else sort.evaluate(self)
         if not members:
             raise SourceIssue(at, f"the sort {name} is empty")
-        if len(members) > MAX_SORT_SIZE:
-            raise SourceIssue(at, f"the sort {name} is too large; at most {MAX_SORT_SIZE} members")
+        _check_size(len(members), f"sort {name} has", at)
         self.known[name] = members
 
     def count_work(self, count: int, at: Place) -> None:
@@ -80,11 +81,16 @@ class SortTable:
             )
 
 
+def _check_size(count: int, what: str, at: Place) -> None:
+    if count > MAX_SORT_SIZE:
+        raise SourceIssue(at, f"the {what} {count} members; a sort has at most {MAX_SORT_SIZE}")
+
+
 # sort expressions
 
 
-@dataclass(frozen=True, repr=False)
-class IntervalTerm(SyntaxNode):
+@syntax_node
+class Interval(SyntaxNode):
     """`low..high`, including both ends."""
 
     low: int
@@ -97,15 +103,13 @@ class IntervalTerm(SyntaxNode):
         """Return the integers."""
         if self.high < self.low:
             raise SourceIssue(self.at, f"the interval {self} is empty")
-        if self.high - self.low >= MAX_SORT_SIZE:
-            raise SourceIssue(
-                self.at, f"the interval {self} is too long; a sort has at most {MAX_SORT_SIZE} members"
-            )
-        table.count_work(self.high - self.low + 1, self.at)
+        count = self.high - self.low + 1
+        _check_size(count, f"interval {self} has", self.at)
+        table.count_work(count, self.at)
         return dict.fromkeys(map(str, range(self.low, self.high + 1)))
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class SortName(SyntaxNode):
     """`#name`: the members of a sort defined earlier."""
 
@@ -122,11 +126,11 @@ class SortName(SyntaxNode):
         return table.known[self.name]
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class SortSet(SyntaxNode):
     """`{elements}`."""
 
-    elements: tuple[Expression | IntervalTerm, ...]
+    elements: tuple[Expression | Interval, ...]
 
     def __str__(self) -> str:
         return f"{{{', '.join(map(str, self.elements))}}}"
@@ -135,11 +139,13 @@ class SortSet(SyntaxNode):
         """Return the elements; `name` is the name of the sort in messages."""
         members: Members = {}
         for element in self.elements:
-            if isinstance(element, IntervalTerm):
+            if isinstance(element, Interval):
                 new = element.evaluate(table)
             else:
                 table.count_work(1, element.at)
                 new = {canonical_text(element): None}
+                if isinstance(element, Term) and element.arguments:
+                    table.records.add((element.name, len(element.arguments)))
             for member in new:
                 if member in members:
                     raise SourceIssue(element.at, f"{member} is twice in the sort {name}")
@@ -147,7 +153,7 @@ class SortSet(SyntaxNode):
         return members
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class SortOperation(Operation):
     """The union `+`, difference `-` or intersection `*` of sorts."""
 
@@ -166,7 +172,7 @@ class SortOperation(Operation):
         return {member: None for member in left if (member in right) == (self.operator == "*")}
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class Connective(Operation):
     """`left & right` or `left | right` in the condition of a record sort."""
 
@@ -180,7 +186,7 @@ class Connective(Operation):
 Condition = ComparisonLiteral | Connective
 
 
-@dataclass(frozen=True, repr=False)
+@syntax_node
 class RecordSort(SyntaxNode):
     """`name(part(Variable), part) : condition`: records with arguments from the parts.
 
@@ -201,11 +207,8 @@ class RecordSort(SyntaxNode):
         """Return the records that satisfy the condition."""
         parts = [part.evaluate(table) for part in self.parts]
         count = prod(map(len, parts))
-        if count > MAX_SORT_SIZE:
-            raise SourceIssue(
-                self.at,
-                f"the records {self.name}(...) are {count}; a sort has at most {MAX_SORT_SIZE} members",
-            )
+        _check_size(count, f"records {self.name}(...) have", self.at)
+        table.records.add((self.name, len(parts)))
         table.count_work(count * (1 + 2 * len(list_comparisons(self.condition))), self.at)
         places = {variable: index for index, variable in enumerate(self.variables) if variable}
         if len(places) < sum(variable is not None for variable in self.variables):
@@ -234,20 +237,4 @@ def _is_satisfied(condition: Condition, row: Sequence[str], places: Mapping[str,
     return compare_values(left, condition.relation, right)
 
 
-SortExpression = SortName | SortSet | RecordSort | SortOperation | IntervalTerm
-
-
-def find_record_shapes(sort: Expression | SortExpression) -> set[tuple[str, int]]:
-    """Find name and number of arguments of the records in a sort expression, without named sorts."""
-    shapes: set[tuple[str, int]] = set()
-    parts: tuple[Expression | SortExpression, ...] = ()
-    if isinstance(sort, Term) and sort.arguments:
-        shapes.add((sort.name, len(sort.arguments)))
-    elif isinstance(sort, RecordSort):
-        shapes.add((sort.name, len(sort.parts)))
-        parts = sort.parts
-    elif isinstance(sort, SortSet):
-        parts = sort.elements
-    elif isinstance(sort, SortOperation):
-        parts = (sort.left, sort.right)
-    return shapes.union(*map(find_record_shapes, parts))
+SortExpression = SortName | SortSet | RecordSort | SortOperation

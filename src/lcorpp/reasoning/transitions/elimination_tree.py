@@ -9,14 +9,8 @@ there, so that the cost is exponential in the width of a branch, not of the whol
     a -> b        children  [(1, 2), (), (3,), ()]
       -> c -> d   roots     (0,)
 
-The tree is built from its leaves. Of the components that no clause needs any more, the one that shares
-clauses with the fewest others (in bits) is eliminated; the others then share what remains of its clauses.
-This is minimum-degree elimination, kept to topological orders; scopes are merged instead of connecting all
-pairs of their members.
-
-Source: Amestoy, Davis and Duff, "An approximate minimum degree ordering algorithm", SIAM J. Matrix Anal. 17,
-1996 (quotient graphs); Dechter and Mateescu, "AND/OR search spaces for graphical models", Artificial
-Intelligence 171, 2007 (pseudo trees).
+Source: Dechter and Mateescu, "AND/OR search spaces for graphical models", Artificial Intelligence 171, 2007
+(pseudo trees).
 """
 
 from __future__ import annotations
@@ -24,16 +18,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from heapq import heappop, heappush
 from math import log2
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
+from lcorpp.reasoning.transitions.elimination_order import eliminate
 from lcorpp.reasoning.transitions.linear_recursion import find_linear_components
 from lcorpp.reasoning.transitions.recursion_order import rank_components
-
-MAX_EXACT_DEGREE = 32
-"""The degrees of the members of larger scopes are updated only when one of them is about to be eliminated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,9 +96,8 @@ def build_elimination_tree(
     ranks = rank_components(components, linear, queried, clauses)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
     sizes = [sum([bits[outcomes[term]] for term in own]) for own in components]
-    children, roots = _eliminate(
-        component_needs, [group for group in constraints if len(group) > 1], sizes, ranks
-    )
+    groups = [group for group in constraints if len(group) > 1]
+    children, roots = eliminate(component_needs, groups, sizes, ranks)
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*linear))
@@ -145,123 +135,19 @@ def _number_nodes(
     linear: Collection[tuple[int, ...]],
 ) -> EliminationTree:
     """Number the nodes of a tree depth first; brothers keep their order."""
-    ordered = [own if len(own) < 2 else sorted(own) for own in children]
+    number = [0] * len(components)
     preorder: list[int] = []
     stack = sorted(roots, reverse=True)
     while stack:
         node = stack.pop()
+        number[node] = len(preorder)
         preorder.append(node)
-        stack.extend(ordered[node][::-1])
-    number = [0] * len(components)
-    for new, node in enumerate(preorder):
-        number[node] = new
-    numbered = [tuple([number[child] for child in ordered[node]]) for node in preorder]
+        own = children[node]
+        stack += own if len(own) < 2 else sorted(own, reverse=True)
+    numbered = [tuple(sorted([number[child] for child in children[node]])) for node in preorder]
     ends = list(range(1, len(preorder) + 1))
     for step in range(len(preorder) - 1, -1, -1):
-        if numbered[step]:
+        if numbered[step]:  # the subtree ends with that of the last child
             ends[step] = ends[numbered[step][-1]]
     order = [components[node] for node in preorder]
     return EliminationTree(order, numbered, tuple(sorted([number[root] for root in roots])), ends, linear)
-
-
-def _eliminate(
-    needs: Sequence[set[int]],
-    groups: Iterable[Iterable[int]],
-    sizes: Sequence[float],
-    ranks: Sequence[int],
-) -> tuple[list[list[int]], list[int]]:
-    """Eliminate components from the leaves of the tree to the roots.
-
-    Args:
-        needs: component -> the components that must come before it.
-        groups: the components of each constraint.
-        sizes: the bits of each component.
-        ranks: a permutation; of equally good components the one with the highest rank is eliminated.
-
-    Returns:
-        (children, roots): component -> those that follow it in the tree; those that none precedes.
-    """
-    # scope: components that share a clause or, after the elimination of others, what remains of their clauses
-    scopes = [{i, *own} for i, own in enumerate(needs)] + [set(group) for group in groups]
-    origin = [-1] * len(scopes)  # scope -> the component whose elimination left it
-    merged = [False] * len(scopes)  # into a later scope
-    scopes_of: list[list[int]] = [[i] if own else [] for i, own in enumerate(needs)]
-    n_users = [0] * len(needs)  # the components not yet eliminated whose clauses name this one
-    for i, needed in enumerate(needs):
-        for need in needed:
-            scopes_of[need].append(i)
-            n_users[need] += 1
-    for number in range(len(needs), len(scopes)):
-        for member in scopes[number]:
-            scopes_of[member].append(number)
-
-    def compute_degree(i: int) -> float:
-        """The bits of all components that share a scope with a component."""
-        own = scopes_of[i] = [number for number in scopes_of[i] if not merged[number]]
-        if not own:
-            return 0.0
-        members = scopes[own[0]]
-        if len(own) == 1 and len(members) > MAX_EXACT_DEGREE:
-            return len(members)
-        if len(own) > 1:
-            members = members.union(*[scopes[number] for number in own])
-        return sum([sizes[member] for member in members]) - sizes[i]
-
-    degrees = [-1.0] * len(needs)  # of the components on the heap
-    outdated = [False] * len(needs)  # whether the degree may have grown
-    heap: list[tuple[float, int, int]] = []
-
-    def push(i: int) -> None:
-        degrees[i], outdated[i] = compute_degree(i), False
-        heappush(heap, (degrees[i], -ranks[i], i))
-
-    eliminated = [False] * len(needs)
-    children: list[list[int]] = [[] for _ in needs]
-    roots: list[int] = []
-    ready = [i for i, count in enumerate(n_users) if not count]  # not yet on the heap
-    while heap or ready:
-        if len(ready) == 1 and not heap:  # no choice
-            i = ready.pop()
-        else:
-            while ready:
-                push(ready.pop())
-            degree, _, i = heappop(heap)
-            if eliminated[i] or degree != degrees[i]:
-                continue
-            if outdated[i]:
-                push(i)
-                continue
-        eliminated[i] = True
-        own = [number for number in scopes_of[i] if not merged[number]]
-        if not own:
-            roots.append(i)
-            continue
-        number, scope = own[0], scopes[own[0]]
-        children[i] += [origin[other] for other in own if origin[other] >= 0]
-        if len(own) > 1:
-            number = len(scopes)
-            scope = scope.union(*[scopes[other] for other in own])
-            for other in own:
-                merged[other] = True
-            for member in scope:
-                scopes_of[member].append(number)
-                outdated[member] = True
-            scopes.append(scope)
-            origin.append(-1)
-            merged.append(False)
-        scope.discard(i)
-        origin[number] = i
-        if not scope:
-            roots.append(i)
-        elif len(scope) == 1:  # the scope has done its work
-            merged[number] = True
-            children[next(iter(scope))].append(i)
-        for need in needs[i]:
-            n_users[need] -= 1
-            if not n_users[need]:
-                ready.append(need)
-        if len(scope) <= MAX_EXACT_DEGREE:
-            for member in scope:
-                if not n_users[member] and degrees[member] >= 0:
-                    push(member)
-    return children, roots

@@ -14,7 +14,9 @@ Source: the frontier method for network reliability, Hardy, Lucet and Limnios, I
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from itertools import accumulate
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.transitions.closure import Closure
@@ -40,6 +42,7 @@ class LinearRecursion:
         steps: rank -> the step that decides terms of the bodies.
         read_terms: the terms that other rules or queries read.
 
+    finished: rank of a step -> the slots that no later step uses, as the bits of the frontier replace them.
     width: the largest number of frontier atoms, 0 if all rules are without conditions.
     """
 
@@ -52,7 +55,7 @@ class LinearRecursion:
         read_terms: Collection[int],
     ) -> None:
         groups, self._n_slots = template.clause_groups, template.n_slots
-        self._groups_at: dict[int, list[tuple[ClauseGroup, bool]]] = {}  # step -> (group, whether it is done)
+        self._groups_at: dict[int, list[ClauseGroup]] = {}  # step -> the groups of which it decides bodies
         self._edges_of = {
             id(group): find_edges(program, group.clause, group.own_literals) for group in groups
         }
@@ -60,10 +63,13 @@ class LinearRecursion:
         self._first: dict[Atom, int] = {}  # atom -> the first step that decides a rule about it
         self._last_head: dict[Atom, int] = {}  # atom -> the last step that decides a rule with it as head
         self._last_body: dict[Atom, int] = {}  # the same in the body; the last of all steps if it is kept
+        self.finished: dict[int, list[int]] = {}
         for group in groups:
-            touched = sorted({steps[body[-1][0]] for body in group.bodies})
-            for at in touched:
-                self._groups_at.setdefault(at, []).append((group, at == touched[-1]))
+            ranks = sorted({body[-1][0] for body in group.bodies})
+            if ranks:
+                self.finished.setdefault(ranks[-1], []).append(group.satisfied_slot)
+            for at in [steps[rank] for rank in ranks]:
+                self._groups_at.setdefault(at, []).append(group)
                 for body, head in self._edges_of[id(group)] or ():
                     self._extend(body, head, at)
         start = min(self._groups_at, default=step)
@@ -71,26 +77,26 @@ class LinearRecursion:
             self._first.setdefault(atom, start)
             self._last_body[atom] = step
         fixed = [edge for group in self._always for edge in self._edges_of[id(group)] or ()]
-        self._fixed = [edge for edge in _close_over(fixed, (None, *self._first)) if edge[1] in self._first]
+        self._fixed = _close_over(fixed, self._first)
         for body, head in self._fixed:
             self._extend(body, head, max(self._first[head], self._first[body] if body else -1))
         self._frontier: list[Atom] = []
         self._bit_of: dict[Edge, int] = {}
-        self.width = max(
-            [
-                sum([self._first[a] <= at <= self._find_last(a) for a in self._first])
-                for at in self._groups_at
-            ],
-            default=0,
-        )
+        self._starting: dict[int, list[Atom]] = {}  # step -> the atoms of which it is the first
+        growth: Counter[int] = Counter()  # step -> the change of the number of frontier atoms
+        for atom, first in self._first.items():
+            self._starting.setdefault(first, []).append(atom)
+            growth[first] += 1
+            growth[self._find_last(atom) + 1] -= 1
+        sizes = accumulate([growth[at] for at in sorted(growth)])
+        self.width = max(sizes) if self._groups_at else 0
 
     def _extend(self, body: Atom | None, head: Atom, step: int) -> None:
         """Keep two atoms on the frontier until a step that decides a rule about them."""
-        self._last_head[head] = max(self._last_head.get(head, step), step)
-        self._first[head] = min(self._first.get(head, step), step)
-        if body is not None:
-            self._last_body[body] = max(self._last_body.get(body, step), step)
-            self._first[body] = min(self._first.get(body, step), step)
+        for atom, last in ((head, self._last_head), (body, self._last_body)):
+            if atom is not None:
+                last[atom] = max(last.get(atom, step), step)
+                self._first[atom] = min(self._first.get(atom, step), step)
 
     def _find_last(self, atom: Atom) -> int:
         return max(self._last_head.get(atom, -1), self._last_body.get(atom, -1))
@@ -116,7 +122,7 @@ class LinearRecursion:
         """Whether a step decides bodies of the rules."""
         return step in self._groups_at
 
-    def advance(self, step: int, bits: list[int], live: int) -> tuple[Closure, list[int], int]:
+    def advance(self, step: int, bits: list[int], live: int) -> tuple[Closure, int]:
         """Move the frontier over a step that decides bodies of the rules.
 
         Args:
@@ -124,10 +130,9 @@ class LinearRecursion:
             live: the mask of all bits in use.
 
         Returns:
-            (closure, slots, live): how the step changes the bits, the slots that no later step uses, and the
-            bits in use then.
+            (closure, live): how the step changes the bits, and the bits in use then.
         """
-        atoms = [*self._frontier, *[atom for atom, first in self._first.items() if first == step]]
+        atoms = [*self._frontier, *self._starting.get(step, ())]
         number_of: dict[Atom | None, int] = {None: -1}
         for i, atom in enumerate(atoms):
             number_of[atom] = i
@@ -137,14 +142,11 @@ class LinearRecursion:
             for body, head in self._fixed
             if max(self._first[head], self._first[body] if body else -1) == step
         ]
-        finished: list[int] = []
-        for group, is_done in self._groups_at[step]:
+        for group in self._groups_at[step]:
             bit = bits[group.satisfied_slot]
             added += [
                 (bit, number_of[body], number_of[head]) for body, head in self._edges_of[id(group)] or ()
             ]
-            if is_done:
-                finished.append(group.satisfied_slot)
         self._frontier = [atom for atom in atoms if self._find_last(atom) > step]
         bodies = [atom for atom in self._frontier if self._last_head.get(atom, -1) > step]  # may become true
         heads = [atom for atom in self._frontier if self._last_body.get(atom, -1) > step]  # are used later
@@ -152,7 +154,6 @@ class LinearRecursion:
             [(body, head) for head in heads for body in (None, *bodies) if body != head]
         )
         live ^= sum([bit for edge, bit in self._bit_of.items() if edge not in wanted])
-        live ^= sum([bits[slot] for slot in finished])
         before, self._bit_of = self._bit_of, {}
         for edge in wanted:
             self._bit_of[edge] = before.get(edge) or ~live & (live + 1)
@@ -166,7 +167,7 @@ class LinearRecursion:
             [(head, bit) for body, head, bit in numbered if body < 0],
             [edge for edge in numbered if edge[0] >= 0],
         )
-        return closure, finished, live
+        return closure, live
 
     def list_clauses(self) -> list[GuardedClause]:
         """List the clauses that decide the kept terms after the last step, each with its bit."""
@@ -211,10 +212,10 @@ def find_linear_components(
     for clause in clauses if rules_of else ():
         if clause.term in rules_of:
             rules_of[clause.term].append(clause)
-    return {own: rules_of[own[0]] for own in recursive if is_linear(program, set(own), rules_of[own[0]])}
+    return {own: rules_of[own[0]] for own in recursive if _is_linear(program, set(own), rules_of[own[0]])}
 
 
-def is_linear(program: GroundProgram, own: set[int], clauses: Iterable[Clause]) -> bool:
+def _is_linear(program: GroundProgram, own: set[int], clauses: Iterable[Clause]) -> bool:
     """Whether a component has linear rules, and defaults without conditions that no rule of it uses."""
     bodies, defaults = set[Atom](), set[Atom]()
     if not own.isdisjoint(program.do):
@@ -230,39 +231,15 @@ def is_linear(program: GroundProgram, own: set[int], clauses: Iterable[Clause]) 
     return defaults.isdisjoint(bodies)
 
 
-def derive_values(
-    program: GroundProgram, terms: Sequence[int], clauses: Iterable[Clause], outcome_of: Mapping[int, int]
-) -> dict[int, int]:
-    """Compute the outcomes of a component with linear rules in one world.
-
-    Args:
-        outcome_of: other term -> its outcome in the world.
-    """
-    own = set(terms)
-    edges: list[Edge] = []
-    defaults: list[tuple[Clause, list[GroundLiteral]]] = []
-    for clause in clauses:
-        if all(mask >> outcome_of[term] & 1 for term, mask, _ in clause.body if term not in own):
-            literals = [literal for literal in clause.body if literal[0] in own]
-            found = find_edges(program, clause, literals)
-            edges.extend(found or ())
-            if not found:
-                defaults.append((clause, literals))
-    outcomes = {term: len(program.values[term]) for term in terms}
-    outcomes.update(head for _, head in _close_over(edges, [None]))
-    for clause, literals in defaults:
-        if all(mask >> outcomes[term] & 1 for term, mask, _ in literals):
-            outcomes[clause.term] = clause.value
-    return outcomes
-
-
-def _close_over(edges: Iterable[Edge], starts: Iterable[Atom | None]) -> list[Edge]:
-    """Find all edges from some atoms that follow from edges."""
+def _close_over(edges: Iterable[Edge], atoms: Collection[Atom]) -> list[Edge]:
+    """Find the edges between some atoms that follow from edges between all."""
     heads_of: dict[Atom | None, list[Atom]] = {}
     for body, head in edges:
         heads_of.setdefault(body, []).append(head)
     closed: list[Edge] = []
-    for start in starts:
+    for start in (None, *atoms):
+        if start not in heads_of:
+            continue
         reached: set[Atom] = set()
         stack: list[Atom | None] = [start]
         while stack:
@@ -270,5 +247,5 @@ def _close_over(edges: Iterable[Edge], starts: Iterable[Atom | None]) -> list[Ed
                 if head not in reached:
                     reached.add(head)
                     stack.append(head)
-        closed.extend((start, atom) for atom in reached if atom != start)
+        closed.extend((start, atom) for atom in reached if atom in atoms and atom != start)
     return closed

@@ -13,7 +13,7 @@ A component is recursive if its terms depend on each other or on themselves. The
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -42,7 +42,7 @@ def build_component(
     terms: tuple[int, ...],
     clauses: Sequence[GuardedClause],
     probabilities: ProbabilityCache,
-    queried: Iterable[int],
+    read_terms: Collection[int],
 ) -> RecursiveComponent | Stratified:
     """Choose the cheapest local distribution for a recursive component.
 
@@ -50,11 +50,11 @@ def build_component(
         program: the ground program; its clauses are not used.
         terms: the terms of the component.
         clauses: the clauses about them.
-        queried: the terms whose outcomes are computed at once, those of other terms on demand.
+        read_terms: the terms whose outcomes other rules or queries read.
     """
     is_random = any(clause.kind is SELECT for _, clause, _ in clauses)
     if not is_random and program.do.keys().isdisjoint(terms):
-        stratified = Stratified.from_clauses(program, terms, clauses, queried)
+        stratified = Stratified.from_clauses(program, terms, clauses, read_terms)
         if stratified:
             return stratified
     return RecursiveComponent(program, terms, clauses, probabilities)

@@ -1,17 +1,18 @@
-"""Compilation, step 2: rules that no query depends on, such as those of facts and of unobserved effects.
+"""Compilation, step 2: rules that no query depends on, such as facts and the rules of unobserved effects.
 
-Rules that only derive values, one for each term, change no probability: in each world of the other terms they
-have exactly one stable model. So terms that neither a query nor a constraint nor a random selection depends
-on need no step; `derive_values` computes their outcomes if a world is listed.
+Rules that always have exactly one stable model change no probability. So the terms that they decide need no
+step, unless a query, a constraint or a random selection depends on them; `derive_values` computes their
+outcomes if a world is listed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from itertools import permutations
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
-from lcorpp.reasoning.transitions.linear_recursion import find_edges, is_linear
+from lcorpp.reasoning.transitions.stratified import Stratified
 
 DerivedComponent = tuple[tuple[int, ...], Sequence[Clause]]
 """The terms of a component, and their rules."""
@@ -30,15 +31,13 @@ def separate_irrelevant_rules(
         (the other clauses, the irrelevant components); a component comes after those that it depends on.
     """
     rules_of: dict[int, list[Clause]] = {}
-    stack = list(program.do)
+    seeds = [*program.do, *queried]
     for clause in clauses:
         if clause.kind is ClauseKind.DERIVE:
             rules_of.setdefault(clause.term, []).append(clause)
         else:
-            stack.append(clause.term)
-            stack += [literal[0] for literal in clause.body]
-    if not rules_of:
-        return clauses, []
+            seeds.append(clause.term)
+            seeds += [literal[0] for literal in clause.body]
     relevant: set[int] = set()
 
     def mark(terms: Iterable[int]) -> None:
@@ -50,12 +49,14 @@ def separate_irrelevant_rules(
                 relevant.add(term)
                 stack += [x[0] for rule in rules_of[term] for x in rule.body if x[0] in rules_of]
 
-    mark([*stack, *queried])
-    irrelevant = [term for term in rules_of if term not in relevant]
+    mark(seeds)
     needs = {
-        term: {x[0] for rule in rules_of[term] for x in rule.body if x[0] in rules_of} - relevant
-        for term in irrelevant
+        term: {x[0] for rule in rules for x in rule.body if x[0] in rules_of} - relevant
+        for term, rules in rules_of.items()
+        if term not in relevant
     }
+    if not needs:
+        return clauses, []
     components: list[DerivedComponent] = [
         (own, [rule for term in own for rule in rules_of[term]])
         for own in find_strongly_connected_components(needs)
@@ -68,30 +69,29 @@ def separate_irrelevant_rules(
     return [clause for clause in clauses if clause.term not in dropped], components
 
 
-def _has_one_model(program: GroundProgram, terms: Sequence[int], rules: Sequence[Clause]) -> bool:
+def _has_one_model(program: GroundProgram, terms: tuple[int, ...], rules: Sequence[Clause]) -> bool:
     """Whether the rules of a component have one stable model for all outcomes of other terms.
 
-    This holds for linear rules if no term has rules with different values, except for one default.
+    They do if they are stratified and never derive two values of a term: there is only one, or the rules of
+    the other are defaults such as ``p=false :- not p``.
     """
-    if all(not rule.body for rule in rules) and len({rule.value for rule in rules}) == len(terms) == 1:
+    if len(rules) == 1 and not rules[0].body:
         return True  # a fact
-    if not is_linear(program, set(terms), rules):
-        return False
-    own = set(terms)
-    values: dict[int, set[int]] = {term: set() for term in terms}
-    defaults: dict[int, tuple[int, int]] = {}  # term -> value, mask of the outcomes for which it applies
+    rules_of: dict[int, dict[int, list[Clause]]] = {}  # term -> value -> rules
     for rule in rules:
-        literals = [literal for literal in rule.body if literal[0] in own]
-        if find_edges(program, rule, literals) != []:
-            values[rule.term].add(rule.value)
-        elif rule.term in defaults:
+        rules_of.setdefault(rule.term, {}).setdefault(rule.value, []).append(rule)
+
+    def yields_to(rule: Clause, value: int) -> bool:
+        return any(x[0] == rule.term and x[2] and not x[1] >> value & 1 for x in rule.body)
+
+    for by_value in rules_of.values():
+        yielding = {
+            (value, other)
+            for value, other in permutations(by_value, 2)
+            if all(yields_to(rule, other) for rule in by_value[value])
+        }
+        if any((a, b) not in yielding and (b, a) not in yielding for a, b in permutations(by_value, 2)):
             return False
-        else:
-            mask = -1
-            for _, own_mask, _ in literals:
-                mask &= own_mask
-            defaults[rule.term] = rule.value, mask
-    return all(len(own) < 2 for own in values.values()) and all(
-        mask >> value & 1 and not any(mask >> other & 1 for other in values[term] - {value})
-        for term, (value, mask) in defaults.items()
+    return (
+        Stratified.from_clauses(program, terms, [(0, rule, rule.body) for rule in rules], terms) is not None
     )

@@ -8,10 +8,10 @@ is. With three states and p true in states 0 and 2, q in state 2: ``r :- p, not 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from lcorpp.reasoning.grounding.ground_program import GroundProgram
+from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.local_distribution import ONE, GuardedClause, Outcome
 from lcorpp.reasoning.transitions.rule_templates import DERIVE
@@ -20,39 +20,13 @@ Atom = tuple[int, int]
 """(term, value)"""
 
 
-@dataclass(slots=True, eq=False)
-class _Rule:
-    """A rule over numbered atoms.
+_Rule = tuple[int, int, tuple[tuple[int, ...], ...], tuple[int, ...]]
+"""A rule over numbered atoms: (head, bit, positive, negative).
 
-    head: the atom that the rule derives.
-    bit: the bit of the clause in the state, 0 if the rule applies in each state.
-    positive: for each positive literal the atoms of which one must be true.
-    negative: atoms that must be false.
-    """
-
-    head: int
-    bit: int
-    positive: tuple[tuple[int, ...], ...]
-    negative: tuple[int, ...]
-
-
-class _LazyValues(Sequence[int]):
-    """The outcomes of all terms of a component; others than the queried ones are computed on access."""
-
-    __slots__ = ("_component", "_known", "_state")
-
-    def __init__(self, component: Stratified, state: int, known: dict[int, int]) -> None:
-        self._component, self._state, self._known = component, state, known
-
-    def __len__(self) -> int:
-        return len(self._component.terms)
-
-    def __getitem__(self, i):  # type: ignore[no-untyped-def]
-        if not 0 <= i < len(self._component.terms):
-            raise IndexError(i)
-        if i not in self._known:
-            self._known = self._component.evaluate(self._state)
-        return self._known[i]
+bit: the bit of the clause in the state, 0 if the rule applies in each state.
+positive: for each positive literal the atoms of which one must be true.
+negative: atoms that must be false.
+"""
 
 
 @dataclass(slots=True, eq=False)
@@ -60,14 +34,14 @@ class Stratified:
     """The local distribution of a recursive component with stratified rules and no selections.
 
     atoms: the atoms in the heads of rules. strata: the rules, in the order of evaluation.
-    queried: the indexes (in `terms`) of the terms whose outcomes are computed at once.
+    decided: the terms whose outcomes are computed; the others have no value, see `derive_values`.
     """
 
     program: GroundProgram
     terms: tuple[int, ...]
     atoms: Sequence[Atom]
     strata: Sequence[Sequence[_Rule]]
-    queried: tuple[int, ...]
+    decided: Sequence[int]
 
     @classmethod
     def from_clauses(
@@ -75,7 +49,7 @@ class Stratified:
         program: GroundProgram,
         terms: tuple[int, ...],
         clauses: Sequence[GuardedClause],
-        queried: Iterable[int],
+        decided: Collection[int],
     ) -> Stratified | None:
         """Stratify the clauses of a component; None if an atom depends on its own negation."""
         derivations = [guarded for guarded in clauses if guarded[1].kind is DERIVE]
@@ -85,65 +59,64 @@ class Stratified:
         rules: list[_Rule] = []
         needs: dict[int, set[int]] = {number: set() for number in number_of.values()}
         negations: list[tuple[int, int]] = []  # (head, negated atom)
+        atoms_of: dict[GroundLiteral, tuple[int, ...]] = {}
         for bit, clause, body in derivations:
             head = number_of[clause.term, clause.value]
             positive: list[tuple[int, ...]] = []
             negative: list[int] = []
-            for term, mask, negated in body:
-                atoms = tuple(
-                    [n for v in range(len(program.values[term])) if (mask >> v & 1) != negated
-                     and (n := number_of.get((term, v), -1)) >= 0]
-                )  # fmt: skip
+            for literal in body:
+                atoms = atoms_of.get(literal)
+                if atoms is None:
+                    term, mask, negated = literal
+                    values = [v for v in range(len(program.values[term])) if (mask >> v & 1) != negated]
+                    atoms = tuple([number_of[term, v] for v in values if (term, v) in number_of])
+                    atoms_of[literal] = atoms
                 needs[head].update(atoms)
-                if negated:
+                if literal[2]:
                     negative.extend(atoms)
                     negations.extend((head, n) for n in atoms)
                 else:
                     positive.append(atoms)
-            rules.append(_Rule(head, bit, tuple(positive), tuple(negative)))
+            rules.append((head, bit, tuple(positive), tuple(negative)))
         order = find_strongly_connected_components(needs)
-        stratum_of = {atom: i for i, atoms in enumerate(order) for atom in atoms}
+        stratum_of = {atom: i for i, own in enumerate(order) for atom in own}
         if any(stratum_of[head] == stratum_of[atom] for head, atom in negations):
             return None
         strata: list[list[_Rule]] = [[] for _ in order]
         for rule in rules:
-            strata[stratum_of[rule.head]].append(rule)
-        queried = set(queried)
-        indexes = tuple([i for i, term in enumerate(terms) if term in queried])
-        return cls(program, terms, tuple(number_of), [rules for rules in strata if rules], indexes)
+            strata[stratum_of[rule[0]]].append(rule)
+        return cls(program, terms, tuple(number_of), strata, [term for term in terms if term in decided])
 
     def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:
         """Return for each state the one outcome, or none if a term would have two values."""
         rows = list(states)
-        if not rows:
-            return {}
         truth, contradictory = self._compute_fixed_points(rows)
-        columns = {i: self._decode_values(self.terms[i], truth, len(rows)) for i in self.queried}
+        columns = [self._decode_values(term, truth, len(rows)) for term in self.decided]
+        no_value = {term: len(self.program.values[term]) for term in self.terms}
+        known: dict[tuple[int, ...], list[Outcome]] = {}
         outcomes: dict[int, list[Outcome]] = {}
         for row, state in enumerate(rows):
-            known = {i: column[row] for i, column in columns.items()}
-            outcomes[state] = [Outcome(_LazyValues(self, state, known), ONE)]
+            key = tuple([column[row] for column in columns])
+            if key not in known:
+                values = no_value | dict(zip(self.decided, key, strict=True))
+                known[key] = [Outcome(tuple(values.values()), ONE)]
+            outcomes[state] = known[key]
         for row in _list_set_bits(contradictory):
             outcomes[rows[row]] = []
         return outcomes
 
-    def evaluate(self, state: int) -> dict[int, int]:
-        """Compute the outcomes of all terms in one state: index of the term -> outcome."""
-        truth, _ = self._compute_fixed_points([state])
-        return {i: self._decode_values(term, truth, 1)[0] for i, term in enumerate(self.terms)}
-
     def _compute_fixed_points(self, states: Sequence[int]) -> tuple[dict[Atom, int], int]:
         """Compute (atom -> mask of the states in which it is true, mask of the contradictory states)."""
-        applies = _transpose(states, {rule.bit for rules in self.strata for rule in rules if rule.bit})
+        applies = _transpose(states, {bit for rules in self.strata for _, bit, _, _ in rules if bit})
         applies[0] = (1 << len(states)) - 1
         truth = [0] * len(self.atoms)
         for rules in self.strata:
             grown = True
             while grown:
                 grown = False
-                for rule in rules:
-                    value = applies[rule.bit]
-                    for atoms in rule.positive:
+                for head, bit, positive, negative in rules:
+                    value = applies[bit]
+                    for atoms in positive:
                         if len(atoms) == 1:  # usual, and faster
                             value &= truth[atoms[0]]
                         else:
@@ -151,12 +124,10 @@ class Stratified:
                             for atom in atoms:
                                 either |= truth[atom]
                             value &= either
-                    for atom in rule.negative:
+                    for atom in negative:
                         value &= ~truth[atom]
-                    before = truth[rule.head]
-                    after = before | value
-                    if after != before:
-                        truth[rule.head] = after
+                    if value & ~truth[head]:
+                        truth[head] |= value
                         grown = True
         by_atom = dict(zip(self.atoms, truth, strict=True))
         has_value: defaultdict[int, int] = defaultdict(int)
@@ -173,6 +144,27 @@ class Stratified:
             for row in _list_set_bits(truth.get((term, value), 0)):
                 column[row] = value
         return column
+
+
+def derive_values(
+    program: GroundProgram, terms: tuple[int, ...], clauses: Iterable[Clause], outcome_of: Mapping[int, int]
+) -> dict[int, int]:
+    """Compute the outcomes of a component with stratified rules in one world.
+
+    Args:
+        outcome_of: other term -> its outcome in the world.
+    """
+    own = set(terms)
+    true: list[GuardedClause] = []
+    for clause in clauses:
+        if all(mask >> outcome_of[term] & 1 for term, mask, _ in clause.body if term not in own):
+            true.append((0, clause, [literal for literal in clause.body if literal[0] in own]))
+    if not any(own_literals for _, _, own_literals in true):  # usual, and faster
+        outcomes = {term: len(program.values[term]) for term in terms}
+        return outcomes | {clause.term: clause.value for _, clause, _ in true}
+    component = Stratified.from_clauses(program, terms, true, own)
+    assert component, "each component whose values are derived is stratified"
+    return dict(zip(terms, component.list_outcomes([0])[0][0].values, strict=True))
 
 
 def _list_set_bits(number: int) -> list[int]:

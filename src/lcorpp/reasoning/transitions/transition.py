@@ -49,7 +49,7 @@ class Transition:
     absorptions: pairs (satisfied, pending bits): once a body of a group is satisfied, the others are
         irrelevant.
     is_shared: whether several steps of the system have this transition.
-    n_bits: the largest number of bits of a state after it.
+    n_bits: the largest number of bits of a state after it, at least 1.
     """
 
     __slots__ = ("_conditional_updates", "_effects", "_relevant", "_updates_of", "absorptions", "closures",
@@ -66,7 +66,7 @@ class Transition:
     ) -> None:
         self.distribution, self.is_shared = distribution, False
         self.input_mask, self.live_masks, self.closures = input_mask, live_masks, closures
-        self.n_bits = max([mask.bit_length() for mask in live_masks], default=0)
+        self.n_bits = max([1, *[mask.bit_length() for mask in live_masks]])
         self.absorptions = _find_absorptions(children)
         self._effects: dict[object, Effect | None] = {}
         # one term: outcome -> the bodies of which it satisfies a part; several: all, with their conditions

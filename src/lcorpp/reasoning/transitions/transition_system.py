@@ -47,6 +47,7 @@ from lcorpp.reasoning.transitions.local_distribution import (
 from lcorpp.reasoning.transitions.recursive_components import build_component
 from lcorpp.reasoning.transitions.relevance import DerivedComponent, separate_irrelevant_rules
 from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
+from lcorpp.reasoning.transitions.stratified import Stratified
 from lcorpp.reasoning.transitions.transition import Transition
 
 
@@ -59,9 +60,8 @@ class TransitionSystem:
     transitions: step -> the outcomes of its terms and their effect on the state.
     consistent: False if a constraint without body shows that there is no world.
     term_numbers: queried term as text -> its number in `program`.
-    derived: the components whose outcomes `linear_recursion.derive_values` computes if a world is listed:
-        those that no query depends on, and those with linear rules, whose transitions decide only the terms
-        that other rules or queries read.
+    derived: the components that `stratified.derive_values` completes if a world is listed: those of which the
+        transitions decide only the terms that other rules or queries read, and those without a step.
     probabilities: those computed so far by local distributions.
     """
 
@@ -93,13 +93,12 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
         clauses, irrelevant = separate_irrelevant_rules(program, clauses, needed)
         program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
         tree = build_elimination_tree(program, clauses, outcomes, needed)
-        consistent = not any(c.term < 0 and not c.body for c in clauses)
         builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
         return TransitionSystem(
             program,
             tree,
             builder.build(),
-            consistent,
+            builder.consistent,
             term_numbers,
             [*builder.recursions, *irrelevant],
             builder.probabilities,
@@ -126,6 +125,8 @@ class _TransitionBuilder:
         outcomes: the mask of the possible outcomes of each term.
         tree: the steps.
         queried: the terms whose outcomes queries read.
+
+    consistent, recursions, probabilities: as in `TransitionSystem`.
     """
 
     def __init__(
@@ -149,27 +150,24 @@ class _TransitionBuilder:
         self._constraint_bits: dict[int, list[int]] = {}  # the last step of the body -> slot -> bit
         self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
         self.probabilities: ProbabilityCache = {}
-        own_clauses: list[list[Clause]] = [[] for _ in order]
+        self._own_clauses: list[list[Clause]] = [[] for _ in order]
         constraints: dict[int, list[Clause]] = {}  # the last step of the body -> clauses
         for clause in clauses:
             if clause.term < 0:  # a constraint has no head
                 last = max([self._step_of[literal[0]] for literal in clause.body], default=-1)
                 constraints.setdefault(last, []).append(clause)
             else:
-                own_clauses[self._step_of[clause.term]].append(clause)
-        count_by_size = Counter(map(len, own_clauses))
-        self._components = [  # step -> (template, bits)
-            self._add_child(terms, own, count_by_size[len(own)] > 1)
-            for terms, own in zip(order, own_clauses, strict=True)
-        ]
-        count_by_size = Counter(map(len, constraints.values()))
-        for own in constraints.values():
-            self._add_child((), own, count_by_size[len(own)] > 1)
+                self._own_clauses[self._step_of[clause.term]].append(clause)
+        self.consistent = -1 not in constraints
+        members = [*zip(order, self._own_clauses, strict=True), *[((), own) for own in constraints.values()]]
+        count_by_size = Counter([len(own) for _, own in members])
+        added = [self._add_child(terms, own, count_by_size[len(own)] > 1) for terms, own in members]
+        self._components = added[: len(order)]  # step -> (template, bits)
         self.recursions: list[DerivedComponent] = []
         self._recursion_of: dict[RuleTemplate, LinearRecursion] = {}
         for step, terms in enumerate(order):
             if len(terms) > 1 and terms in tree.linear:
-                self._add_recursion(step, terms, own_clauses[step])
+                self._add_recursion(step)
 
     def _add_child(
         self, terms: tuple[int, ...], clauses: Sequence[Clause], has_equal_sized: bool
@@ -200,11 +198,11 @@ class _TransitionBuilder:
             ranks = tuple([rank_of[step] for step in step_of_needed])
         else:  # usual in chains, and faster
             steps, ranks = step_of_needed, (0,) * len(needed)
-        key = None
-        # the structure does not contain the indexes of terms in components of several terms
-        if structure is not None and not (self._index_of and any(term in self._index_of for term in needed)):
-            structure.append(ranks)
-            key = tuple(structure)
+        if structure is not None:
+            structure += ranks
+            if self._index_of:
+                structure += [self._index_of.get(term, 0) for term in needed]
+        key = tuple(structure) if structure is not None else None
         template = self._template_of.get(key)
         if template is None:
             places = {
@@ -222,16 +220,19 @@ class _TransitionBuilder:
             self._children[steps[parent.rank]].append((template, parent, bits))
         return template, bits
 
-    def _add_recursion(self, step: int, terms: tuple[int, ...], clauses: Sequence[Clause]) -> None:
+    def _add_recursion(self, step: int) -> None:
         """Decide a component with linear rules along its parents, unless its frontier is too large."""
         template, _ = self._components[step]
-        steps = sorted({self._step_of[x[0]] for clause in clauses for x in clause.body} - {step})
+        steps = sorted(
+            {self._step_of[x[0]] for clause in self._own_clauses[step] for x in clause.body} - {step}
+        )
         recursion = LinearRecursion(
             self._program, template, step, steps, self._find_read_terms(template, step)
         )
         if 0 < recursion.width <= MAX_FRONTIER:
             self._recursion_of[template] = recursion
-            self.recursions.append((terms, clauses))
+            for parent in template.parents:
+                parent.releases += recursion.finished.get(parent.rank, ())
 
     def _find_read_terms(self, template: RuleTemplate, step: int) -> set[int]:
         """Find the terms of a component whose outcomes queries or children read."""
@@ -244,36 +245,36 @@ class _TransitionBuilder:
 
     def build(self) -> list[Transition]:
         """Allocate the bits step by step and build the transitions."""
-        live_before = dict.fromkeys(self._tree.roots, 0)  # step -> mask of the bits in use before it
+        live_before = [0] * len(self._components)  # step -> mask of the bits in use before it
         transition_of: dict[object, Transition] = {}
         transitions: list[Transition] = []
-        steps = zip(self._components, self._children, self._tree.order, strict=True)
-        for step, ((template, own_bits), children, terms) in enumerate(steps):
-            is_shareable, live = template.is_shared, live_before.pop(step)
+        for step, ((template, own_bits), children) in enumerate(
+            zip(self._components, self._children, strict=True)
+        ):
+            is_shareable, live = template.is_shared, live_before[step]
             for other, parent, bits in children:
                 is_shareable = is_shareable and other.is_shared
                 for slot in parent.allocates:
                     bits[slot] = ~live & (live + 1)  # the lowest bit that is not in use
                     live |= bits[slot]
             closures: list[Closure] = []
-            released: list[tuple[list[int], Sequence[int]]] = []  # (bits, slots)
-            for other, _, bits in children if self._recursion_of else ():
-                recursion = self._recursion_of.get(other)
-                if recursion and recursion.is_touched_at(step):
-                    closure, finished, live = recursion.advance(step, bits, live)
-                    closures.append(closure)
-                    released.append((bits, finished))
+            if self._recursion_of:
+                for other, _, bits in children:
+                    recursion = self._recursion_of.get(other)
+                    if recursion and recursion.is_touched_at(step):
+                        closure, live = recursion.advance(step, bits, live)
+                        closures.append(closure)
             # all bodies of the component are decided, so only bits for "satisfied" are left
             input_mask = sum(own_bits)
             # a bit is free again only now, as the transition reads it together with those allocated above
             live ^= input_mask
             for _, parent, bits in children:
-                if parent.releases:
-                    live ^= sum([bits[slot] for slot in parent.releases])
-                    released.append((bits, parent.releases))
+                for slot in parent.releases:
+                    live ^= bits[slot]
             following = self._tree.children[step]
             live_masks = (live,) if len(following) == 1 else self._split_live_bits(step, live)
-            live_before.update(zip(following, live_masks, strict=True))
+            for child, mask in zip(following, live_masks, strict=True):
+                live_before[child] = mask
             key = None
             if is_shareable:
                 parts: list[object] = [template, live_masks, *own_bits]
@@ -283,6 +284,7 @@ class _TransitionBuilder:
                 key = tuple(parts)
             transition = transition_of.get(key)
             if transition is None:
+                terms = self._tree.order[step]
                 distribution = self._build_distribution(template, own_bits, step, terms)
                 transition = Transition(len(terms), distribution, input_mask, children, live_masks, closures)
                 if key is not None:
@@ -290,8 +292,8 @@ class _TransitionBuilder:
             else:
                 transition.is_shared = True
             transitions.append(transition)
-            for bits, slots in released:  # only now: the transition reads these bits for the last time
-                for slot in slots:
+            for _, parent, bits in children:  # only now: the transition reads these bits for the last time
+                for slot in parent.releases:
                     bits[slot] = 0
         return transitions
 
@@ -324,4 +326,7 @@ class _TransitionBuilder:
                 (bits[group.satisfied_slot], group.clause, group.own_literals)
                 for group in template.clause_groups
             ]
-        return build_component(self._program, template.terms, clauses, self.probabilities, read_terms)
+        component = build_component(self._program, template.terms, clauses, self.probabilities, read_terms)
+        if isinstance(component, Stratified) and len(terms) > 1:
+            self.recursions.append((terms, self._own_clauses[step]))
+        return component
