@@ -30,12 +30,16 @@ def separate_irrelevant_rules(
     Returns:
         (the other clauses, the irrelevant components); a component comes after those that it depends on.
     """
+    derive = ClauseKind.DERIVE  # a local name: the attribute access is slow
     rules_of: dict[int, list[Clause]] = {}
+    for clause in clauses:
+        if clause.kind is derive:
+            rules_of.setdefault(clause.term, []).append(clause)
+    if rules_of.keys() <= set(queried):  # usual in chains, and faster
+        return clauses, []
     seeds = [*program.do, *queried]
     for clause in clauses:
-        if clause.kind is ClauseKind.DERIVE:
-            rules_of.setdefault(clause.term, []).append(clause)
-        else:
+        if clause.kind is not derive:
             seeds.append(clause.term)
             seeds += [literal[0] for literal in clause.body]
     relevant: set[int] = set()
