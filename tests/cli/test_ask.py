@@ -149,3 +149,19 @@ def test_a_reader_that_ends_early_is_no_error(coin):
     ended = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True)
     os.close(write)
     assert (ended.returncode, ended.stderr) == (1, "")
+
+
+def test_a_problog_file_is_read_checked_and_translated(lcorpp, tmp_path):
+    file = tmp_path / "coins.pl"
+    file.write_text("0.5::heads(1). 0.6::heads(2).\ntwo :- heads(1), heads(2).\nquery(two).\n")
+    assert lcorpp("ask", file, "--exact").out == "?{two=true}.\n  3/10\n"
+    assert lcorpp("check", file).out.endswith(": 2 attributes, 4 possible worlds: OK\n")
+    shown = lcorpp("translate", file)
+    assert "pr(heads(2)=true) = 3/5.\ntwo=true :- heads(1)=true, heads(2)=true.\n" in shown.out
+    assert lcorpp("translate", file, "-o", tmp_path / "coins.plog").code == 0
+    assert (tmp_path / "coins.plog").read_text() == shown.out
+    assert lcorpp("ask", tmp_path / "coins.plog", "--exact").out == "?{two=true}.\n  3/10\n"
+    file.write_text("0.5::heads([1]).\n")
+    ended = lcorpp("translate", file)
+    assert ended.code == 2
+    assert f"{file}:1:12: this is a ProbLog program: a list is not translated" in ended.err

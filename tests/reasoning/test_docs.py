@@ -1,4 +1,4 @@
-"""The examples of docs/plog.md: answers, error messages and the Python block."""
+"""The examples of docs/plog.md and docs/coming-from.md: answers, error messages and the Python blocks."""
 
 from __future__ import annotations
 
@@ -12,15 +12,29 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.errors import LcorppError
-from lcorpp.reasoning import Enumeration, parse_plog, parse_query, program_text
+from lcorpp.reasoning import Enumeration, ask, parse_plog, parse_query, program_text
 
-PAGE = (Path(__file__).parents[2] / "docs" / "plog.md").read_text(encoding="utf-8")
-EXAMPLES = re.findall(r"^```plog\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE, NEIGHBOURS = ((DOCS / name).read_text(encoding="utf-8") for name in ("plog.md", "coming-from.md"))
 
 
-def test_the_page_has_examples() -> None:
-    assert len(EXAMPLES) >= 25
-    assert PAGE.count("```plog") == len(EXAMPLES)
+def find_blocks(page: str, kind: str) -> list[str]:
+    return re.findall(rf"^```{kind}\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+
+
+EXAMPLES = find_blocks(PAGE + NEIGHBOURS, "plog")
+
+
+def test_the_pages_have_examples() -> None:
+    assert len(EXAMPLES) >= 28
+    assert (PAGE + NEIGHBOURS).count("```plog") == len(EXAMPLES)
+
+
+def test_the_problog_example_has_the_answers_in_its_comment() -> None:
+    (text,) = find_blocks(NEIGHBOURS, "problog")
+    program = parse_plog(text)
+    expected = re.search(r"% expect: (.*)", text)[1].split()
+    assert [f"{float(ask(program, query)):.6f}" for query in program.queries] == expected
 
 
 def use(text: str) -> None:
@@ -53,7 +67,7 @@ def test_examples_have_the_answers_in_their_comments(text: str) -> None:
 
 
 def test_the_python_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    blocks = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    blocks = find_blocks(PAGE, "python")
     shutil.copy(load_domain("intention").folder / "knowledge.plog", tmp_path)
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}

@@ -1,4 +1,4 @@
-"""`lcorpp ask`: answer a query with a P-log program."""
+"""`lcorpp ask` and `lcorpp translate`: answer a query with a P-log program, and print it."""
 
 from __future__ import annotations
 
@@ -48,3 +48,24 @@ def ask(
     from lcorpp.cli.answers import print_answers
 
     print_answers(file, query, exact=exact, lenient=lenient, why=why, samples=samples, seed=seed)
+
+
+def translate(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A program of ProbLog, plog 1.0 or plog 2.0.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE.plog", help="Write to this file.")
+    ] = None,
+) -> None:
+    """Print a program of ProbLog or plog 2.0 as plain P-log.
+
+    Declarations come first, then one statement per line; comments are lost. The other commands read the
+    same programs directly.
+    """
+    from lcorpp.files import write_atomically
+    from lcorpp.reasoning import program_text, read_plog
+
+    text = program_text(read_plog(file))
+    if output is None:
+        typer.echo(text, nl=False)
+    else:
+        write_atomically(output, text)

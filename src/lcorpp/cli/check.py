@@ -14,10 +14,13 @@ if TYPE_CHECKING:
     from lcorpp.planning import Pomdp
 
 KINDS = (
-    "a .plog, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its domain.toml, a folder of"
-    " recorded tracks, a store of tracks"
+    "a .plog, .pl, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its domain.toml, a"
+    " folder of recorded tracks, a store of tracks"
 )
 
+
+PROGRAMS = (".plog", ".pl", ".problog", ".lp", ".plp")
+"""Suffixes of programs of P-log, ProbLog and plingo."""
 
 AUTHORS_FILE = "interposx.csv"
 """A file that identifies a folder of the authors' recorded tracks."""
@@ -45,7 +48,7 @@ def check(
         _check_domain(SHIPPED_FOLDER / path)
     elif is_store(path):
         _check_store(path)
-    elif suffix == ".plog":
+    elif suffix in PROGRAMS:
         from lcorpp.reasoning import Reasoner, read_plog
 
         program = read_plog(path)

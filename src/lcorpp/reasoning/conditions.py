@@ -1,8 +1,8 @@
 """The probabilities of a term that is selected at random, and the conditions of P-log, all checked here.
 
 A pr-atom assigns its number to a value; the values without a pr-atom share the rest evenly. The compiler
-(`transitions`) and the enumeration share this module. Which selections and pr-atoms apply in a world, and
-what the dynamic range is, each finds out in its own way.
+(`transitions`) and the enumeration share this module; which clauses are true in a world each finds out in its
+own way.
 
 Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 3.2, equations 3 to 5, Conditions 1 to 3; section
 5.1 for unitarity. Condition 1 of 2018: Balai, Gelfond and Zhang, 2019, section 3.2.
@@ -10,34 +10,13 @@ Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 3.2, equations 3 to
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import Protocol
 
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Probability, Selection, Statement
 from lcorpp.reasoning.language.traversal import as_selection
-
-
-class RuleInstance(Protocol):
-    """A selection or a pr-atom whose body is true.
-
-    statement: its index in the program.
-    label: the arguments of its label as text.
-    instance: what distinguishes the instances of a selection.
-    value, number: of a pr-atom, the index of the value and its probability.
-    """
-
-    @property
-    def statement(self) -> int: ...
-    @property
-    def label(self) -> str: ...
-    @property
-    def instance(self) -> object: ...
-    @property
-    def value(self) -> int: ...
-    @property
-    def number(self) -> Fraction | None: ...
 
 
 class ConditionViolation(Exception):
@@ -59,19 +38,44 @@ class ConditionViolation(Exception):
         return f"{statements[self.statement].at}: {self.message.replace('{term}', names[self.term_index])}"
 
 
+def list_dynamic_range(
+    program: Program, values: Sequence[str], selections: Sequence[Clause], clauses: Iterable[Clause]
+) -> list[int]:
+    """List the dynamic range in the order of the declaration; of several selections, the intersection.
+
+    Args:
+        values: all values of the term.
+        selections: its selections whose bodies are true.
+        clauses: all clauses about the term whose bodies are true.
+    """
+    possible = list(range(len(values)))
+    for own in selections:
+        selection = as_selection(program.statements[own.statement]) if own.statement >= 0 else None
+        if selection and selection.range:
+            members = {
+                clause.value
+                for clause in clauses
+                if clause.kind is ClauseKind.RANGE
+                and (clause.statement, clause.instance) == (own.statement, own.instance)
+            }
+            possible = [value for value in possible if value in members]
+    return possible
+
+
 def list_applicable(
-    program: Program, selections: Sequence[RuleInstance], atoms: Sequence[RuleInstance], *, derived: bool
-) -> list[RuleInstance]:
+    program: Program, selections: Sequence[Clause], clauses: Iterable[Clause]
+) -> list[Clause]:
     """List the pr-atoms that apply to the selection of a term, after checking that there is only one.
 
     Args:
         selections: the selections of the term whose bodies are true, at least one.
-        atoms: the pr-atoms about the term whose conditions are true.
-        derived: whether a rule derives a value of the term.
+        clauses: all clauses about the term whose bodies are true.
 
     Raises:
         ConditionViolation: Condition 1 is broken.
     """
+    atoms = [clause for clause in clauses if clause.kind is ClauseKind.ASSIGN]
+    derived = any(clause.kind is ClauseKind.DERIVE for clause in clauses)
     if not atoms and not derived and len(selections) == 1:
         return []
     first = selections[0]
@@ -94,13 +98,12 @@ def list_applicable(
             first.statement, "Condition 1: {term} is selected at random while a rule derives it"
         )
     applicable = []
-    for instance in atoms:
-        atom = program.statements[instance.statement]
-        assert isinstance(atom, Probability)
-        if atom.label is None or (
-            atom.label.name == _name(here) and (not atom.label.arguments or instance.label == first.label)
-        ):
-            applicable.append(instance)
+    for atom in atoms:
+        statement = program.statements[atom.statement]
+        assert isinstance(statement, Probability)
+        label = statement.label
+        if not label or (label.name == _name(here) and (not label.arguments or atom.label == first.label)):
+            applicable.append(atom)
     return applicable
 
 
@@ -109,7 +112,7 @@ def _name(selection: Selection) -> str:
 
 
 def compute_probabilities(
-    program: Program, values: Sequence[str], possible: Sequence[int], atoms: Sequence[RuleInstance]
+    program: Program, values: Sequence[str], possible: Sequence[int], atoms: Sequence[Clause]
 ) -> list[Fraction]:
     """Compute the probability of each value of the dynamic range of a selection.
 
@@ -121,7 +124,7 @@ def compute_probabilities(
     Raises:
         ConditionViolation: Condition 2 or 3 is broken, or the probabilities are not unitary.
     """
-    atom_of: dict[int, RuleInstance] = {}
+    atom_of: dict[int, Clause] = {}
     numbers: dict[int, Fraction] = {}
     for atom in atoms:
         value, number = atom.value, atom.number

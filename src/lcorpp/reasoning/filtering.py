@@ -14,13 +14,13 @@ Source: Murphy, Dynamic Bayesian Networks, 2002, section 3.2 (the interface algo
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import reduce
 from itertools import product
-from math import prod
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_type, expected_one_of
+from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_type
 from lcorpp.notebook import join_some
 from lcorpp.reasoning.answers import (
     format_conditions,
@@ -30,15 +30,21 @@ from lcorpp.reasoning.answers import (
 )
 from lcorpp.reasoning.circuit.compiler import build_layers
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
-from lcorpp.reasoning.circuit.evidence import Codes, EvidenceEncoder
-from lcorpp.reasoning.circuit.passes import evaluate
+from lcorpp.reasoning.circuit.evidence import Codes, EncodedEvidence, EvidenceEncoder
+from lcorpp.reasoning.circuit.passes import differentiate, evaluate
 from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.slices import split_slices
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.resolve import resolve_evidence, resolve_inputs, resolve_queries, resolve_term
+from lcorpp.reasoning.resolve import (
+    name_joint,
+    resolve_evidence,
+    resolve_inputs,
+    resolve_queries,
+    resolve_term,
+)
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array, Distribution, Label, Likelihood
 
@@ -48,8 +54,7 @@ MAX_STATES = 1000
 MAX_CACHED_NUMBERS = 10_000_000
 """A filter caches matrices with at most this many numbers together."""
 
-_Outcomes = Sequence[Sequence[int]]
-"""Rows of outcomes of terms."""
+_SMALLEST = 5e-324
 
 
 class Filter:
@@ -90,41 +95,36 @@ class Filter:
                 f"{program.file}: a program with cr-rules has no filter, as it is not compiled"
             )
         self.program, self.window = program, window
-        self._old, self._new = _resolve_carried(program, carried)
+        old, new = _resolve_carried(program, carried)
         self.inputs = tuple(resolve_inputs(program, inputs))
         self.queries, self.single = resolve_queries(program, query), isinstance(query, str)
         self._encoder = EvidenceEncoder(program, self.inputs)
-        self._ranges = [list_values(program, term) for term in self._new]
-        self._sizes = list(map(len, self._ranges))
-        if prod(self._sizes) > MAX_STATES:
+        self._names = [name[1:].split(", ") for name in (old, new)]
+        self.states: tuple[tuple[str, ...], ...] = list_values(program, new)
+        if len(self.states) > MAX_STATES:
             raise TooLargeError(
-                f"{program.file}: {prod(self._sizes)} combinations of values of the carried terms; at most"
+                f"{program.file}: {len(self.states)} combinations of values of the carried terms; at most"
                 f" {MAX_STATES} can be filtered"
             )
-        self.states = tuple(product(*self._ranges))
-        codes = list(product(*map(range, self._sizes)))
         initial = resolve_evidence(program, initial)
-        past, step = split_slices(ground_program(program, {}, queried=self.queries), self._old, initial)
-        self._first = self._compute_first(_Table(past, (*self._old, *initial)), codes, initial)
-
-        self._table = _Table(step, (*self._old, *self._new, *self.inputs, *self.queries))
-        self._before = self._table.encode(self._old, codes)
-        columns = [self._table.encode(self._new, codes)]
-        self._answers: list[tuple[str, tuple[str, ...], slice]] = []  # query, its values, their columns
-        end = len(codes)
+        ground = ground_program(program, {}, queried=dict.fromkeys([old, new, *self.queries]))
+        past, step = split_slices(ground, old, initial)
+        self._first = self._compute_first(_Table(past, list(initial), [old]), initial)
+        self._table = _Table(step, [old, *self.inputs], [new, *self.queries])
+        self._answers: list[tuple[str, tuple[Label, ...], slice]] = []  # query, its values, their columns
+        end = len(self.states) + 1  # the last outcome of a term is having no value
         for name in self.queries:
             values = list_values(program, name)
             self._answers.append((name, values, slice(end, end + len(values))))
-            end += len(values) + 1  # the last outcome is having no value
-            columns.append(self._table.encode((name,), [[i] for i in range(len(values) + 1)]))
-        self._after = np.vstack([*columns, self._table.encode()])
+            end += len(values) + 1
+        self._width = end + 1
         self._matrices: dict[tuple[object, ...], Array] = {}
         self._n_cached = 0
         self._check_reachable_states()
         self.reset()
 
     def __repr__(self) -> str:
-        carried = join_some([f"{old} -> {new}" for old, new in zip(self._old, self._new, strict=True)])
+        carried = join_some([f"{old} -> {new}" for old, new in zip(*self._names, strict=True)])
         return f"Filter({self.program.file}: {carried}; {len(self.states)} states)"
 
     def reset(self) -> None:
@@ -184,14 +184,15 @@ class Filter:
         Returns:
             For each step: carried term of slice 1 -> distribution.
         """
+        ranges = [list_values(self.program, term) for term in self._names[1]]
         future = np.ones(len(self.states))
         answers: list[dict[str, Distribution]] = []
         for matrix, belief in reversed(self._steps):
             smoothed = belief * future
             smoothed /= smoothed.sum()
-            joint = smoothed.reshape(self._sizes)
+            joint = smoothed.reshape(list(map(len, ranges)))
             answers.append({})
-            for axis, (term, values) in enumerate(zip(self._new, self._ranges, strict=True)):
+            for axis, (term, values) in enumerate(zip(self._names[1], ranges, strict=True)):
                 marginal = np.moveaxis(joint, axis, 0).reshape(len(values), -1).sum(axis=1)
                 answers[-1][term] = Distribution(values, marginal)
             # states that the past excludes are left out: their futures may be more probable by any factor
@@ -204,111 +205,97 @@ class Filter:
         With likelihoods it is a weighted sum of the matrices for all values of their inputs.
         """
         given = self._encoder.canonicalize(evidence)
-        hard = {
-            n: self._encoder.encode_value(n, v) for n, v in given.items() if not isinstance(v, Likelihood)
-        }
-        weights = np.ones(1)
-        ranges: list[range] = []
+        n, hard, soft = len(self.states), dict[int, int](), dict[int, list[float]]()
         for name, label in given.items():
             if isinstance(label, Likelihood):
-                values, weight_of = self._encoder.values[name], dict(label)
-                if weight_of.keys() != set(values):
-                    raise ProgramError(
-                        f"a likelihood of {', '.join(label.values)} for {name}; {expected_one_of(values)}"
-                    )
-                weights = np.multiply.outer(weights, [weight_of[value] for value in values]).ravel()
-                ranges.append(range(len(values)))
-        soft = [name for name in given if name not in hard]
-        key = (*[given.get(name) if name in hard else None for name in self.inputs], *soft)
+                soft[self._encoder.columns[name]] = self._encoder.list_weights(name, label)[:-1]
+            else:
+                hard[self._encoder.columns[name]] = self._encoder.encode_value(name, label)
+        weights = reduce(np.multiply.outer, soft.values(), np.ones(1)).ravel()
+        key = (*[given.get(name) if i not in soft else None for i, name in enumerate(self.inputs)], *soft)
         if key not in self._matrices:
-            size = len(weights) * len(self._before) * len(self._after)
+            size = len(weights) * n * self._width
             if size > MAX_CACHED_NUMBERS:
                 raise TooLargeError(
-                    f"{self.program.file}: {len(weights)} combinations of values of {join_some(soft)}, which"
-                    f" have likelihoods, in {len(self.states)} states"
+                    f"{self.program.file}: {len(weights)} combinations of values of"
+                    f" {join_some([self.inputs[i] for i in soft])}, which have likelihoods, in {n} states"
                 )
             if self._n_cached + size > MAX_CACHED_NUMBERS:
                 self._matrices.clear()
                 self._n_cached = 0
-            observed = [(*hard.values(), *own) for own in product(*ranges)]
-            rows = self._table.encode((*hard, *soft), observed)
-            self._matrices[key] = self._table.compute(rows, self._before, self._after)
+            codes = np.full((len(weights), len(self.inputs)), -1)
+            codes[:, list(hard)] = list(hard.values())
+            codes[:, list(soft)] = list(product(*[range(len(own)) for own in soft.values()]))
+            rows = np.column_stack([np.tile(np.arange(n), len(codes)), codes.repeat(n, axis=0)])
+            self._matrices[key] = self._table.compute(rows).reshape(len(weights), n, self._width)
             self._n_cached += size
-        matrix: Array = np.tensordot(weights, self._matrices[key], 1)
+        matrices = self._matrices[key]
+        matrix: Array = (weights @ matrices.reshape(len(weights), -1)).reshape(n, -1)
         return matrix
 
-    # checks
-
-    def _compute_first(self, table: _Table, codes: _Outcomes, initial: Mapping[str, str]) -> Array:
+    def _compute_first(self, table: _Table, initial: Mapping[str, str]) -> Array:
         """(states,) Compute the initial belief."""
         encoder = EvidenceEncoder(self.program, tuple(initial))
-        facts = table.encode(tuple(initial), [[encoder.encode_value(*fact) for fact in initial.items()]])
-        outcomes = np.vstack([table.encode(self._old, codes), table.encode()])
-        (prior,), (first,) = table.compute(table.encode(), outcomes), table.compute(facts, outcomes)
-        self._check_values(self._old, prior, "")
-        if not first[:-1].any():
+        facts = [encoder.encode_value(*fact) for fact in initial.items()]
+        self._check_values(0, table.compute(np.full((1, len(facts)), -1))[0])
+        first = table.compute(np.array([facts], dtype=np.intp))[0]
+        if not first[-1]:
             raise make_no_world_error(self.program, format_conditions(initial, {}))
-        belief: Array = first[:-1] / first[:-1].sum()
+        belief: Array = first[:-2] / first[-1]
         return belief
 
     def _check_reachable_states(self) -> None:
         """Check that the states that steps without evidence lead to lead to states in turn."""
         n, matrix = len(self.states), self._find_matrix({})
-        following, checked = np.flatnonzero(self._first).tolist(), set[int]()
-        while new := set(following) - checked:
-            for i in new:
-                state = dict(zip(self._old, self.states[i], strict=True))
-                weights = np.append(matrix[i, :n], matrix[i, -1])
-                self._check_values(self._new, weights, f" if the last step{format_conditions(state, {})}")
-            checked |= new
-            following = np.flatnonzero(matrix[list(new), :n].any(axis=0)).tolist()
+        reachable = self._first > 0
+        while (more := reachable | matrix[reachable, :n].any(axis=0)).sum() > reachable.sum():
+            reachable = more
+        for i in np.flatnonzero(reachable):
+            state = dict(zip(self._names[0], self.states[i], strict=True))
+            self._check_values(1, matrix[i], f" if the last step{format_conditions(state, {})}")
 
-    def _check_values(self, terms: Sequence[str], weights: Array, condition: str) -> None:
-        """Check that the last weight, of all worlds, is the sum of the others, with values of the terms."""
-        lost = 1 - weights[:-1].sum() / weights[-1] if weights[-1] else 0.0
-        if lost > 1e-9:
+    def _check_values(self, slice_: int, weights: Array, condition: str = "") -> None:
+        """Check that the carried terms of a slice have values in each world."""
+        if lost := weights[len(self.states)]:
             raise ProgramError(
-                f"{self.program.file}: {', '.join(terms)}: a carried term has no value with probability"
-                f" {lost:.6g}{condition}; expected a value in each world"
+                f"{self.program.file}: {', '.join(self._names[slice_])}: a carried term has no value with"
+                f" probability {lost / weights[-1]:.6g}{condition}; expected a value in each world"
             )
 
 
 class _Table:
-    """The weights of combinations of outcomes of some terms of a ground program."""
+    """The joint weights of the outcomes of some terms of a ground program, given those of others."""
 
-    def __init__(self, ground: GroundProgram, names: Iterable[str]) -> None:
-        self._names = list(dict.fromkeys(names))
-        diagram = build_decision_diagram(build_transition_system(ground, self._names))
-        self._layers = build_layers(diagram, self._names)
+    def __init__(self, ground: GroundProgram, given: Sequence[str], asked: Sequence[str]) -> None:
+        names = list(dict.fromkeys([*given, *asked]))
+        diagram = build_decision_diagram(build_transition_system(ground, names))
+        self._layers, self._asked = build_layers(diagram, names), [names.index(name) for name in asked]
 
-    def encode(self, terms: Sequence[str] = (), outcomes: _Outcomes = ((),)) -> Codes:
-        """(n, names) Encode n combinations of outcomes of terms; the others, by default all, are free."""
-        codes = np.full((len(outcomes), len(self._names)), -1, dtype=np.intp)
-        codes[:, [self._names.index(term) for term in terms]] = outcomes
-        return codes
+    def compute(self, given: Codes) -> Array:
+        """(B, weights) Compute the weights of the outcomes of each term that is asked, and of what is given.
 
-    def compute(self, *parts: Codes) -> Array:
-        """(n1, n2, ...) Compute the weights of each combination of a row of each part, up to one factor."""
-        codes, agree = parts[0], np.ones(len(parts[0]), dtype=bool)
-        for part in parts[1:]:
-            codes = codes[..., None, :]
-            agree = agree[..., None] & ((codes < 0) | (part < 0) | (codes == part)).all(axis=-1)
-            codes = np.maximum(codes, part)
-        weights: Array = evaluate(self._layers, codes.reshape(-1, len(self._names))).reshape(agree.shape)
-        return weights * agree
+        Args:
+            given: (B, terms) the outcomes of the given terms, -1 for no evidence.
+        """
+        totals = evaluate(self._layers, given)[:, None]
+        by_term = differentiate(self._layers, EncodedEvidence(given), self._asked)
+        rows = [by_term[term] for term in self._asked]
+        sums = [np.maximum(own.sum(axis=1, keepdims=True), _SMALLEST) for own in rows]
+        return np.hstack([*[own / total * totals for own, total in zip(rows, sums, strict=True)], totals])
 
 
-def _resolve_carried(program: Program, carried: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _resolve_carried(program: Program, carried: Mapping[str, str]) -> tuple[str, str]:
+    """Return the joints of the carried terms of slice 0, and of those of slice 1."""
     check_type(carried, Mapping, "carried", ProgramError)
-    old = tuple(canonical_text(resolve_term(program, name)) for name in carried)
-    new = tuple(canonical_text(resolve_term(program, name)) for name in carried.values())
-    if not old:
+    if not carried:
         raise ProgramError(
             "nothing is carried; expected a term of slice 0 and its term of slice 1, or several"
         )
-    if len({*old, *new}) < 2 * len(old):
-        raise ProgramError(f"the carried terms are {', '.join((*old, *new))}; expected different terms")
-    for before, after in zip(old, new, strict=True):
-        if list_values(program, before) != list_values(program, after):
-            raise ProgramError(f"{before} and {after} have different ranges, so that no value is carried")
-    return old, new
+    pairs = [(resolve_term(program, old), resolve_term(program, new)) for old, new in carried.items()]
+    names = [canonical_text(term) for pair in pairs for term in pair]
+    if len(set(names)) < len(names):
+        raise ProgramError(f"the carried terms are {', '.join(names)}; expected different terms")
+    for old, new in pairs:
+        if program.attributes[old.name].values != program.attributes[new.name].values:
+            raise ProgramError(f"{old} and {new} have different ranges, so that no value is carried")
+    return name_joint([old for old, _ in pairs]), name_joint([new for _, new in pairs])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hypothesis import strategies as st
-from tests.reasoning.circuit.programs import Case
+from tests.reasoning.circuit.programs import Case, likelihoods
 
 
 @st.composite
@@ -49,4 +49,6 @@ def maps(draw: st.DrawFn) -> Case:
     query = draw(st.sampled_from([f"reach({draw(room)})", f"lamp({draw(room)})", "c"]))
     observed = {f"reach({draw(room)})": draw(value)} if draw(st.booleans()) else {}
     question = f"?{{reach({draw(room)})={draw(value)}}} | obs(c)."
-    return Case("\n".join(lines), query, tuple(observed), tuple(observed.items()), (), question)
+    domain = ("true", "false") if sort == "boolean" else values
+    soft = draw(likelihoods([(f"reach({i})", domain) for i in range(1, n + 1)]))
+    return Case("\n".join(lines), query, tuple(observed), tuple(observed.items()), (), question, soft)

@@ -57,6 +57,7 @@ class Case:
 
     query, inputs, evidence, do: of a circuit.
     question: a conjunction with conditions, as text.
+    soft: term -> the weight of each of its values.
     """
 
     text: str
@@ -65,6 +66,15 @@ class Case:
     evidence: tuple[tuple[str, str], ...]
     do: tuple[tuple[str, str], ...]
     question: str
+    soft: tuple[tuple[str, tuple[tuple[str, int], ...]], ...] = ()
+
+
+@st.composite
+def likelihoods(draw: st.DrawFn, terms: list[tuple[str, tuple[str, ...]]]) -> tuple:
+    """Weights for the values of up to three terms, most of them not 0."""
+    chosen = draw(st.lists(st.sampled_from(terms), max_size=3, unique=True))
+    weight = st.sampled_from([0, 1, 1, 2, 3])
+    return tuple((term, tuple((value, draw(weight)) for value in values)) for term, values in chosen)
 
 
 @st.composite
@@ -196,4 +206,5 @@ def cases(draw: st.DrawFn) -> Case:
     conditions = [f"obs({literal})" for literal in draw(st.lists(literals(made), max_size=2))]
     conditions += [f"do({term}={value})" for term, value in do.items()]
     question = f"?{{{asked}}}{' | ' if conditions else ''}{', '.join(conditions)}"
-    return Case("\n".join(lines), query, tuple(seen), evidence, tuple(do.items()), question)
+    soft = draw(likelihoods([(term, m.values) for term, m in terms]))
+    return Case("\n".join(lines), query, tuple(seen), evidence, tuple(do.items()), question, soft)

@@ -12,12 +12,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from tests.reasoning.circuit.maps import maps
 from tests.reasoning.circuit.programs import Case, cases
+from tests.reasoning.circuit.trees import trees
 
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, parse_plog, parse_query
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.reasoner import Reasoner
-from lcorpp.values import Distribution
+from lcorpp.values import Distribution, Likelihood
 
 SUITE = settings(max_examples=120, suppress_health_check=list(HealthCheck))
 
@@ -50,6 +51,7 @@ def check(case: Case) -> None:
     worlds, reasoner = Enumeration(program), Reasoner(program)
     evidence, do = dict(case.evidence), dict(case.do)
     check_question(case, reasoner, worlds)
+    check_soft(case, reasoner, worlds)
     expected = outcome(lambda: worlds.exact(case.query, evidence, do))
     circuit = outcome(lambda: Reasoner(program).compile(case.inputs, case.query, do))
     if not isinstance(circuit, Circuit):
@@ -81,6 +83,32 @@ def check_question(case: Case, reasoner: Reasoner, worlds: Enumeration) -> None:
         assert abs(found - float(expected)) < 1e-12
     else:
         assert found == expected
+
+
+def check_soft(case: Case, reasoner: Reasoner, worlds: Enumeration) -> None:
+    """Compare a posterior given likelihoods with the weighted worlds; a likelihood excludes no value."""
+    soft = {term: dict(weights) for term, weights in case.soft if any(weight for _, weight in weights)}
+    hard = {term: value for term, value in case.evidence if term not in soft}
+    evidence = hard | {term: Likelihood(tuple(own), list(own.values())) for term, own in soft.items()}
+    found = outcome(lambda: reasoner.posterior(case.query, evidence))
+    every = outcome(lambda: worlds.worlds)
+    if isinstance(every, type):
+        assert found == every
+        return
+    sums: dict[str, Fraction] = {}
+    for world in every:
+        weight = world.measure * all(world.values.get(term) == value for term, value in hard.items())
+        for term, own in soft.items():
+            weight *= own.get(world.values.get(term, ""), 0)
+        value = world.values.get(case.query, "")
+        sums[value] = sums.get(value, Fraction(0)) + weight
+    total = sum(sums.values())
+    if not total:
+        assert found == UndefinedError
+    elif sums.get(""):
+        assert found == ProgramError
+    else:
+        close(found, {value: sums.get(value, 0) / total for value in found.values})
 
 
 def check_batch(circuit: Circuit, worlds: Enumeration, do: dict[str, str]) -> None:
@@ -133,8 +161,14 @@ def test_circuit_and_enumeration_agree_on_maps(case: Case) -> None:
     check(case)
 
 
+@given(case=trees())
+@SUITE
+def test_circuit_and_enumeration_agree_on_trees(case: Case) -> None:
+    check(case)
+
+
 @pytest.mark.slow
-@given(case=cases() | maps())
+@given(case=cases() | maps() | trees())
 @settings(SUITE, max_examples=20_000)
 def test_circuit_and_enumeration_agree_on_twenty_thousand_programs(case: Case) -> None:
     check(case)

@@ -33,6 +33,19 @@ def test_a_node_that_only_an_arc_of_probability_zero_reaches():
         circuit({"b": "false"})
 
 
+def test_evidence_for_a_program_whose_terms_have_no_value():
+    circuit = Reasoner(parse_plog("p, q : boolean. p=V :- p=V.")).compile(["p"], "q")
+    for answer in (circuit, circuit.exact, circuit.most_probable):
+        with pytest.raises(UndefinedError):
+            answer({"p": "true"})
+
+
+def test_a_node_without_arcs_of_positive_probability():
+    program = parse_plog("a, b, c : boolean. random(a). pr(a) = 1. :- a. b=V :- a=V. c=V :- a=V.")
+    with pytest.raises(UndefinedError, match=r"no possible world of positive measure"):
+        Reasoner(program).compile(["b"], "c")({})
+
+
 def test_terms_may_have_spaces():
     program = parse_plog("d = {1, 2}. f : d, d -> boolean. random(f(D,E)). #domain d(D;E).")
     assert Reasoner(program).compile(["f( 1 , 2 )"], "f(1, 1)").inputs == ("f(1,2)",)

@@ -34,7 +34,7 @@ def test_branches_have_their_own_nodes():
     diagram = build_decision_diagram(build_transition_system(ground_program(program, {}), ["c1", "c2", "c3"]))
     tree = diagram.system.tree
     names = [program_terms(diagram, step) for step in range(3)]
-    assert (names, tree.children, tree.roots) == (["c1", "c2", "c3"], [(1, 2), (), ()], (0,))
+    assert (names, tree.children, tree.roots) == (["c1", "c2", "c3"], [[1, 2], [], []], [0])
     assert diagram.sizes == [1, 2, 2]
     assert WorldQueries(diagram).count() == 6
     assert WorldQueries(diagram).compute_exact_weights("c1", {"c2": "true"}) == {

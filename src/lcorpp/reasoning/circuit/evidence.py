@@ -185,11 +185,11 @@ class EvidenceEncoder:
         if not any(isinstance(label, Likelihood) for label in numbers):
             return np.array(labels)
         weights[number] = np.array(
-            [self._list_weights(name, label, where.format(labels.index(label))) for label in numbers]
+            [self.list_weights(name, label, where.format(labels.index(label))) for label in numbers]
         )
         return np.array([numbers[label] for label in labels])
 
-    def _list_weights(self, name: str, label: int | Likelihood, where: str) -> list[float]:
+    def list_weights(self, name: str, label: int | Likelihood, where: str = "") -> list[float]:
         """List the weights of the outcomes of an input; the last outcome is having no value."""
         values = self.values[name]
         if not isinstance(label, Likelihood):

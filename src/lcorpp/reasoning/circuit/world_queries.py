@@ -57,6 +57,10 @@ class WorldQueries:
             for i, term in enumerate(terms)
         }
 
+    def _excludes(self, evidence: Mapping[str, str]) -> bool:
+        """Whether a term of the evidence has no value in any world, as no rule names it."""
+        return not evidence.keys() <= self.diagram.system.term_numbers.keys()
+
     def _list_arcs(self, evidence: Mapping[str, str]) -> list[Arcs]:
         """List the arcs of each step that agree with the evidence."""
         diagram = self.diagram
@@ -73,12 +77,16 @@ class WorldQueries:
 
     def compute_exact_weights(self, query: str, evidence: Mapping[str, str]) -> dict[Value, Fraction]:
         """Sum the measures of the worlds with the evidence, by the value of a term; "" is for no value."""
+        if self._excludes(evidence):
+            return {}
         arcs_of = self._list_arcs(evidence)
         weights, unit = self._find_integers(arcs_of)
         return {value: w * unit for value, w in self._sum_measures(query, arcs_of, weights).items()}
 
     def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[Value, float]:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""
+        if self._excludes(evidence):
+            return {}
         arcs_of = self._list_arcs(evidence)
         return self._sum_measures(query, arcs_of, [self.diagram.compute_weights()] * len(arcs_of), scale=True)
 
@@ -119,8 +127,10 @@ class WorldQueries:
         on_path = set(path)
         for step in range(len(arcs_of) - 1, -1, -1):
             if step not in on_path:
+                sums[step] = own_sums = [0] * diagram.sizes[step]
                 factors = self._multiply_branches(arcs_of[step], tree.children[step], weights[step], sums)
-                sums[step] = _sum_by_node(arcs_of[step].sources, factors, diagram.sizes[step])
+                for source, factor in zip(arcs_of[step].sources, factors, strict=True):
+                    own_sums[source] += factor
                 if scale and (len(tree.children[step]) > 1 or not step % 8):
                     _rescale(sums[step])
         others = [sums[root][0] for root in tree.roots if root not in on_path]
@@ -128,21 +138,22 @@ class WorldQueries:
         if queried is None:
             return {"": above[0]} if above[0] else {}
         for step, following in zip(path, (*path[1:], -1), strict=True):
-            branches = [child for child in tree.children[step] if child != following]
-            arcs = arcs_of[step]
-            rest = self._multiply_branches(arcs, tree.children[step], weights[step], sums, skipped=following)
-            factors = [above[source] * factor for source, factor in zip(arcs.sources, rest, strict=True)]
+            arcs, own = arcs_of[step], tree.children[step]
+            factors = self._multiply_branches(arcs, own, weights[step], sums, skipped=following)
             if following >= 0:
-                targets = arcs.targets[tree.children[step].index(following)]
-                above = _sum_by_node(targets, factors, diagram.sizes[following])
-                if scale and (branches or not step % 8):
+                below: list[Any] = [0] * diagram.sizes[following]
+                targets = arcs.targets[own.index(following)]
+                for source, target, factor in zip(arcs.sources, targets, factors, strict=True):
+                    below[target] += above[source] * factor
+                above = below
+                if scale and (len(own) > 1 or not step % 8):
                     _rescale(above)
         names, result = program.values[queried], dict[Value, Any]()
-        for label, factor in zip(arcs_of[step_of_query].outcomes, factors, strict=True):
-            if factor:
+        for source, label, factor in zip(arcs.sources, arcs.outcomes, factors, strict=True):
+            if above[source] * factor:
                 value = diagram.outcomes[label][0][index]
                 name = names[value] if value < len(names) else ""
-                result[name] = result.get(name, 0) + factor
+                result[name] = result.get(name, 0) + above[source] * factor
         return result
 
     def _multiply_branches(
@@ -167,6 +178,8 @@ class WorldQueries:
 
     def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[PossibleWorld, ...]:
         """Find the most probable worlds with the evidence, best first; none if the evidence is impossible."""
+        if self._excludes(evidence):
+            return ()
         arcs_of = self._list_arcs(evidence)
         weights, _ = self._find_integers(arcs_of)
         mass = self._sum_measures("", arcs_of, weights).get("")
@@ -190,6 +203,8 @@ class WorldQueries:
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str] | None:
         """Draw a world with its probability given evidence; None if the evidence is impossible."""
+        if self._excludes(given):
+            return None
         key = frozenset(given.items())
         if key not in self._samplers:
             if len(self._samplers) >= SAMPLER_CACHE_SIZE:
@@ -256,14 +271,6 @@ class _LazyValues(Mapping[str, str]):
 
     def __len__(self) -> int:
         return len(self._values)
-
-
-def _sum_by_node(nodes: Sequence[int], factors: Sequence[Any], size: int) -> list[Any]:
-    """Sum the factors of arcs by their source or target."""
-    sums: list[Any] = [0] * size
-    for node, factor in zip(nodes, factors, strict=True):
-        sums[node] += factor
-    return sums
 
 
 def _rescale(weights: list[float]) -> None:

@@ -8,9 +8,9 @@ applies. clingo computes no probabilities. The atoms:
     h(term,value)             the term has the value
     rnd(k,label,I,term)       the body of selection k is true; I: the variables that its dynamic range reads
     sel(k,label,I,term)       ... and no intervention sets the term
-    pos(k,I,term,value)       the value is in the dynamic range of this selection
+    pos(k,label,I,term,value) the value is in the dynamic range of this selection
     pr(j,label,I,term,value)  pr-atom j applies to this outcome
-    drv(term)                 a rule derives a value of a selected term (2018 only)
+    drv(k,i,i,term)           rule k derives a value of a selected term (2018 only)
     cr(k,I)                   an instance of cr-rule k is used; clingo minimises their number
 
 k and j are indexes of statements. Each statement is one line, so that clingo's messages give its place.
@@ -62,9 +62,10 @@ def translate_program(
     """
     translator = _Translator(program)
     lines = [
-        "#defined h/2. #defined rnd/4. #defined sel/4. #defined pos/4. #defined pr/5. #defined do/1."
-        " #defined selected/1. #defined drv/1.",
-        "#show h/2. #show sel/4. #show pos/4. #show pr/5. #show drv/1.",
+        "#defined h/2. #defined rnd/4. #defined sel/4. #defined pos/5. #defined pr/5. #defined do/1."
+        " #defined selected/1. #defined drv/4.",
+        "#show h/2. #show sel/4. #show pr/5. #show drv/4.",
+        "#show pos(K,L,I,T,V) : pos(K,L,I,T,V), sel(K,L,I,T).",
         "valued(T) :- h(T,_).  :- valued(T), #count { V : h(T,V) } > 1.",
         "sel(K,L,I,T) :- rnd(K,L,I,T), not do(T).  selected(T) :- sel(_,_,_,T).",
     ]
@@ -132,7 +133,7 @@ class _Translator:
         term = _write_expression(rule.head.term)
         text = f"h({term},{_write_expression(rule.head.value)}) :- {conditions}."
         if self._is_2018 and rule.head.term.name in self._signature.selections:
-            text += f" drv({term}) :- {conditions}; selected({term})."
+            text += f" drv({index},i,i,{term}) :- {conditions}; selected({term})."
         return text
 
     def _translate_cr_rule(self, index: int, rule: CrRule) -> str:
@@ -159,8 +160,8 @@ class _Translator:
         if dynamic:
             slots = self._signature.iter_range_slots(selection)
             inside = self._guard_body(dynamic.condition, list(slots), [dynamic.variable, *conditions])
-            text += f" pos({index},{instance},{term},{dynamic.variable.name}) :- {applies}; {inside}."
-            text += f" :- rnd({index},_,I,T); h(T,V); not pos({index},I,T,V)."
+            text += f" pos({index},{label},{instance},{term},{dynamic.variable.name}) :- {applies}; {inside}."
+            text += f" :- rnd({index},L,I,T); h(T,V); not pos({index},L,I,T,V)."
         return text
 
     def _translate_probability(self, index: int, atom: Probability) -> str:

@@ -6,31 +6,35 @@ Gelfond and Zhang, 2019, definitions 10 and 11 (abductive supports; by cardinali
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 import clingo
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.answers import format_world
-from lcorpp.reasoning.conditions import ConditionViolation, compute_probabilities, list_applicable
+from lcorpp.reasoning.conditions import (
+    ConditionViolation,
+    compute_probabilities,
+    list_applicable,
+    list_dynamic_range,
+)
 from lcorpp.reasoning.enumeration.asp_translation import Condition, translate_program
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind
 from lcorpp.reasoning.language.arithmetic import evaluate_number
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Probability
-from lcorpp.reasoning.language.traversal import as_selection, list_variables
+from lcorpp.reasoning.language.traversal import list_variables
 
-
-class _Applied(NamedTuple):
-    """A selection or a pr-atom whose body is true, see `RuleInstance`."""
-
-    statement: int
-    label: str
-    instance: str
-    value: int = -1
-    number: Fraction | None = None
+KINDS = {
+    "sel": ClauseKind.SELECT,
+    "pos": ClauseKind.RANGE,
+    "pr": ClauseKind.ASSIGN,
+    "drv": ClauseKind.DERIVE,
+}
+"""The clauses about selected terms, by their predicate in the translation."""
 
 
 def enumerate_worlds(
@@ -93,7 +97,7 @@ class _WorldReader:
 
     def __init__(self, program: Program) -> None:
         self._program = program
-        self._atoms: dict[Any, tuple[str, str, Any]] = {}
+        self._atoms: dict[Any, tuple[str, str | Clause]] = {}
         self._distributions: dict[object, Mapping[str, Fraction]] = {}
 
     def read(self, symbols: Iterable[Any]) -> tuple[dict[str, str], Fraction]:
@@ -102,80 +106,56 @@ class _WorldReader:
         Raises:
             ProgramError: the world breaks a condition of the language.
         """
-        parts: dict[str, list[tuple[str, Any]]] = {"h": [], "sel": [], "pos": [], "pr": [], "drv": []}
+        values: dict[str, str] = {}
+        clauses_of: dict[str, set[Clause]] = {}
         for symbol in symbols:
-            atom = self._atoms.get(symbol)
-            if atom is None:
-                atom = self._atoms[symbol] = self._decode(symbol.name, symbol.arguments)
-            parts[atom[0]].append(atom[1:])
-        values, derived = dict(sorted(parts["h"])), dict(parts["drv"])
-        atoms_of, selections_of, members_of = map(_group, (parts["pr"], parts["sel"], parts["pos"]))
+            if symbol not in self._atoms:
+                self._atoms[symbol] = self._decode(symbol.name, symbol.arguments)
+            term, item = self._atoms[symbol]
+            if isinstance(item, str):
+                values[term] = item
+            else:
+                clauses_of.setdefault(term, set()).add(item)
+        values = dict(sorted(values.items()))
         measure = Fraction(1)
-        for term, selections in selections_of.items():
-            atoms = atoms_of.get(term, [])
-            members = frozenset(members_of.get(term, ()))
-            key = term, term in derived, members, *selections, *atoms
+        for term, clauses in sorted(clauses_of.items()):
+            key = term, frozenset(clauses)
             if key not in self._distributions:
                 try:
-                    distribution = self._distribute(term, selections, members, atoms, derived=term in derived)
+                    self._distributions[key] = self._distribute(term, clauses)
                 except ConditionViolation as found:
                     message = found.format(self._program.statements, [term])
                     raise ProgramError(f"{message}, in the world {format_world(values)}") from None
-                self._distributions[key] = distribution
             measure *= self._distributions[key][values[term]]
         return values, measure
 
-    def _decode(self, name: str, arguments: list[Any]) -> tuple[str, str, Any]:
-        """Decode an atom: its name, its term, and the rest."""
+    def _decode(self, name: str, arguments: list[Any]) -> tuple[str, str | Clause]:
+        """Decode an atom: a term, and its value or a clause about it whose body is true."""
         if name == "h":
-            return name, str(arguments[0]), str(arguments[1])
-        if name == "drv":
-            return name, str(arguments[0]), None
-        index, *rest = arguments[0].number, *map(str, arguments[1:])
-        if name == "sel":
-            label, instance, term = rest
-            return name, term, _Applied(index, label, instance)
-        if name == "pos":
-            instance, term, value = rest
-            return name, term, (index, instance, value)
-        label, instance, term, value = rest
-        atom = self._program.statements[index]
-        assert isinstance(atom, Probability)
-        bindings = dict(zip(list_variables(atom), map(str, arguments[2].arguments), strict=True))
-        try:
-            number = evaluate_number(atom.number, bindings)
-        except SourceIssue as issue:
-            raise ProgramError(str(issue)) from None
-        values = self._program.attributes[atom.term.name].values
-        return name, term, _Applied(index, label, instance, values.index(value), number)
+            return str(arguments[0]), str(arguments[1])
+        index = arguments[0].number
+        label, instance, term, *value = map(str, arguments[1:])
+        number = None
+        if name == "pr":
+            atom = self._program.statements[index]
+            assert isinstance(atom, Probability)
+            bindings = dict(zip(list_variables(atom), map(str, arguments[2].arguments), strict=True))
+            try:
+                number = evaluate_number(atom.number, bindings)
+            except SourceIssue as issue:
+                raise ProgramError(str(issue)) from None
+        outcome = self._list_values(term).index(value[0]) if value else -1
+        return term, Clause(KINDS[name], -1, outcome, (), index, label, (instance,), number)
 
-    def _distribute(
-        self,
-        term: str,
-        selections: Sequence[_Applied],
-        members: Set[tuple[int, str, str]],
-        atoms: Sequence[_Applied],
-        *,
-        derived: bool,
-    ) -> Mapping[str, Fraction]:
-        """Compute the probability of each value of a selected term."""
-        program, first = self._program, selections[0]
-        selection = as_selection(program.statements[first.statement])
-        assert selection is not None
-        values = program.attributes[selection.term.name].values
-        possible = [
-            i
-            for i, value in enumerate(values)
-            if not selection.range or (first.statement, first.instance, value) in members
-        ]
-        applicable = list_applicable(program, selections, atoms, derived=derived)
-        numbers = compute_probabilities(program, values, possible, applicable)
+    def _distribute(self, term: str, clauses: Iterable[Clause]) -> dict[str, Fraction]:
+        """Compute the probability of each possible value of a selected term."""
+        program, values = self._program, self._list_values(term)
+        clauses = sorted(clauses, key=lambda clause: (clause.statement, clause.instance))
+        selections = [clause for clause in clauses if clause.kind is ClauseKind.SELECT]
+        possible = list_dynamic_range(program, values, selections, clauses)
+        atoms = list_applicable(program, selections, clauses)
+        numbers = compute_probabilities(program, values, possible, atoms)
         return {values[i]: number for i, number in zip(possible, numbers, strict=True)}
 
-
-def _group(pairs: Iterable[tuple[str, Any]]) -> dict[str, list[Any]]:
-    """Group what is said about each term, in program order."""
-    groups: dict[str, list[Any]] = {}
-    for term, item in sorted(pairs):
-        groups.setdefault(term, []).append(item)
-    return groups
+    def _list_values(self, term: str) -> tuple[str, ...]:
+        return self._program.attributes[term.partition("(")[0]].values

@@ -22,7 +22,7 @@ def replace_numbers(text: str, numbers: Mapping[tuple[int, int], str], file: str
     copied = 0
     while cursor.kind != END:
         place = cursor.at.line, cursor.at.column
-        if place in remaining:
+        if place in remaining and (cursor.word == "pr" or cursor.texts[cursor.index - 1] == "["):
             first = last = 0
             while cursor.kind not in (".", END):
                 last = cursor.index

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 from lcorpp.errors import ProgramError
@@ -10,12 +10,15 @@ from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, Ground
 
 
 def split_slices(
-    ground: GroundProgram, carried: Sequence[str], initial: Iterable[str]
+    ground: GroundProgram, state: str, initial: Iterable[str]
 ) -> tuple[GroundProgram, GroundProgram]:
     """Split a program into the past and a step.
 
     The past has the terms on which the carried terms of slice 0 and the initial evidence depend. The step has
     the other clauses; the carried terms of slice 0 are random in it, so that all states are equally probable.
+
+    Args:
+        state: the joint of the carried terms of slice 0; it is part of both.
 
     Raises:
         ProgramError: the step depends on a term of the past that is not carried.
@@ -24,9 +27,9 @@ def split_slices(
     for clause in ground.clauses:
         causes.setdefault(clause.term, set()).update(literal[0] for literal in clause.body)
     numbers = {name: term for term, name in enumerate(ground.names)}
-    own = [numbers[name] for name in carried if name in numbers]
+    own = [numbers[name] for name in state[1:].split(", ")]
     past: set[int] = set()
-    rest = [*own, *(numbers[name] for name in initial if name in numbers)]
+    rest = [numbers[state], *(numbers[name] for name in initial if name in numbers)]
     while rest:
         term = rest.pop()
         if term not in past:
@@ -38,7 +41,8 @@ def split_slices(
         terms = [literal[0] for literal in clause.body]
         if clause.term in past or (clause.term < 0 and past.issuperset(terms)):
             before.append(clause)
-            continue
+            if clause.term != numbers[state]:
+                continue
         step.append(clause)
         for term in past.intersection(terms).difference(own):
             head = ground.names[clause.term] if clause.term >= 0 else "a constraint"

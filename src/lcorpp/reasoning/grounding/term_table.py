@@ -25,7 +25,7 @@ class TermTable:
     """
 
     def __init__(self, program: GroundProgram) -> None:
-        self.program = program
+        self._names, self._values = program.names, program.values  # so that no cycle contains the clauses
         self._attributes = program.source.signature.attributes
         self.numbers: Memo[str, Memo[Key, int]] = Memo(lambda name: Memo(partial(self._add, name)))
         self.indexes: Memo[str, dict[Value, int]] = Memo(
@@ -37,9 +37,9 @@ class TermTable:
 
     def _add(self, attribute: str, key: Key) -> int:
         inner = ",".join(map(str, key)) if isinstance(key, tuple) else key
-        self.program.names.append(attribute if key == () else f"{attribute}({inner})")
-        self.program.values.append(self._attributes[attribute].values)
-        return len(self.program.names) - 1
+        self._names.append(attribute if key == () else f"{attribute}({inner})")
+        self._values.append(self._attributes[attribute].values)
+        return len(self._names) - 1
 
     def number_terms(self, table: BindingTable, term: Term) -> Part[int]:
         """Return the number of a term in each binding."""

@@ -91,14 +91,19 @@ def canonical_text(expression: Expression) -> str:
         if not expression.arguments:
             return expression.name
         return f"{expression.name}({','.join(map(canonical_text, expression.arguments))})"
-    return str(_evaluate_integer(expression))
+    return str(evaluate_integer(expression))
 
 
-def _evaluate_integer(expression: Expression) -> int:
+def evaluate_integer(expression: Expression) -> int:
+    """Evaluate an expression without variables to an integer.
+
+    Raises:
+        SourceIssue: another expression, a division by zero or a number beyond 32 bits.
+    """
     if isinstance(expression, Number) and expression.value.denominator == 1:
         value = expression.value.numerator
     elif isinstance(expression, Arithmetic):
-        left, right = _evaluate_integer(expression.left), _evaluate_integer(expression.right)
+        left, right = evaluate_integer(expression.left), evaluate_integer(expression.right)
         value = int(_apply(expression, left, right))
     else:
         raise SourceIssue(expression.at, f"expected an integer, not {expression}")

@@ -13,7 +13,6 @@ from lcorpp.reasoning.language.conformance import (
     check_ground_literal,
     check_intervention,
     check_query,
-    check_slots,
     require_selections,
 )
 from lcorpp.reasoning.language.issues import Place, SortMismatch, SourceIssue
@@ -146,7 +145,7 @@ def _has_instances(statement: Statement, signature: Signature) -> bool:
         literals = [part for part in (head, *get_body(clause)) if isinstance(part, Literal)]
         positive = [part for part in literals if not part.negated and not signature.is_sort(part)]
         try:
-            check_slots(signature.iter_body_slots(positive), signature)
+            signature.check_slots(signature.iter_body_slots(positive))
         except SortMismatch:
             return False
         raise

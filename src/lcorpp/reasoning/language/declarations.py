@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TypeGuard, TypeVar
 
-from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.language.arithmetic import evaluate_integer
 from lcorpp.reasoning.language.expressions import (
     RELATIONS,
     parse_chain,
@@ -141,25 +141,22 @@ def _parse_element(cursor: Cursor) -> Expression | Interval:
     low = parse_value(cursor)
     if not cursor.accept(".."):
         return low
-    high = parse_value(cursor)
-    return Interval(_evaluate_bound(low), _evaluate_bound(high), at=low.at)
-
-
-def _evaluate_bound(bound: Expression) -> int:
-    if isinstance(bound, Term):
-        raise SourceIssue(bound.at, f"expected an integer, not {bound}")
-    return int(canonical_text(bound))
+    return Interval(evaluate_integer(low), evaluate_integer(parse_value(cursor)), at=low.at)
 
 
 def _parse_bound(cursor: Cursor) -> int:
     """Parse an end of an interval outside of braces: a sum of integers and constants."""
-    total = _evaluate_bound(require_value(parse_factor(cursor)))
+    total = evaluate_integer(_parse_operand(cursor))
     while cursor.next_is("+", "-") and cursor.second_kind in (INTEGER, NAME):
         if cursor.kinds[cursor.index + 2] in ("..", "("):
             break  # another sort follows
         sign = -1 if cursor.take() == "-" else 1
-        total += sign * _evaluate_bound(require_value(parse_factor(cursor)))
+        total += sign * evaluate_integer(_parse_operand(cursor))
     return total
+
+
+def _parse_operand(cursor: Cursor) -> Expression:
+    return require_value(parse_factor(cursor))
 
 
 def _parse_record_sort(cursor: Cursor) -> RecordSort:
@@ -200,8 +197,8 @@ def _parse_conjunction(cursor: Cursor) -> Condition:
 def _parse_comparison(cursor: Cursor) -> Condition:
     if cursor.accept("("):
         return cursor.parse_nested(_parse_condition, ")")
-    left = require_value(parse_factor(cursor))
+    left = _parse_operand(cursor)
     if not cursor.next_is(*RELATIONS):
         raise cursor.make_unexpected_error(("<",))
     relation = RELATIONS[cursor.take()]
-    return ComparisonLiteral(left, relation, require_value(parse_factor(cursor)), at=left.at)
+    return ComparisonLiteral(left, relation, _parse_operand(cursor), at=left.at)

@@ -68,6 +68,20 @@ def parse_plog(
     check_type(text, str, "text", ProgramError)
     check_type(file, str, "file", ProgramError)
     check_type(strict, bool, "strict", ProgramError)
+    try:
+        return _parse_own(text, file, semantics, strict)
+    except (ParseError, ProgramError):
+        from lcorpp.reasoning.language.translation.recognition import translate_other_system  # rarely needed
+
+        with _open_cursor(text, file) as cursor:
+            translated = translate_other_system(cursor)
+        if translated is None:
+            raise
+    return Program(file, translated, semantics or "2009")
+
+
+def _parse_own(text: str, file: str, semantics: Semantics | None, strict: bool) -> Program:
+    """Parse a program of P-log."""
     with _open_cursor(text, file) as cursor:
         statements = tuple(parse_statements(cursor))
     dialect: Semantics = "2018" if cursor.uses_plog2 else "2009"

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, find_variables, iter_variables
-from lcorpp.reasoning.language.conformance import check_integer, check_order, check_slots
+from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, find_variables, is_integer, iter_variables
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
@@ -38,7 +37,7 @@ def check_variables(clause: Clause, signature: Signature) -> None:
             instances, or an operand of arithmetic is not an integer or may exceed 32 bits.
     """
     body, slots, scope = get_body(clause), list(signature.iter_slots(clause)), list_expressions(clause)
-    check_slots(slots, signature)
+    signature.check_slots(slots)
     used = [variable for expression in scope for variable in iter_variables(expression)]
     sorts = find_variable_sorts(slots, used, signature)
     # each outcome of a selection counts
@@ -162,5 +161,36 @@ def _check_arithmetic(
             _check_arithmetic(argument, bounds, sorts, signature)
     elif isinstance(expression, Arithmetic):
         for operand in (expression.left, expression.right):
-            check_integer(operand, f"arithmetic in {expression}", sorts, signature)
+            _check_integer(operand, f"arithmetic in {expression}", sorts, signature)
             _check_arithmetic(operand, bounds, sorts, signature)
+
+
+def check_order(body: Iterable[BodyLiteral], sorts: dict[str, list[str]], signature: Signature) -> None:
+    """Check that only integers are compared by order."""
+    for literal in body:
+        if literal.relation in ("=", "!="):
+            continue
+        sides = [literal.value] if isinstance(literal, Literal) else [literal.left, literal.right]
+        if (
+            isinstance(literal, Literal)
+            and signature.attributes[literal.term.name].range not in signature.integer_sorts
+        ):
+            raise SourceIssue(
+                literal.at, f"{literal} orders values of {literal.term.name}, which are not integers"
+            )
+        for side in sides:
+            _check_integer(side, f"the order in {literal}", sorts, signature)
+
+
+def _check_integer(
+    expression: Expression, what: str, sorts: dict[str, list[str]], signature: Signature
+) -> None:
+    if isinstance(expression, Term):
+        raise SourceIssue(expression.at, f"{what} needs integers, but {expression} is none")
+    if isinstance(expression, Variable):
+        for sort in sorts.get(expression.name, ()):
+            if sort not in signature.integer_sorts:
+                odd = next(m for m in signature.sorts[sort] if not is_integer(m))
+                raise SourceIssue(
+                    expression.at, f"{what} needs integers, but {expression} may be {odd} of the sort {sort}"
+                )

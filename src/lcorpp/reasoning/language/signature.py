@@ -9,7 +9,7 @@ from functools import cached_property
 from types import MappingProxyType
 
 from lcorpp.errors import expected_one_of
-from lcorpp.reasoning.language.arithmetic import is_integer
+from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer, iter_variables
 from lcorpp.reasoning.language.issues import Place, SortMismatch, SourceIssue
 from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortTable
 from lcorpp.reasoning.language.syntax import (
@@ -158,6 +158,17 @@ class Signature:
         if selection.range:
             yield selection.range.variable, self.attributes[selection.term.name].range
             yield from self.iter_body_slots(selection.range.condition)
+
+    def check_slots(self, slots: Iterable[ArgumentSlot]) -> None:
+        """Check that constants in argument slots are members of their sorts; raise SortMismatch if not."""
+        for expression, sort in slots:
+            if not any(iter_variables(expression)):
+                value = canonical_text(expression)
+                if value not in self.sorts[sort]:
+                    known = expected_one_of(list(self.sorts[sort]))
+                    raise SortMismatch(
+                        expression.at, f"{value!r} is not a member of the sort {sort}; {known}"
+                    )
 
 
 def mangle_name(name: str, count: int) -> str:

@@ -72,7 +72,8 @@ def _parse_declaration_or_rule(cursor: Cursor) -> Iterator[Statement]:
     elif cursor.kind == "=" and cursor.second_kind == "{":
         yield parse_sort(cursor, require_name(left, "a sort").name, at)
     else:
-        yield _parse_rule(cursor, parse_rest_of_literal(cursor, left, plus_minus_is_arrow=True))
+        literal = parse_rest_of_literal(cursor, left, plus_minus_is_arrow=True)
+        yield _parse_rule(cursor, literal, None, at)
 
 
 def _parse_domains(cursor: Cursor) -> Iterator[DomainDirective]:
@@ -137,10 +138,13 @@ def _parse_evidence(cursor: Cursor) -> Iterator[Statement]:
 # rules
 
 
-def _parse_labelled(cursor: Cursor) -> Iterator[Statement]:
-    """Parse a random selection, a pr-atom or a cr-rule with its label, if it has one."""
-    label = _parse_label(cursor) if cursor.accept("[") else None
-    at = label.at if label else cursor.at
+def _parse_clause(cursor: Cursor) -> Iterator[Statement]:
+    """Parse a constraint, or a random selection, a pr-atom or a cr-rule with its label if it has one."""
+    at, label = cursor.at, None
+    if cursor.accept("["):
+        label = _parse_term(cursor, "a label such as r or r(X)")
+        cursor.expect("]")
+        at = label.at
     if cursor.accept_word("random"):
         term, dynamic_range = _parse_selection_head(cursor)
         body, is_cr_rule = _parse_tail(cursor)
@@ -148,57 +152,48 @@ def _parse_labelled(cursor: Cursor) -> Iterator[Statement]:
         yield CrRule(selection, at=at) if is_cr_rule else selection
     elif cursor.accept_word("pr"):
         yield _parse_probability(cursor, label, at)
+    elif cursor.next_is(":-", *_CR_ARROWS):
+        yield _parse_rule(cursor, None, label, at)
     else:
-        yield _parse_rule(cursor, parse_literal(cursor, plus_minus_is_arrow=True), label)
+        yield _parse_rule(cursor, parse_literal(cursor, plus_minus_is_arrow=True), label, at)
 
 
-def _parse_label(cursor: Cursor) -> Term:
-    term = parse_value(cursor)
-    if not isinstance(term, Term):
-        raise SourceIssue(term.at, f"expected a label such as r or r(X), not {term}")
-    cursor.expect("]")
-    return term
+def _parse_rule(cursor: Cursor, literal: BodyLiteral | None, label: Term | None, at: Place) -> Rule | CrRule:
+    """Parse a rule after its head; a constraint has none."""
+    head = require_assignment(literal, "the head of a rule") if literal else None
+    body, is_cr_rule = _parse_tail(cursor, needs_body=head is None)
+    rule = Rule(head, body, at=head.at if head else at)
+    if is_cr_rule:
+        return CrRule(rule, label, at=at)
+    if label:
+        raise SourceIssue(at, f"only random selections, pr-atoms and cr-rules have a label, not '{rule}'")
+    return rule
 
 
-def _parse_tail(cursor: Cursor) -> tuple[Body, bool]:
+def _parse_tail(cursor: Cursor, *, needs_body: bool = False) -> tuple[Body, bool]:
     """Parse the rest of a rule after its head; return the body and whether the rule is a cr-rule."""
     body: Body = ()
     arrow = cursor.kind
     if cursor.next_is(":-", *_CR_ARROWS):
         cursor.take()
         cursor.uses_plog2 |= arrow == ":+"
-        if not cursor.next_is("."):
+        if needs_body or not cursor.next_is("."):
             body = parse_body(cursor)
     cursor.expect(".")
     return body, arrow in _CR_ARROWS
 
 
-def _parse_rule(cursor: Cursor, literal: BodyLiteral, label: Term | None = None) -> Rule | CrRule:
-    head = require_assignment(literal, "the head of a rule")
-    body, is_cr_rule = _parse_tail(cursor)
-    rule = Rule(head, body, at=head.at)
-    if is_cr_rule:
-        return CrRule(rule, label, at=label.at if label else head.at)
-    if label:
-        raise SourceIssue(
-            label.at, f"only random selections, pr-atoms and cr-rules have a label, not '{rule}'"
-        )
-    return rule
-
-
-def _parse_constraint(cursor: Cursor) -> Iterator[Statement]:
-    at, arrow = cursor.at, cursor.take()
-    rule = Rule(None, parse_body(cursor), at=at)
-    cursor.expect(".")
-    yield CrRule(rule, at=at) if arrow in _CR_ARROWS else rule
+def _parse_term(cursor: Cursor, what: str) -> Term:
+    term = parse_value(cursor)
+    if not isinstance(term, Term):
+        raise SourceIssue(term.at, f"expected {what}, not {term}")
+    return term
 
 
 def _parse_selection_head(cursor: Cursor) -> tuple[Term, DynamicRange | None]:
     """Parse `(term)`, `(term : {X : condition})` or `(term, p)`."""
     cursor.expect("(")
-    term = parse_value(cursor)
-    if not isinstance(term, Term):
-        raise SourceIssue(term.at, f"expected an attribute, not {term}")
+    term = _parse_term(cursor, "an attribute")
     dynamic_range = None
     if cursor.accept(":"):
         cursor.expect("{")
@@ -237,10 +232,6 @@ _PARSERS: dict[str, Callable[[Cursor], Iterator[Statement]]] = {
     "?": _parse_query,
     "obs": _parse_evidence,
     "do": _parse_evidence,
-    "random": _parse_labelled,
-    "pr": _parse_labelled,
-    "[": _parse_labelled,
-    ":-": _parse_constraint,
-    **dict.fromkeys(_CR_ARROWS, _parse_constraint),
+    **dict.fromkeys(("[", "random", "pr", ":-", *_CR_ARROWS), _parse_clause),
 }
 """The first token of a statement -> its parser; other statements are declarations or rules."""

@@ -42,7 +42,7 @@ def eliminate(
         (children, roots): component -> those that follow it in the tree; those that none precedes.
     """
     best = _eliminate(needs, groups, sizes, ranks, [0] * len(needs), inf)
-    if best[2] > MAX_GREEDY_WIDTH:
+    if best[2] > max([MAX_GREEDY_WIDTH, *[len(own) + 1 for own in needs]]):  # no order divides a clause
         for levels in _list_levels(needs):
             order = _eliminate(needs, groups, sizes, ranks, levels, best[2])
             if order[2] < best[2]:
@@ -135,8 +135,10 @@ def _eliminate(
             roots.append(i)
             continue
         number, scope = own[0], scopes[own[0]]
-        children[i] += [origin[other] for other in own if origin[other] >= 0]
+        if origin[number] >= 0:
+            children[i].append(origin[number])
         if len(own) > 1:
+            children[i] += [origin[other] for other in own[1:] if origin[other] >= 0]
             number = len(scopes)
             scope = scope.union(*[scopes[other] for other in own])
             for other in own:
@@ -153,12 +155,13 @@ def _eliminate(
             roots.append(i)
         elif len(scope) == 1:  # the scope has done its work
             merged[number] = True
-            children[next(iter(scope))].append(i)
+            (last,) = scope
+            children[last].append(i)
         for need in needs[i]:
             n_users[need] -= 1
             if not n_users[need]:
                 ready.append(need)
-        if len(scope) <= MAX_EXACT_DEGREE:
+        if heap and len(scope) <= MAX_EXACT_DEGREE:
             for member in scope:
                 if not n_users[member] and degrees[member] >= 0:
                     push(member)

@@ -6,8 +6,8 @@ share no clause: given the state, each part has its own worlds, and their sums m
 there, so that the cost is exponential in the width of a branch, not of the whole frontier. For
 ``a. b :- a. c :- a. d :- c.``:
 
-    a -> b        children  [(1, 2), (), (3,), ()]
-      -> c -> d   roots     (0,)
+    a -> b        children  [[1, 2], [], [3], []]
+      -> c -> d   roots     [0]
 
 Source: Dechter and Mateescu, "AND/OR search spaces for graphical models", Artificial Intelligence 171, 2007
 (pseudo trees).
@@ -39,8 +39,8 @@ class EliminationTree:
     """
 
     order: Sequence[tuple[int, ...]]
-    children: Sequence[tuple[int, ...]]
-    roots: tuple[int, ...]
+    children: Sequence[Sequence[int]]
+    roots: Sequence[int]
     ends: Sequence[int]
     linear: Collection[tuple[int, ...]]
 
@@ -95,7 +95,8 @@ def build_elimination_tree(
     linear = find_linear_components(program, components, clauses)
     ranks = rank_components(components, linear, queried, clauses)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
-    sizes = [sum([bits[outcomes[term]] for term in own]) for own in components]
+    bits_of = [bits[mask] for mask in outcomes]
+    sizes = [bits_of[own[0]] if len(own) == 1 else sum([bits_of[term] for term in own]) for own in components]
     groups = [group for group in constraints if len(group) > 1]
     children, roots = eliminate(component_needs, groups, sizes, ranks)
     if len(components) < len(terms):
@@ -135,19 +136,19 @@ def _number_nodes(
     linear: Collection[tuple[int, ...]],
 ) -> EliminationTree:
     """Number the nodes of a tree depth first; brothers keep their order."""
-    number = [0] * len(components)
-    preorder: list[int] = []
-    stack = sorted(roots, reverse=True)
+    order: list[tuple[int, ...]] = []
+    numbered: list[list[int]] = []
+    new_roots: list[int] = []
+    stack = [(root, new_roots) for root in sorted(roots, reverse=True)]
     while stack:
-        node = stack.pop()
-        number[node] = len(preorder)
-        preorder.append(node)
-        own = children[node]
-        stack += own if len(own) < 2 else sorted(own, reverse=True)
-    numbered = [tuple(sorted([number[child] for child in children[node]])) for node in preorder]
-    ends = list(range(1, len(preorder) + 1))
-    for step in range(len(preorder) - 1, -1, -1):
+        node, brothers = stack.pop()
+        brothers.append(len(order))
+        order.append(components[node])
+        own: list[int] = []
+        numbered.append(own)
+        stack += [(child, own) for child in sorted(children[node], reverse=True)]
+    ends = list(range(1, len(order) + 1))
+    for step in range(len(order) - 1, -1, -1):
         if numbered[step]:  # the subtree ends with that of the last child
             ends[step] = ends[numbered[step][-1]]
-    order = [components[node] for node in preorder]
-    return EliminationTree(order, numbered, tuple(sorted([number[root] for root in roots])), ends, linear)
+    return EliminationTree(order, numbered, new_roots, ends, linear)

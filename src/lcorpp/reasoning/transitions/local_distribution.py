@@ -12,9 +12,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Protocol
 
-from lcorpp.reasoning.conditions import ConditionViolation, compute_probabilities, list_applicable
+from lcorpp.reasoning.conditions import (
+    ConditionViolation,
+    compute_probabilities,
+    list_applicable,
+    list_dynamic_range,
+)
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
-from lcorpp.reasoning.transitions.rule_templates import ASSIGN, DERIVE, RANGE, SELECT, RuleTemplate
+from lcorpp.reasoning.transitions.rule_templates import DERIVE, SELECT, RuleTemplate
 
 ONE = Fraction(1)
 
@@ -133,15 +138,14 @@ def enumerate_outcomes(
     if not selections:
         no_value = len(program.values[term])
         return [(next(iter(derived), no_value), ONE, None)]
-    possible = _list_dynamic_range(program, term, selections, clauses)
+    possible = list_dynamic_range(program.source, program.values[term], selections, clauses)
     if do is not None:
         return [(do, ONE, None)] if do in possible and derived <= {do} else []
     taken = [value for value in possible if derived <= {value}]
     if not taken:
         return []
-    assigned = [clause for clause in clauses if clause.kind is ASSIGN]
     try:
-        atoms = list_applicable(program.source, selections, assigned, derived=bool(derived))
+        atoms = list_applicable(program.source, selections, clauses)
         # the clauses of a statement share their number, so its id, which compares fast, identifies it
         key = (tuple(possible), tuple([(c.value, id(c.number), c.statement) for c in atoms]))
         probabilities = cache.get(key)
@@ -153,20 +157,3 @@ def enumerate_outcomes(
     if not derived:
         return [(value, number, None) for value, number in zip(possible, probabilities, strict=True)]
     return [(value, probabilities[possible.index(value)], None) for value in taken]
-
-
-def _list_dynamic_range(
-    program: GroundProgram, term: int, selections: Sequence[Clause], clauses: Sequence[Clause]
-) -> list[int]:
-    """List the dynamic range in the order of the declaration; of several selections, the intersection."""
-    possible = list(range(len(program.values[term])))
-    for selection in selections:
-        if program.has_dynamic_range(selection.statement):
-            members = {
-                member.value
-                for member in clauses
-                if member.kind is RANGE
-                and (member.statement, member.instance) == (selection.statement, selection.instance)
-            }
-            possible = [value for value in possible if value in members]
-    return possible

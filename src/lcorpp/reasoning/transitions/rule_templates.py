@@ -44,17 +44,18 @@ class ClauseGroup:
 
     clause: one of the clauses, for its head.
     own_literals: its literals about the component itself; a clause with such literals has its own group.
+    bodies: the literals of each body about other components; none if one of the bodies has none, and in
+        templates that are not recursive.
     satisfied_slot: of the bit for "a body is satisfied", `NO_SLOT` if one always is, and for constraints.
-    bodies: the literals of each body about other components; none if one of the bodies has none.
-    pending: [slot, first, last]: the slots for partly decided bodies, with the ranks between which they are
+    pending: (slot, first, last): the slots for partly decided bodies, with the ranks between which they are
         in use.
     """
 
     clause: Clause
     own_literals: Sequence[GroundLiteral]
+    bodies: Sequence[RankedBody]
     satisfied_slot: int = NO_SLOT
-    bodies: list[RankedBody] = field(default_factory=list)
-    pending: Sequence[Sequence[int]] = ()
+    pending: Sequence[tuple[int, int, int]] = ()
 
 
 @dataclass(eq=False)
@@ -118,10 +119,11 @@ class RuleTemplate:
             places: term of a body outside of the component -> (rank of its step, index in its component).
             outcomes: the mask of the possible outcomes of each term.
         """
-        groups: dict[object, ClauseGroup] = {}
+        groups: dict[object, tuple[Clause, Sequence[GroundLiteral], list[RankedBody]]] = {}
         recursive = len(terms) > 1
+        known: dict[GroundLiteral, tuple[int, Conditions]] = {}
         for index, clause in enumerate(clauses):
-            own_literals, body = _split_body(clause, places, outcomes)
+            own_literals, body = _split_body(clause.body, places, outcomes, known)
             kind = clause.kind
             key: object = index  # equal keys: one group
             if own_literals:
@@ -132,21 +134,23 @@ class RuleTemplate:
                 key = kind
             elif kind is not ASSIGN:
                 key = kind, clause.term, clause.value, clause.statement, clause.instance
-            group = groups.get(key)
-            if group is None:
-                group = groups[key] = ClauseGroup(clause, own_literals)
-            group.bodies.append(body)
+            if key in groups:
+                groups[key][2].append(body)
+            else:
+                groups[key] = clause, own_literals, [body]
         parents = [Parent(rank) for rank in sorted({rank for rank, _ in places.values()})]
-        template = cls(terms, list(groups.values()), parents, recursive)
+        template = cls(terms, [ClauseGroup(*parts) for parts in groups.values()], parents, recursive)
         for index, group in enumerate(template.clause_groups):
             if () in group.bodies:
                 template.always_true.append(index)
-                group.bodies = []
+                group.bodies = ()
                 continue
             if terms:
                 group.satisfied_slot = template._add_slot()
                 parents[min([body[-1][0] for body in group.bodies])].allocates.append(group.satisfied_slot)
             template._register_bodies(group)
+            if not recursive:
+                group.bodies = ()
         # steps that occur only in groups that are always true do not matter
         template.parents = [parent for parent in parents if parent.updates]
         return template
@@ -158,27 +162,27 @@ class RuleTemplate:
         future have the same state.
         """
         parents = self.parents
-        span_of: dict[RankedBody, list[int]] = {}  # rest of a body -> slot, first rank, last rank
+        slot_of: dict[RankedBody, int] = {}  # rest of a body -> slot
+        first: dict[int, int] = {}  # slot -> the rank of the first step that may set its bit
         for body in group.bodies:
             pending = NO_SLOT
             for i in range(1, len(body)):
                 (rank, conditions), rest = body[i - 1], body[i:]
-                span = span_of.get(rest)
-                if span:
-                    parents[rank].updates.append((conditions, pending, span[0]))
-                    span[1] = min(span[1], rank)
-                    break  # the updates of the rest are there
-                target = self._add_slot()
-                span_of[rest] = [target, rank, rest[0][0]]
+                is_known = rest in slot_of
+                target = slot_of[rest] if is_known else self._add_slot()
+                slot_of[rest], first[target] = target, min(first.get(target, rank), rank)
                 parents[rank].updates.append((conditions, pending, target))
+                if is_known:
+                    break  # the updates of the rest are there
                 pending = target
             else:
                 rank, conditions = body[-1]
                 parents[rank].updates.append((conditions, pending, group.satisfied_slot))
-        group.pending = list(span_of.values())
-        for slot, first, last in group.pending:
-            parents[first].allocates.append(slot)
-            parents[last].releases.append(slot)
+        if slot_of:
+            group.pending = tuple([(slot, first[slot], rest[0][0]) for rest, slot in slot_of.items()])
+        for slot, start, end in group.pending:
+            parents[start].allocates.append(slot)
+            parents[end].releases.append(slot)
         if len(group.bodies) > 1:
             for rank in {rank for body in group.bodies for rank, _ in body}:
                 parents[rank].clause_groups.append(group)
@@ -197,18 +201,29 @@ bits: slot -> bit of the state, 0 before the slot is allocated and after it is r
 
 
 def _split_body(
-    clause: Clause, places: Mapping[int, tuple[int, int]], outcomes: Sequence[int]
-) -> tuple[list[GroundLiteral], RankedBody]:
-    """Split a body into literals about the component itself and conditions on earlier steps."""
-    own_literals: list[GroundLiteral] = []
+    body: Sequence[GroundLiteral],
+    places: Mapping[int, tuple[int, int]],
+    outcomes: Sequence[int],
+    known: dict[GroundLiteral, tuple[int, Conditions]],
+) -> tuple[tuple[GroundLiteral, ...], RankedBody]:
+    """Split a body into literals about the component itself and conditions on earlier steps.
+
+    Args:
+        places, outcomes: as in `RuleTemplate.from_clauses`.
+        known: literal -> condition, of the bodies before and this one: equal conditions share memory.
+    """
+    own_literals: tuple[GroundLiteral, ...] = ()
     parts: list[tuple[int, Conditions]] = []
-    for literal in clause.body:
-        term = literal[0]
-        if term in places:
+    for literal in body:
+        part = known.get(literal)
+        if part is None:
+            term, mask, _ = literal
+            if term not in places:
+                own_literals = (*own_literals, literal)
+                continue
             rank, index = places[term]
-            parts.append((rank, ((index, literal[1] & outcomes[term]),)))
-        else:
-            own_literals.append(literal)
+            part = known[literal] = rank, ((index, mask & outcomes[term]),)
+        parts.append(part)
     if len(parts) > 1:
         parts.sort()
         if len({rank for rank, _ in parts}) < len(parts):

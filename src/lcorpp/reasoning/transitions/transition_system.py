@@ -258,12 +258,11 @@ class _TransitionBuilder:
                     bits[slot] = ~live & (live + 1)  # the lowest bit that is not in use
                     live |= bits[slot]
             closures: list[Closure] = []
-            if self._recursion_of:
-                for other, _, bits in children:
-                    recursion = self._recursion_of.get(other)
-                    if recursion and recursion.is_touched_at(step):
-                        closure, live = recursion.advance(step, bits, live)
-                        closures.append(closure)
+            for other, _, bits in children if self._recursion_of else ():
+                recursion = self._recursion_of.get(other)
+                if recursion and recursion.is_touched_at(step):
+                    closure, live = recursion.advance(step, bits, live)
+                    closures.append(closure)
             # all bodies of the component are decided, so only bits for "satisfied" are left
             input_mask = sum(own_bits)
             # a bit is free again only now, as the transition reads it together with those allocated above

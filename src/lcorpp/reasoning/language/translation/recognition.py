@@ -1,0 +1,53 @@
+"""Recognise programs of other systems: ProbLog is translated, plingo is refused by name."""
+
+from __future__ import annotations
+
+import re
+
+from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.lexer import Cursor
+from lcorpp.reasoning.language.syntax import Statement
+from lcorpp.reasoning.language.translation.problog import translate_problog
+
+_PLOG_FORMS = {
+    "random": "random(f(D) : {X : p(X)}) :- B",
+    "pr": "pr(f(D)=x | B) = 1/4",
+    "obs": "obs(f(D)=x)",
+    "do": "do(f(D)=x)",
+    "query": "?{f(D)=x}",
+    "evidence": "obs(f(D)=x)",
+    "problog": "random(p) and pr(p) = 1/4",
+    "weight": "pr-atoms, as P-log has no weights",
+    "log": "pr-atoms, as P-log has no weights",
+}
+"""Theory atoms of plingo, and what P-log has in their place."""
+
+_PLINGO = re.compile(rf"& ({'|'.join(_PLOG_FORMS)}) [({{]")
+
+_PROBLOG = re.compile(
+    r"(?:\b[A-Z_]\w*|[\d.]|[)?]) : : |\\ \+ |\A(?!.* : )(?:.* \. )?(?:query|evidence) \( ", re.DOTALL
+)
+"""Marks in a text with spaces between its tokens. A P-log program has declarations beside query(...)."""
+
+
+def translate_other_system(cursor: Cursor) -> tuple[Statement, ...] | None:
+    """Translate a program of ProbLog; None if the text is neither of ProbLog nor of plingo.
+
+    Raises:
+        SourceIssue: the program has an error or a construct without translation.
+    """
+    tokens = " ".join(cursor.texts)
+    if found := _PLINGO.search(tokens):
+        cursor.index = tokens.count(" ", 0, found.start())
+        words = f"&{found[1]} is not translated; expected {_PLOG_FORMS[found[1]]}"
+        raise _refuse("plingo", SourceIssue(cursor.at, words))
+    if not _PROBLOG.search(tokens):
+        return None
+    try:
+        return translate_problog(cursor)
+    except SourceIssue as issue:
+        raise _refuse("ProbLog", issue) from None
+
+
+def _refuse(system: str, issue: SourceIssue) -> SourceIssue:
+    return SourceIssue(issue.at, f"this is a {system} program: {issue.message}; see docs/coming-from.md")
