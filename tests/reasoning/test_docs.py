@@ -6,6 +6,7 @@ import ast
 import re
 import shutil
 from fractions import Fraction
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,14 @@ def test_the_problog_example_has_the_answers_in_its_comment() -> None:
     program = parse_plog(text)
     expected = re.search(r"% expect: (.*)", text)[1].split()
     assert [f"{float(ask(program, query)):.6f}" for query in program.queries] == expected
+
+
+def test_the_table_of_limits_has_the_numbers_of_the_code() -> None:
+    rows = re.findall(r"^\|.*\| ([\d,]+) \| `([\w.]+)\.(\w+)` \|", PAGE, re.MULTILINE)
+    assert len(rows) >= 15
+    for number, module, name in rows:
+        value = getattr(import_module(f"lcorpp.reasoning.{module}"), name)
+        assert value == int(number.replace(",", "")), name
 
 
 def use(text: str) -> None:

@@ -15,6 +15,14 @@ def test_text_and_pickle_give_equal_programs() -> None:
     assert pickle.loads(pickle.dumps(program)) == program
 
 
+def test_equality_of_statements_ignores_their_places() -> None:
+    one, two = parse_plog("p : boolean. random(p)."), parse_plog("p : boolean.\n\n  random( p ).")
+    assert one.statements == two.statements
+    assert set(one.statements) == set(two.statements)
+    assert one.statements[1].at != two.statements[1].at
+    assert one.statements[0] != one.statements[1]
+
+
 def test_representations_are_short() -> None:
     program = parse_plog(LONG, file="long.plog")
     assert repr(program) == "<Program long.plog: 1 attributes, 302 statements, semantics of 2009>"

@@ -148,7 +148,8 @@ def _parse_bound(cursor: Cursor) -> int:
     """Parse an end of an interval outside of braces: a sum of integers and constants."""
     total = evaluate_integer(_parse_operand(cursor))
     while cursor.next_is("+", "-") and cursor.second_kind in (INTEGER, NAME):
-        if cursor.kinds[cursor.index + 2] in ("..", "("):
+        following = cursor.kinds[cursor.index + 2]
+        if following == ".." or (cursor.second_kind, following) == (NAME, "("):
             break  # another sort follows
         sign = -1 if cursor.take() == "-" else 1
         total += sign * evaluate_integer(_parse_operand(cursor))

@@ -5,13 +5,12 @@ A clause that passes these checks can be grounded.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from lcorpp.reasoning.language.arithmetic import MAX_INTEGER, find_variables, is_integer, iter_variables
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import ArgumentSlot, Signature
 from lcorpp.reasoning.language.syntax import (
-    Arithmetic,
     BodyLiteral,
     Clause,
     ComparisonLiteral,
@@ -58,7 +57,7 @@ def check_variables(clause: Clause, signature: Signature) -> None:
     # matching the known members of a record binds its variables
     records = find_variables(*(expression for expression, _ in slots if isinstance(expression, Term)))
     bounds = dict.fromkeys((*sorts, *records), signature.max_integer)
-    _add_computed_bounds(body, bounds)
+    _add_computed_bounds(body, bounds, sorts, signature)
     for variable in used:
         if variable.name not in bounds:
             raise SourceIssue(
@@ -70,7 +69,7 @@ def check_variables(clause: Clause, signature: Signature) -> None:
     for expression in scope:
         # the number of a pr-atom is computed exactly and has no bound
         if not (isinstance(clause, Probability) and expression is clause.number):
-            _check_arithmetic(expression, bounds, sorts, signature)
+            _bound_magnitude(expression, bounds, sorts, signature)
 
 
 def find_variable_sorts(
@@ -117,7 +116,9 @@ def _find_joined_variables(clause: Clause, signature: Signature) -> set[str]:
     return find_variables(*(argument for term in terms for argument in term.arguments))
 
 
-def _add_computed_bounds(body: Iterable[BodyLiteral], bounds: dict[str, int]) -> None:
+def _add_computed_bounds(
+    body: Iterable[BodyLiteral], bounds: dict[str, int], sorts: Mapping[str, list[str]], signature: Signature
+) -> None:
     """Add bounds of variables computed by equations such as X=Y+1 from bounded variables."""
     equations = [(name, expression, find_variables(expression)) for name, expression in _iter_equations(body)]
     waiting: dict[str, list[int]] = {}  # variable without bound -> the equations that use it
@@ -129,7 +130,7 @@ def _add_computed_bounds(body: Iterable[BodyLiteral], bounds: dict[str, int]) ->
     while ready:
         variable, expression, _ = equations[ready.pop()]
         if variable not in bounds:
-            bounds[variable] = _bound_magnitude(expression, bounds)
+            bounds[variable] = _bound_magnitude(expression, bounds, sorts, signature)
             for index in waiting.pop(variable, ()):
                 names = equations[index][2]
                 names.remove(variable)
@@ -137,35 +138,32 @@ def _add_computed_bounds(body: Iterable[BodyLiteral], bounds: dict[str, int]) ->
                     ready.append(index)
 
 
-def _bound_magnitude(expression: Expression, bounds: dict[str, int]) -> int:
-    """Return an upper bound on the absolute value of an expression."""
+def _bound_magnitude(
+    expression: Expression, bounds: Mapping[str, int], sorts: Mapping[str, list[str]], signature: Signature
+) -> int:
+    """Return an upper bound on the absolute value of an expression after a check of its arithmetic."""
     if isinstance(expression, Variable):
         return bounds[expression.name]
+    if isinstance(expression, Term):
+        arguments = expression.arguments
+        return max((_bound_magnitude(part, bounds, sorts, signature) for part in arguments), default=0)
     if isinstance(expression, Number):
         if expression.value.denominator != 1:
             raise SourceIssue(expression.at, f"expected an integer, not {expression}")
-        return abs(expression.value.numerator)
-    if isinstance(expression, Term):
-        return max((_bound_magnitude(argument, bounds) for argument in expression.arguments), default=0)
-    left, right = _bound_magnitude(expression.left, bounds), _bound_magnitude(expression.right, bounds)
-    return left * right if expression.operator == "*" else left + right
-
-
-def _check_arithmetic(
-    expression: Expression, bounds: dict[str, int], sorts: dict[str, list[str]], signature: Signature
-) -> None:
-    if _bound_magnitude(expression, bounds) > MAX_INTEGER:
-        raise SourceIssue(expression.at, f"{expression} may exceed {MAX_INTEGER}, the largest integer")
-    if isinstance(expression, Term):
-        for argument in expression.arguments:
-            _check_arithmetic(argument, bounds, sorts, signature)
-    elif isinstance(expression, Arithmetic):
+        bound = abs(expression.value.numerator)
+    else:
         for operand in (expression.left, expression.right):
             _check_integer(operand, f"arithmetic in {expression}", sorts, signature)
-            _check_arithmetic(operand, bounds, sorts, signature)
+        left, right = (
+            _bound_magnitude(side, bounds, sorts, signature) for side in (expression.left, expression.right)
+        )
+        bound = left * right if expression.operator == "*" else left + right
+    if bound > MAX_INTEGER:
+        raise SourceIssue(expression.at, f"{expression} may exceed {MAX_INTEGER}, the largest integer")
+    return bound
 
 
-def check_order(body: Iterable[BodyLiteral], sorts: dict[str, list[str]], signature: Signature) -> None:
+def check_order(body: Iterable[BodyLiteral], sorts: Mapping[str, list[str]], signature: Signature) -> None:
     """Check that only integers are compared by order."""
     for literal in body:
         if literal.relation in ("=", "!="):
@@ -183,7 +181,7 @@ def check_order(body: Iterable[BodyLiteral], sorts: dict[str, list[str]], signat
 
 
 def _check_integer(
-    expression: Expression, what: str, sorts: dict[str, list[str]], signature: Signature
+    expression: Expression, what: str, sorts: Mapping[str, list[str]], signature: Signature
 ) -> None:
     if isinstance(expression, Term):
         raise SourceIssue(expression.at, f"{what} needs integers, but {expression} is none")
