@@ -29,7 +29,7 @@ own steps read; other branches may use the same bits otherwise.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence, Set
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from lcorpp.reasoning.gc_pause import pause_gc
@@ -87,7 +87,7 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
         queried: the terms whose outcomes queries read.
     """
     with pause_gc():
-        program, term_numbers = _number_queried_terms(program, set(queried))
+        program, term_numbers = program.number_terms(set(queried))
         clauses, outcomes = simplify(program)
         needed = set(term_numbers.values())
         clauses, irrelevant = separate_irrelevant_rules(program, clauses, needed)
@@ -103,18 +103,6 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
             [*builder.recursions, *irrelevant],
             builder.probabilities,
         )
-
-
-def _number_queried_terms(program: GroundProgram, queried: Set[str]) -> tuple[GroundProgram, dict[str, int]]:
-    """Number the queried terms; add those to the program that none of its rules names."""
-    numbers = {name: term for term, name in enumerate(program.names) if name in queried}
-    missing = sorted(queried - numbers.keys())
-    if missing:
-        attributes = program.source.attributes
-        ranges = [attributes[name.partition("(")[0]].values for name in missing]
-        numbers.update((name, len(program.names) + i) for i, name in enumerate(missing))
-        program = replace(program, names=[*program.names, *missing], values=[*program.values, *ranges])
-    return program, numbers
 
 
 class _TransitionBuilder:
