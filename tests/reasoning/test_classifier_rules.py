@@ -71,3 +71,25 @@ def test_the_classifier_must_be_random_and_without_arguments() -> None:
         with_classifier(program, "q", "p", matrix, labels)
     with pytest.raises(ProgramError, match="f has arguments"):
         with_classifier(program, "f", "p", matrix, labels)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"program": "x"}, "program is 'x'; expected Program"),
+        ({"attribute": ["classifier"]}, r"attribute is \['classifier'\]; expected str"),
+        ({"target": None}, "target is None; expected str"),
+        ({"confusion": [[1, 2], [3, 4]]}, "confusion is .*; expected ConfusionMatrix"),
+        ({"label_of": None}, "label_of is None; expected Mapping"),
+        ({"label_of": {1: "one", 2: "zero"}}, "labels are given for 1, 2, the confusion"),
+        ({"label_of": {**LABELS, "interested": ["one"]}}, r"label \['one'\] is not a value of classifier"),
+        ({"smoothing": "x"}, "smoothing is 'x'; expected int or float or Fraction"),
+    ],
+)
+def test_arguments_of_a_wrong_type_are_refused(changes: dict[str, Any], words: str) -> None:
+    arguments = {
+        "program": PROGRAM, "attribute": "classifier", "target": "intention", "confusion": MATRIX,
+        "label_of": LABELS, **changes,
+    }  # fmt: skip
+    with pytest.raises(ProgramError, match=words):
+        with_classifier(**arguments)

@@ -113,6 +113,21 @@ def test_few_effective_samples_are_refused():
         reasoner.ask(parse_query("c | obs(e)", program))
 
 
+def test_few_samples_without_evidence_are_refused():
+    program = parse_plog("p : boolean. random(p).")
+    with pytest.raises(TooLargeError, match=r"and the samples are too few: .* size of 3 in 3 worlds"):
+        Reasoner(program, samples=3).posterior("p")
+
+
+def test_evidence_of_a_probability_below_the_floats():
+    tiny = f"1/{10**200}"
+    program = parse_plog(f"p, q : boolean. random(p). random(q). pr(p) = {tiny} * {tiny}. pr(q | p) = 1.")
+    with pytest.warns(ReasoningWarning):
+        found = Reasoner(program, samples=300).posterior("q", {"p": "true"})
+    assert found["true"] == 1
+    assert found.effective == 300
+
+
 def test_more_worlds_are_drawn_if_too_few_have_the_evidence():
     program = parse_plog(RARE.replace("{n}", "20"))
     with pytest.warns(ReasoningWarning) as issued:

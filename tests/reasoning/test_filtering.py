@@ -268,5 +268,8 @@ def test_arguments_of_a_wrong_type_are_refused() -> None:
             filter.step(evidence)  # type: ignore[arg-type]
     with pytest.raises(ProgramError, match="expected Mapping"):
         Reasoner(parse_plog(ROOM)).filter(["at(0)"], [], "at(1)")  # type: ignore[arg-type]
+    for window in (-1, 1.5):
+        with pytest.raises(ProgramError, match="window"):
+            Reasoner(parse_plog(ROOM)).filter({"at(0)": "at(1)"}, [], "at(1)", window=window)  # type: ignore[arg-type]
     with pytest.raises(ProgramError, match="a likelihood of a, b"):
         filter.step({"at(1)": Likelihood(("a", "b"), np.ones(2))})

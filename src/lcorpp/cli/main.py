@@ -9,7 +9,6 @@ import sys
 from collections.abc import Sequence
 
 from lcorpp.errors import LcorppError
-from lcorpp.reasoning.gc_pause import pause_gc
 
 
 def main() -> None:
@@ -38,9 +37,9 @@ def main() -> None:
 def _run_command(arguments: Sequence[str]) -> None:
     """Run a command; `ask FILE QUERY` without options does not load typer, which takes longer."""
     if arguments[:1] == ["ask"] and len(arguments) in (2, 3) and not any(a[:1] == "-" for a in arguments):
-        with pause_gc():  # modules are no garbage, neither here nor at the end
-            from lcorpp.cli.answers import print_answers
-        atexit.register(gc.freeze)
+        from lcorpp.cli.answers import print_answers
+
+        atexit.register(gc.freeze)  # modules are no garbage
         print_answers(*arguments[1:])
     else:
         from lcorpp.cli.app import app

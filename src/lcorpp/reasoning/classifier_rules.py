@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
-from lcorpp.errors import ProgramError, expected_one_of
+from lcorpp.errors import ProgramError, check_type, expected_one_of
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.signature import Attribute
-from lcorpp.reasoning.language.syntax import Literal, Number, Probability, Selection, Statement, Term
+from lcorpp.reasoning.language.syntax import Literal, Number, Probability, Selection, Term
 from lcorpp.values import JEFFREYS, ConfusionMatrix
 
 
@@ -34,10 +34,18 @@ def with_classifier(
         smoothing: the pseudo-count, see `ConfusionMatrix.rates`.
 
     Raises:
-        ProgramError: a name is unknown to the program or the matrix, or `attribute` has no random selection.
+        ProgramError: an argument has another type, a name is unknown to the program or the matrix, or
+            `attribute` has no random selection.
+        DataError: `smoothing` is negative, or 0 although a class has no cases.
 
     Source: Algorithm 1 of the LCORPP paper, line 17 (update theta with C).
     """
+    check_type(program, Program, "program", ProgramError)
+    check_type(attribute, str, "attribute", ProgramError)
+    check_type(target, str, "target", ProgramError)
+    check_type(confusion, ConfusionMatrix, "confusion", ProgramError)
+    check_type(label_of, Mapping, "label_of", ProgramError)
+    check_type(smoothing, (int, float, Fraction), "smoothing", ProgramError)
     labelled, classified = _find_attribute(program, attribute), _find_attribute(program, target)
     places = [s.at for s in program.statements if isinstance(s, Selection) and s.term.name == attribute]
     if not places:
@@ -47,19 +55,19 @@ def with_classifier(
     _check_values(confusion.classes, classified, "class")
     if set(label_of) != set(confusion.classes):
         raise ProgramError(
-            f"labels are given for {', '.join(label_of) or 'no class'},"
+            f"labels are given for {', '.join(map(str, label_of)) or 'no class'},"
             f" the confusion matrix has {', '.join(confusion.classes)}"
         )
     labels = [label_of[name] for name in confusion.classes]
     _check_values(labels, labelled, "label")
     if len(set(labels)) < len(labels):
         raise ProgramError(f"classes share a label of {attribute}: {', '.join(labels)}")
-    rules: list[Statement] = []
+    terms = [parse_term(label, "<label>") for label in labels]
+    rules = []
     for name, row in zip(confusion.classes, confusion.rates(smoothing), strict=True):
         condition = Literal(Term(target), "=", parse_term(name, "<class>"))
-        for label, rate in zip(labels, row, strict=True):
-            value = parse_term(label, "<label>")
-            rules.append(Probability(Term(attribute), value, Number(rate), (condition,), at=places[0]))
+        for term, rate in zip(terms, row, strict=True):
+            rules.append(Probability(Term(attribute), term, Number(rate), (condition,), at=places[0]))
     kept = [s for s in program.statements if not (isinstance(s, Probability) and s.term.name == attribute)]
     return Program(program.file, (*kept, *rules), program.semantics)
 

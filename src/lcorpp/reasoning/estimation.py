@@ -95,12 +95,16 @@ def estimate_probabilities(
     if not found.possible:
         raise make_no_world_error(ground.source, conditions)
     if found.accepted < MIN_EFFECTIVE_SAMPLES:
-        worlds = f"{found.drawn} worlds drawn at random"
-        raise TooLargeError(
-            f"{reason}, and its evidence is too improbable for sampling: an effective sample size of"
-            f" {found.accepted} in {worlds}; expected at least {MIN_EFFECTIVE_SAMPLES}"
+        problem = (
+            "the samples are too few"
+            if found.accepted == found.drawn
+            else "its evidence is too improbable for sampling"
             if found.accepted
-            else f"{reason}, and no sample met the evidence, which is improbable or impossible, in {worlds}"
+            else "no sample met the evidence, which is improbable or impossible"
+        )
+        raise TooLargeError(
+            f"{reason}, and {problem}: an effective sample size of {found.accepted} in {found.drawn} worlds"
+            f" drawn at random; expected at least {MIN_EFFECTIVE_SAMPLES}"
         )
     message = f"{reason}: estimated from {found.drawn} worlds drawn at random, effective sample size"
     warnings.warn(f"{message} {found.accepted}", ReasoningWarning, stacklevel=stacklevel)

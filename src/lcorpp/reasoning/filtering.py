@@ -32,7 +32,6 @@ from lcorpp.reasoning.circuit.compiler import build_layers
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.evidence import Codes, EncodedEvidence, EvidenceEncoder
 from lcorpp.reasoning.circuit.passes import differentiate, evaluate
-from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.slices import split_slices
@@ -54,7 +53,7 @@ MAX_STATES = 1000
 MAX_CACHED_NUMBERS = 10_000_000
 """A filter caches matrices with at most this many numbers together."""
 
-_SMALLEST = 5e-324
+_MIN_POSITIVE = 5e-324
 
 
 class Filter:
@@ -79,7 +78,6 @@ class Filter:
         TooLargeError: the program is too large to be compiled, or has too many states.
     """
 
-    @pause_gc()
     def __init__(
         self,
         program: Program,
@@ -94,6 +92,9 @@ class Filter:
             raise ProgramError(
                 f"{program.file}: a program with cr-rules has no filter, as it is not compiled"
             )
+        check_type(window, int, "window", ProgramError)
+        if window < 0:
+            raise ProgramError(f"window is {window}; expected at least 0")
         self.program, self.window = program, window
         old, new = _resolve_carried(program, carried)
         self.inputs = tuple(resolve_inputs(program, inputs))
@@ -280,7 +281,7 @@ class _Table:
         totals = evaluate(self._layers, given)[:, None]
         by_term = differentiate(self._layers, EncodedEvidence(given), self._asked)
         rows = [by_term[term] for term in self._asked]
-        sums = [np.maximum(own.sum(axis=1, keepdims=True), _SMALLEST) for own in rows]
+        sums = [np.maximum(own.sum(axis=1, keepdims=True), _MIN_POSITIVE) for own in rows]
         return np.hstack([*[own / total * totals for own, total in zip(rows, sums, strict=True)], totals])
 
 

@@ -24,7 +24,6 @@ from lcorpp.reasoning.answers import (
 )
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
@@ -217,7 +216,6 @@ class Reasoner:
             raise make_no_world_error(self.program, "")
         return worlds.count()
 
-    @pause_gc()
     def ask(self, query: Query, *, exact: bool = False) -> QueryAnswer:
         """Answer a query: compute a distribution or a probability.
 

@@ -43,7 +43,7 @@ def weather(request, monkeypatch) -> Circuit:
     """A circuit whose numbers have the usual or the extended range."""
     circuit = Reasoner(WEATHER).compile(["x", "p"], ["x(2)", "x(4)"])
     if request.param == "extended range":
-        monkeypatch.setattr("lcorpp.reasoning.circuit.passes._MIN_BITS", np.uint64(2**63))
+        monkeypatch.setattr("lcorpp.reasoning.circuit.passes.MIN_NUMBER", 2.0)
     return circuit
 
 

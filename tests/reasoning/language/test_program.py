@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import pickle
+import re
 
+import pytest
+
+from lcorpp.errors import ProgramError
 from lcorpp.reasoning import Reasoner, explain, parse_plog, parse_query, program_text
+from lcorpp.reasoning.language.syntax import Rule
 
 LONG = "n = {1..500}. f : n -> boolean. " + " ".join(f"random(f({i}))." for i in range(1, 301))
 
@@ -42,3 +47,54 @@ def test_an_explanation_has_a_short_representation() -> None:
     assert repr(explanation) == (
         "<Explanation of ?{q=true} | obs(p=true).: answer 1, 1 conditions, 1 worlds>"
     )
+
+
+FACTS = "n = {1..3}. c = {x, y}. e : n, c -> c. g : c -> boolean. h : n. a : c. random(a)."
+
+
+@pytest.mark.parametrize(
+    "fact",
+    [
+        "e(1, x) = y",
+        "e(1,x)=y",
+        "g(x)",
+        "g(x) = false",
+        "-g(y)",
+        "h = 2",
+        "e(\n 1,\n x) = y",
+        "e(1+1, x) = y",
+    ],
+)
+def test_facts_are_rules(fact):
+    """Facts of integers and names have a compact form; it equals the rule."""
+    program = parse_plog(f"{FACTS} {fact}.")
+    rule = program.statements[-1]
+    assert isinstance(rule, Rule)
+    assert rule == Rule(rule.head) == pickle.loads(pickle.dumps(rule))
+    assert hash(rule) == hash(Rule(rule.head))
+    assert parse_plog(str(program)) == program
+    assert rule != Rule(rule.head, (rule.head,))
+
+
+@pytest.mark.parametrize(
+    ("fact", "place"),
+    [
+        ("e(1, z) = y.", "2:6: 'z' is not a member"),
+        ("e(1, x) = 2.", "2:11: '2' is not a member"),
+        ("e(99999999999, x) = y.", "2:3: the number 99999999999 is beyond 32 bits"),
+        ("g(1,\n2).", "2:1: g has 1 arguments, not 2"),
+        ("k(x).", "2:1: 'k' is not declared"),
+    ],
+)
+def test_errors_in_facts_have_exact_places(fact, place):
+    with pytest.raises(ProgramError, match=re.escape(f"a.plog:{place}")):
+        parse_plog(f"{FACTS}\n{fact}", file="a.plog")
+
+
+def test_constants_and_overloads_in_facts():
+    program = parse_plog(
+        "#const k = 2. n = {1..3}. #domain n(X). p(k). p(1, k). q(k) = k. q(1) = 3. p(X) :- q(X) = X."
+    )
+    assert [str(rule) for rule in program.statements if isinstance(rule, Rule)][:4] == [
+        "p(2)=true.", "p_2(1,2)=true.", "q(2)=2.", "q(1)=3.",
+    ]  # fmt: skip

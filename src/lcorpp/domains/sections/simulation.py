@@ -148,7 +148,7 @@ def _make_noisy_channel(
     reasoner, labels = Reasoner(true_program), learning.label_of.values()
     marginal = reasoner.posterior(reasoning.target, {})
     return {
-        value: dict(reasoner.posterior(learning.attribute, {reasoning.target: value}))
+        value: {k: float(p) for k, p in reasoner.exact(learning.attribute, {reasoning.target: value}).items()}
         if marginal[value]
         else dict.fromkeys(labels, 1 / len(labels))  # an impossible value: its row is never used
         for value in reasoning.values

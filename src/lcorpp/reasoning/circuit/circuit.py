@@ -139,15 +139,13 @@ class Circuit:
     def _compute_probabilities(self, evidence: EncodedEvidence) -> dict[str, Array]:
         """(B, outcomes) Compute the distribution of each query; rows of NaN for impossible evidence."""
         rows, numbers = evidence.number_rows()
-        weights = differentiate(
-            self.layers, evidence.take(rows), [self._variables[query] for query in self.queries]
-        )
-        by_query = {query: weights[self._variables[query]] for query in self.queries}
+        variables = {query: self._variables[query] for query in self.queries}
+        weights = differentiate(self.layers, evidence.take(rows), variables.values())
         with np.errstate(invalid="ignore"):
-            return {
-                query: (own / own.sum(axis=1, keepdims=True)).take(numbers, axis=0)
-                for query, own in by_query.items()
+            shares = {
+                query: weights[i] / weights[i].sum(axis=1, keepdims=True) for query, i in variables.items()
             }
+        return {query: own.take(numbers, axis=0) for query, own in shares.items()}
 
     def _check_rows(
         self, probabilities: Mapping[str, Array], undefined: str, named: Mapping[str, Label] | None

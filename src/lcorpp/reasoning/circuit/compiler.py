@@ -14,7 +14,6 @@ from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
 from lcorpp.reasoning.circuit.matrices import MIN_WEIGHT, Groups, Layer
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_inputs, resolve_interventions, resolve_queries
@@ -24,7 +23,6 @@ WIDE = Context(prec=25, Emin=MIN_EMIN, Emax=MAX_EMAX)
 """The context of decimal numbers, which do not underflow."""
 
 
-@pause_gc()
 def compile_program(
     program: Program,
     inputs: Sequence[str],

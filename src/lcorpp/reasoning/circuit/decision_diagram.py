@@ -24,7 +24,6 @@ from typing import NamedTuple
 from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.conditions import ConditionViolation
-from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import QUERY_TERM
 from lcorpp.reasoning.transitions.stratified import derive_values
 from lcorpp.reasoning.transitions.transition import Effect, Transition
@@ -104,11 +103,10 @@ def build_decision_diagram(system: TransitionSystem, limit: int = MAX_ARCS) -> D
         TooLargeError: there are more than `limit` arcs.
         ProgramError: a world breaks a condition of the language, or a component has too many stable models.
     """
-    with pause_gc():
-        expander = _Expander()
-        diagram = _expand(system, expander, limit)
-        if expander.has_dead_ends:
-            _prune(diagram)
+    expander = _Expander()
+    diagram = _expand(system, expander, limit)
+    if expander.has_dead_ends:
+        _prune(diagram)
     if expander.violations:  # a violation in no world was pruned
         for step, arcs in enumerate(diagram.arcs):
             for arc, outcome in enumerate(arcs.outcomes):
@@ -298,7 +296,8 @@ def iterate_arcs(arcs: Arcs) -> Iterator[tuple[int, tuple[int, ...], int]]:
 def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
     """Convert the outcomes of all steps to term -> value, sorted by term, without terms of queries."""
     program = system.program
-    outcome_of = {
+    outcome_of = dict(system.facts)
+    outcome_of |= {
         term: value
         for terms, values in zip(system.tree.order, outcomes, strict=True)
         for term, value in zip(terms, values, strict=True)

@@ -148,4 +148,4 @@ def _split_exponents(numbers: Sequence[float]) -> tuple[Array, Index | None]:
     fractions = [Fraction(number) for number in numbers]
     exponents = [n.numerator.bit_length() - n.denominator.bit_length() for n in fractions]
     weights = [float(n / Fraction(2) ** e) for n, e in zip(fractions, exponents, strict=True)]
-    return np.array(weights), np.array(exponents)
+    return np.array(weights), np.array(exponents, dtype=np.intp)

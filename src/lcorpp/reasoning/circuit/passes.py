@@ -1,7 +1,7 @@
 """Compilation, step 5: an upward and a downward pass over the layers of a circuit answer a query, or many.
 
 They give the joint weight of the evidence and each value of any term: the derivatives with respect to the
-weights of the values. Columns are scaled by powers of two after each layer. If a number of a column is so
+weights of the values. Columns are scaled after each layer. If a number of a column is so
 small that digits may be lost, the passes are repeated for it with numbers of extended range.
 
 Source: Darwiche, "A differential approach to inference in Bayesian networks", J. ACM 50(3), 2003; likelihoods
@@ -10,8 +10,9 @@ in place of indicators, Pearl, Probabilistic Reasoning in Intelligent Systems, 1
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import reduce
+from itertools import accumulate
 from operator import mul
 from typing import Any, Protocol, TypeVar
 
@@ -30,11 +31,7 @@ MIN_NUMBER = 1e-100
 """Columns with a smaller positive number need extended range: products of three such numbers underflow."""
 
 _MIN_DIVISOR = 5e-324
-
-MAX_UNCHECKED = 50_000
-"""The numbers of a pass are checked in blocks of about this size, which fit into the cache."""
-
-_MIN_BITS = np.float64(MIN_NUMBER).view(np.uint64) - np.uint64(1)
+"""The smallest positive number, which divides columns of zeros."""
 
 _Numbers = TypeVar("_Numbers", Array, ExtendedNumbers)
 
@@ -92,11 +89,8 @@ def _split(
     layers: Sequence[Layer], evidence: EncodedEvidence
 ) -> Iterator[tuple[Index, _Arithmetic[Any], EncodedEvidence]]:
     """Yield chunks of the rows, and of those rows again whose numbers have become too small."""
-    n_rows, width = (
-        len(evidence.codes),
-        sum([layer.matrix.rows.size + 2 * len(layer.inputs.keys) for layer in layers]),
-    )
-    size = max(1, MAX_CHUNK_NUMBERS // width)
+    width = sum([layer.matrix.rows.size + 2 * len(layer.inputs.keys) for layer in layers])
+    n_rows, size = len(evidence.codes), max(1, MAX_CHUNK_NUMBERS // width)
     for start in range(0, n_rows, size):
         rows = np.arange(start, min(start + size, n_rows))
         floats = _FloatArithmetic(len(rows))
@@ -153,7 +147,10 @@ def _differentiate(
             continue
         by_input = arithmetic.sum(layer.inputs, by_pair if weight is None else by_pair * weight)
         factors = [_take(outputs[source], nodes) for source, nodes in layer.sources]
-        products = _multiply_others(by_input, factors, arithmetic.multiply)
+        # the product of the other factors and `by_input`, for each factor
+        before: list[_Numbers] = list(accumulate(factors[:-1], arithmetic.multiply, initial=by_input))
+        after: list[_Numbers] = list(accumulate(factors[:0:-1], arithmetic.multiply))[::-1]
+        products = [arithmetic.multiply(*pair) for pair in zip(before, after, strict=False)] + before[-1:]
         for (source, nodes), product in zip(layer.sources, products, strict=True):
             derivatives[source] = arithmetic.sum(nodes, product)
     return joint
@@ -164,30 +161,13 @@ def _take(numbers: _Numbers, groups: Groups) -> _Numbers:
     return numbers if groups.is_identity else numbers[groups.keys]
 
 
-def _multiply_others(
-    own: _Numbers, factors: Sequence[_Numbers], multiply: Callable[[_Numbers, _Numbers], _Numbers]
-) -> list[_Numbers]:
-    """Multiply a number by all factors but one, for each of the factors."""
-    before = [own]
-    for factor in factors[:-1]:
-        before.append(multiply(before[-1], factor))
-    products, after = [before[-1]], factors[-1]
-    for factor, rest in zip(factors[-2:0:-1], before[-2:0:-1], strict=True):
-        products.append(multiply(rest, after))
-        after = multiply(factor, after)
-    if len(factors) > 1:
-        products.append(multiply(own, after))
-    return products[::-1]
-
-
 class _FloatArithmetic:
     """The operations of a pass in floating point, with columns scaled to a maximum of 1."""
 
     def __init__(self, n_columns: int) -> None:
         self._is_extreme = np.zeros(n_columns, dtype=np.bool_)
         self._scales: list[Array] = []
-        self._unchecked: list[Array] = []
-        self._n_unchecked = 0
+        self._checked = [np.ones((1, n_columns))]
 
     def convert(self, numbers: Array) -> Array:
         """Check weights."""
@@ -232,19 +212,10 @@ class _FloatArithmetic:
 
     def find_extreme_columns(self) -> npt.NDArray[np.bool_]:
         """(B,) Find the columns in which digits may be lost."""
-        # floats of one sign have the order of their bits; less 1, zeros become the largest integers
-        if self._unchecked:
-            bits = np.concatenate(self._unchecked).view(np.uint64)
-            bits -= np.uint64(1)
-            if bits.size and bits.min() < _MIN_BITS:
-                self._is_extreme |= (bits < _MIN_BITS).any(axis=0)
-            self._unchecked, self._n_unchecked = [], 0
+        numbers = np.concatenate(self._checked)
+        self._is_extreme |= ((numbers > 0) & (numbers < MIN_NUMBER)).any(axis=0)
         return self._is_extreme
 
     def _check(self, numbers: Array) -> Array:
-        """Check (n, B) numbers, many of these arrays together."""
-        self._unchecked.append(numbers)
-        self._n_unchecked += numbers.size
-        if self._n_unchecked > MAX_UNCHECKED:
-            self.find_extreme_columns()
+        self._checked.append(numbers)
         return numbers

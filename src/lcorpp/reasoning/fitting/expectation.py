@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,7 @@ from lcorpp.reasoning.fitting.number_model import REJECTED, NumberModel
 from lcorpp.values import Array
 
 _Mask = npt.NDArray[np.bool_]
+_Codes = npt.NDArray[np.intp]
 
 MAX_CELLS = 4_000_000
 """The passes have at most this many cells (arcs times records) in memory."""
@@ -28,40 +30,36 @@ MAX_CELLS = 4_000_000
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """The expected counts of n distinct records, and of the rejected draws after them.
+    """The expected counts of n distinct records, of a draw that is not rejected, and of one that is.
 
-    log_p: (n,) log probabilities of the records, of worlds that are not rejected.
-    rejected: the probability of rejected worlds.
-    repeats: (n + 1,) the number of records and of rejected draws.
-    counts: (forms, n + 1) how often each form is a factor of the probability of one; 0 if it is impossible.
+    log_p: (n + 2,) their log probabilities.
+    repeats: (n + 2,) the number of records, 0, and the number of rejected draws.
+    counts: (forms, n + 2) how often each form is a factor of the probability of one; 0 if it is impossible.
     """
 
     log_p: Array
-    rejected: float
     repeats: Array
     counts: Array
 
     @property
     def log_likelihood(self) -> float:
         """The log likelihood of the records."""
-        n_records = self.repeats[:-1].sum()
-        return float(self.log_p @ self.repeats[:-1] - n_records * np.log1p(-self.rejected))
+        return float((self.log_p[:-2] - self.log_p[-2]) @ self.repeats[:-2])
 
 
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """The arcs of a step, and sparse matrices that sum over them.
+class _Step(NamedTuple):
+    """The arcs of a step, see `Arcs`; the sparse matrices sum over them.
 
-    children: the steps that follow it. sources, targets, outcomes: as in `Arcs`.
-    by_source: (nodes, arcs). by_target: for each branch (its nodes, arcs). by_form: (forms, arcs).
+    agrees: (arcs, n) whether they agree with the records; (arcs, 1) if no record observes the terms.
+    branches: the child, the target of each arc in it, and (nodes, arcs).
+    by_source, by_form: (nodes, arcs) and (forms, arcs).
     """
 
-    children: Sequence[int]
-    sources: npt.NDArray[np.intp]
-    targets: Sequence[npt.NDArray[np.intp]]
-    outcomes: npt.NDArray[np.intp]
+    sources: _Codes
+    outcomes: _Codes
+    agrees: _Mask
+    branches: Sequence[tuple[int, _Codes, sparse.csr_array]]
     by_source: sparse.csr_array
-    by_target: Sequence[sparse.csr_array]
     by_form: sparse.csc_array
 
 
@@ -75,95 +73,86 @@ class Expectation:
 
     def __init__(self, model: NumberModel, records: Sequence[Mapping[str, str]], repeats: Array) -> None:
         self._model, self._repeats, diagram = model, repeats, model.diagram
-        self._steps = []
-        for step, arcs in enumerate(diagram.arcs):
-            children = diagram.system.tree.children[step]
-            sources, outcomes = np.array(arcs.sources), np.array(arcs.outcomes, dtype=np.intp)
-            targets = [np.array(branch) for branch in arcs.targets]
-            by_target = [
-                _make_sum(t, diagram.sizes[child]) for t, child in zip(targets, children, strict=True)
+        tree, sizes = diagram.system.tree, diagram.sizes
+        evidence = [*[{**record, REJECTED: ""} for record in (*records, {})], {REJECTED: "true"}]
+        self._possible, codes = self._encode(evidence)
+        self._steps: list[_Step] = []
+        for arcs, size, children, terms in zip(diagram.arcs, sizes, tree.children, tree.order, strict=True):
+            outcomes = np.array(arcs.outcomes, dtype=np.intp)
+            agrees = np.ones((len(outcomes), 1), dtype=np.bool_)
+            for i, term in enumerate(terms):
+                if term in codes:
+                    own = np.array([diagram.outcomes[outcome][0][i] for outcome in outcomes])
+                    agrees = agrees & ((codes[term] < 0) | (own[:, None] == codes[term]))
+            branches = [
+                (child, np.array(targets), _make_sum(targets, sizes[child]))
+                for child, targets in zip(children, arcs.targets, strict=True)
             ]
-            by_source, by_form = _make_sum(sources, diagram.sizes[step]), model.factors[:, outcomes]
-            self._steps.append(_Step(children, sources, targets, outcomes, by_source, by_target, by_form))
-        n_arcs = sum(len(step.outcomes) for step in self._steps)
+            by_source, by_form = _make_sum(arcs.sources, size), model.factors[:, outcomes]
+            self._steps.append(_Step(np.array(arcs.sources), outcomes, agrees, branches, by_source, by_form))
+        n_arcs = sum([len(step.outcomes) for step in self._steps])
         size = max(1, MAX_CELLS // max(n_arcs, 1))
-        evidence = [*[{**record, REJECTED: ""} for record in records], {REJECTED: "true"}]
-        self._batches = [
-            self._find_agreement(evidence[start : start + size]) for start in range(0, len(evidence), size)
-        ]
+        self._batches = [slice(start, start + size) for start in range(0, len(evidence), size)]
 
-    def _find_agreement(self, evidence: Sequence[Mapping[str, str]]) -> tuple[_Mask, list[_Mask | None]]:
-        """Return which records are possible so far, and for each step whether arcs agree with records."""
-        diagram = self._model.diagram
-        system = diagram.system
-        possible = np.full(len(evidence), diagram.has_worlds)
-        codes: dict[int, npt.NDArray[np.intp]] = {}  # term -> the outcome in each record, -1 for not observed
+    def _encode(self, evidence: Sequence[Mapping[str, str]]) -> tuple[_Mask, dict[int, _Codes]]:
+        """Return which records are possible so far, and term -> its outcome in each, -1 if not observed."""
+        system = self._model.diagram.system
+        possible = np.full(len(evidence), self._model.diagram.has_worlds)
+        codes: dict[int, _Codes] = {}
         for i, record in enumerate(evidence):
             for name, value in record.items():
                 term = system.term_numbers[name]
                 values = system.program.values[term]
                 own = codes.setdefault(term, np.full(len(evidence), -1))
                 own[i] = values.index(value) if value else len(values)
-        agreement: list[_Mask | None] = []
-        for terms, step in zip(system.tree.order, self._steps, strict=True):
-            agrees: _Mask | None = None
-            for i, term in enumerate(terms):
-                if term in codes:
-                    outcomes = np.array([diagram.outcomes[outcome][0][i] for outcome in step.outcomes])
-                    own = (codes[term] < 0) | (outcomes[:, None] == codes[term])
-                    agrees = own if agrees is None else agrees & own
-            agreement.append(agrees)
-        return possible, agreement
+        return possible, codes
 
     def compute(self, values: Array) -> Expected:
         """Compute the expected counts, given the values of the forms (f,)."""
         with np.errstate(divide="ignore"):
             weights = self._model.scales * np.exp(self._model.factors.T @ np.log(values))
-            parts = [self._compute_batch(weights, *batch) for batch in self._batches]
+            parts = [self._compute_batch(weights, batch) for batch in self._batches]
         log_p = np.concatenate([part[0] for part in parts])
-        rejected = min(float(np.exp(log_p[-1])), 1.0)
-        n_rejected = self._repeats.sum() * rejected / (1 - rejected) if rejected < 1 else 0.0
         counts = np.concatenate([part[1] for part in parts], axis=1)
-        return Expected(log_p[:-1], rejected, np.append(self._repeats, n_rejected), counts)
+        n_rejected = self._repeats.sum() * np.exp(log_p[-1] - log_p[-2]) if np.isfinite(log_p[-2]) else 0.0
+        return Expected(log_p, np.append(self._repeats, [0.0, n_rejected]), counts)
 
-    def _compute_batch(
-        self, weights: Array, possible: _Mask, agreement: Sequence[_Mask | None]
-    ) -> tuple[Array, Array]:
+    def _compute_batch(self, weights: Array, batch: slice) -> tuple[Array, Array]:
         """Return the log probability (n,) and the expected counts (f, n) of n records."""
-        n, roots = len(possible), self._model.diagram.system.tree.roots
+        possible, roots = self._possible[batch], self._model.diagram.system.tree.roots
+        n = len(possible)
         counts = np.zeros((len(self._model.constants), n))
         if not possible.any():
             return np.full(n, -np.inf), counts
         below: dict[int, Array] = {}  # step -> (nodes, n), scaled
         products: dict[int, Array] = {}  # step -> (arcs, n)
-        log_scale = np.zeros(n)
+        log_p = np.zeros(n)
         for number in range(len(self._steps) - 1, -1, -1):
-            step, agrees = self._steps[number], agreement[number]
-            product = weights[step.outcomes][:, None] * (np.ones((1, n)) if agrees is None else agrees)
-            for child, targets in zip(step.children, step.targets, strict=True):
+            step = self._steps[number]
+            agrees = step.agrees if step.agrees.shape[1] == 1 else step.agrees[:, batch]
+            product = weights[step.outcomes][:, None] * agrees
+            for child, targets, _ in step.branches:
                 product = product * below[child][targets]
-            sums = step.by_source @ product
+            sums = step.by_source @ np.broadcast_to(product, (len(product), n))
             scale = sums.max(axis=0)
+            log_p += np.log(scale)
             scale[scale == 0] = 1.0
             below[number], products[number] = sums / scale, product
-            log_scale += np.log(scale)
-        log_p = log_scale + sum([np.log(below[root][0]) for root in roots], start=np.zeros(n))
         log_p[~possible] = -np.inf
-        above = {root: np.ones((1, n)) for root in roots}
+        above = {root: below[root] > 0 for root in roots}
         for number, step in enumerate(self._steps):
             flow = above.pop(number)[step.sources] * products[number]
             total = flow.sum(axis=0)  # each world has one arc of each step
             flow /= np.where(total > 0, total, 1.0)
             counts += step.by_form @ flow
-            branches = zip(step.children, step.targets, step.by_target, strict=True)
-            for child, targets, by_target in branches:
+            for child, targets, by_target in step.branches:
                 own = below[child][targets]
                 above[child] = by_target @ np.divide(flow, own, out=np.zeros_like(flow), where=own > 0)
-        counts[:, ~np.isfinite(log_p)] = 0.0
+        counts[:, np.isinf(log_p)] = 0.0
         return log_p, counts
 
 
-def _make_sum(groups: npt.NDArray[np.intp], size: int) -> sparse.csr_array:
+def _make_sum(groups: Sequence[int], size: int) -> sparse.csr_array:
     """Make the matrix (size, n) that sums n numbers by group."""
     n = len(groups)
     return sparse.csr_array((np.ones(n), (groups, np.arange(n))), shape=(size, n))

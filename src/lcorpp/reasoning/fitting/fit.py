@@ -13,7 +13,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from lcorpp.errors import DataError, ProgramError, UndefinedError, check_type, expected_one_of
+from lcorpp.errors import DataError, ProgramError, UndefinedError, check_type
 from lcorpp.reasoning.fitting.expectation import Expectation
 from lcorpp.reasoning.fitting.maximisation import (
     Progress,
@@ -35,7 +35,7 @@ LOG = logging.getLogger(__name__)
 SIGNIFICANT_DIGITS = 6
 """Fitted numbers have this many digits."""
 
-_MAX_MASS_ERROR = 1e-9
+_MAX_EXCLUDED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -148,8 +148,8 @@ def fit(
 
     Raises:
         DataError: there are no records, or `prior` is negative.
-        ProgramError: a name is unknown, no number is free, the program has cr-rules, constraints or
-            observations exclude worlds of it, or a world violates a condition of the language.
+        ProgramError: a name is unknown, no number is free, the program has cr-rules, its rules derive two
+            values of a term, or a world violates a condition of the language.
         UndefinedError: a record is impossible.
         TooLargeError: the program is too large to be compiled.
     """
@@ -159,15 +159,19 @@ def fit(
         raise DataError(f"expected a number of pseudo-counts that is at least 0, not {prior}")
     if program.has_cr_rules:
         raise ProgramError(f"{program.file}: the numbers of a program with cr-rules cannot be fitted")
-    free = list_free_numbers(program, _resolve_fixed(program, fixed))
-    if not free:
-        raise ProgramError(f"{program.file}: no pr-atom has a number that is free; see `fixed`")
+    free = list_free_numbers(program, fixed)
     distinct, rows, repeats = group_records(program, records)
     model = build_number_model(program, free, {name for record in distinct for name in record})
     groups = group_cases(program, model)
-    _check_mass(program, model)
     expectation, prior_counts = Expectation(model, distinct, repeats), compute_prior_counts(model, prior)
-    impossible = np.flatnonzero(np.isinf(expectation.compute(model.evaluate(model.start)).log_p))
+    log_p = expectation.compute(model.evaluate(model.start)).log_p
+    excluded = 1 - np.exp(log_p[-2:]).sum()
+    if abs(excluded) > _MAX_EXCLUDED:
+        raise ProgramError(
+            f"{program.file}: rules exclude worlds of measure {excluded:.6g}, such as worlds in which they"
+            " derive two values of a term, so its numbers are not frequencies and cannot be fitted"
+        )
+    impossible = np.flatnonzero(np.isinf(log_p[:-2]))
     if len(impossible):
         raise UndefinedError(
             f"{program.file}: record {rows[impossible[0]]} is in no possible world of positive measure"
@@ -196,35 +200,6 @@ def fit(
         iterations,
         converged,
     )
-
-
-def _resolve_fixed(program: Program, fixed: Collection[str | int]) -> set[int]:
-    """Return the indexes of the pr-atoms of attributes, and of those at lines."""
-    if isinstance(fixed, str):
-        raise ProgramError(f"expected a list of attributes and lines, not {fixed!r}")
-    atoms = [(i, s) for i, s in enumerate(program.statements) if isinstance(s, Probability)]
-    indexes: set[int] = set()
-    for selector in fixed:
-        own = {i for i, atom in atoms if selector in (atom.term.name, atom.at.line)}
-        if not own:
-            names = list(dict.fromkeys(atom.term.name for _, atom in atoms))
-            raise ProgramError(
-                f"{program.file}: {selector!r} is neither an attribute with pr-atoms nor the line of one;"
-                f" {expected_one_of(names)}"
-            )
-        indexes |= own
-    return indexes
-
-
-def _check_mass(program: Program, model: NumberModel) -> None:
-    """Check that the measures of the worlds, with those that constraints exclude, sum to 1."""
-    expected = Expectation(model, [{}], np.ones(1)).compute(model.evaluate(model.start))
-    mass = float(np.exp(expected.log_p[0])) + expected.rejected
-    if not abs(mass - 1) < _MAX_MASS_ERROR:
-        raise ProgramError(
-            f"{program.file}: rules exclude worlds of measure {1 - mass:.6g}, such as worlds in which they"
-            " derive two values of a term, so its numbers are not frequencies and cannot be fitted"
-        )
 
 
 def _round(model: NumberModel, parameters: Array) -> list[Fraction]:

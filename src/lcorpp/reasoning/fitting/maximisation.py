@@ -132,11 +132,11 @@ def climb(
         return maximise(model, groups, parameters, counts), objective
 
     start = following = model.start
-    reached = -np.inf
+    reached, longest = -np.inf, 4.0
     while n_steps < MAX_STEPS:
         first, objective = step(start)
         if objective < reached:  # the leap went too far
-            start, reached = following, -np.inf
+            start, reached, longest = following, -np.inf, max(longest / 4, 1.0)
             continue
         following, _ = step(first)
         change, last_change = first - start, following - first
@@ -146,7 +146,9 @@ def climb(
         if largest < TOLERANCE:
             return following, n_steps, True
         reached, curvature = objective, last_change - change
-        length = max(1.0, float(np.linalg.norm(change)) / (float(np.linalg.norm(curvature)) + TOLERANCE**2))
+        length = float(np.linalg.norm(change)) / (float(np.linalg.norm(curvature)) + TOLERANCE**2)
+        length = min(max(length, 1.0), longest)
+        longest = max(longest, 3 * length)
         leap = start + 2 * length * change + length**2 * curvature - following
         values, falls = model.evaluate(following), -model.coefficients @ leap
         falls[values == 0] = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,20 +21,19 @@ MISSING = ("", "?")
 """Cells that are not observed."""
 
 
-def read_records(path: str | Path) -> list[dict[str, str]]:
-    """Read records from a CSV file.
+def read_records(path: str | Path) -> Iterator[dict[str, str]]:
+    """Read records from a CSV file, one at a time.
 
     The header names terms, such as ``time`` or ``"roll(d1)"``. A cell is a value; an empty cell and ``?`` are
     not observed.
 
-    Returns:
+    Yields:
         term -> value for each row.
 
     Raises:
         FileError: the file cannot be read.
         DataError: it is not a table with a header, or a row has another number of cells.
     """
-    records = []
     with open_text(path) as file:
         reader = csv.reader(file, strict=True, skipinitialspace=True)
         try:
@@ -47,18 +46,14 @@ def read_records(path: str | Path) -> list[dict[str, str]]:
             for row in reader:
                 if not row and len(names) > 1:
                     continue  # an empty line
-                cells = row or [""]
+                cells = [cell.strip() for cell in row or [""]]
                 if len(cells) != len(names):
                     raise DataError(f"{path}:{reader.line_num}: {len(cells)} cells; expected {len(names)}")
-                stripped = [cell.strip() for cell in cells]
-                records.append(
-                    {name: cell for name, cell in zip(names, stripped, strict=True) if cell not in MISSING}
-                )
+                yield {name: cell for name, cell in zip(names, cells, strict=True) if cell not in MISSING}
         except csv.Error as error:
             raise DataError(f"{path}:{reader.line_num}: not CSV: {error}") from None
         except UnicodeDecodeError:
             raise DataError(f"{path}:{reader.line_num + 1}: not UTF-8 text") from None
-    return records
 
 
 def group_records(

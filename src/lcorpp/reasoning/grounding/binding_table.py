@@ -70,13 +70,18 @@ class BindingTable:
         """Combine parts to one: the tuples of their values."""
         return self.list_rows(parts) if any(isinstance(part, list) for part in parts) else tuple(parts)
 
-    def make_keys(self, parts: Sequence[Part[Value]]) -> Part[Key]:
-        """Combine parts to one: the keys of their values."""
-        return parts[0] if len(parts) == 1 else self.zip(parts)  # type: ignore[return-value]
+    def iter_keys(self, parts: Sequence[Any]) -> Iterable[Any]:
+        """Iterate over the keys of parts in all bindings. No tuple is kept, so few are allocated."""
+        columns = list(map(self.iterate, parts))
+        if len(columns) == 1:
+            return columns[0]
+        return zip(*columns, strict=True) if columns else repeat((), self.count)
 
-    def look_up(self, items: Mapping[Any, _Item], part: Part[Any]) -> Part[_Item]:
-        """Look up the items of keys."""
-        return list(map(items.__getitem__, part)) if isinstance(part, list) else items[part]
+    def look_up(self, items: Mapping[Any, _Item], *parts: Any) -> Part[_Item]:
+        """Look up the items of the keys of parts."""
+        if any(isinstance(part, list) for part in parts):
+            return list(map(items.__getitem__, self.iter_keys(parts)))
+        return items[parts[0] if len(parts) == 1 else parts]
 
     def evaluate(self, expression: Expression) -> Part[Value]:
         """Evaluate an expression whose variables are bound.
@@ -104,7 +109,7 @@ class BindingTable:
         return texts[0] if len(texts) == 1 else list(map(",".join, zip(*texts, strict=True)))
 
     def join(
-        self, keys: Part[Key], index: Mapping[Key, Sequence[int]], columns: Mapping[str, Sequence[Value]]
+        self, keys: Iterable[Key], index: Mapping[Key, Sequence[int]], columns: Mapping[str, Sequence[Value]]
     ) -> None:
         """Combine each binding with the rows that an index has for its key.
 
@@ -114,7 +119,7 @@ class BindingTable:
         Raises:
             TooLargeError: there are more than `MAX_BINDINGS`.
         """
-        matches = list(map(index.get, self.iterate(keys), repeat(())))
+        matches = list(map(index.get, keys, repeat(())))
         counts = list(map(len, matches))
         self.count = sum(counts)
         self.check_count(self.count, f"bindings of {len(self.columns) + len(columns)} variables")

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.grounding.binding_table import BindingTable, Memo, Part
+from lcorpp.reasoning.grounding.binding_table import BindingTable, Key, Memo, Part
 from lcorpp.reasoning.grounding.ground_program import (
     QUERY_TERM,
     Clause,
@@ -34,6 +34,7 @@ from lcorpp.reasoning.language.arithmetic import (
     evaluate_number,
     find_variables,
 )
+from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import (
@@ -46,7 +47,7 @@ from lcorpp.reasoning.language.syntax import (
     Rule,
     Selection,
 )
-from lcorpp.reasoning.language.traversal import get_head, iter_expressions, list_expressions, list_fact_values
+from lcorpp.reasoning.language.traversal import get_head, iter_expressions, list_expressions
 
 
 def ground_program(
@@ -93,6 +94,8 @@ class _Grounder:
                 term, value = canonical_text(statement.term), canonical_text(statement.value)
                 if self._do.setdefault(term, value) != value:
                     self._contradictory.add(term)
+            elif isinstance(statement, Fact):
+                self._clauses[statement.name].append((index, statement))
             elif isinstance(statement, Rule | Selection) and (head := get_head(statement)):
                 self._clauses[head.term.name].append((index, statement))
         self._find_atoms()
@@ -159,9 +162,8 @@ class _Grounder:
         rows: list[tuple[Value, ...]] = [*set_to]
         is_certain = not set_to
         for index, clause in self._clauses[name]:
-            values = list_fact_values(clause) if isinstance(clause, Rule) else None
-            if values:
-                rows.append(values)
+            if isinstance(clause, Fact):
+                rows.append(clause.values)
                 continue
             table = self._tables[index] = self._instantiate(clause, clause.body)
             if isinstance(clause, Rule) and clause.head:
@@ -190,14 +192,17 @@ class _Grounder:
     # statements
 
     def _ground_rule(self, index: int, rule: Rule) -> None:
-        if rule.head is None:
-            table = self._instantiate(rule, rule.body)
-            self._emit(table, ClauseKind.FORBID, -1, 0, rule.body, index)
-            return
-        table = self._tables.pop(index) if index in self._tables else BindingTable(rule.at)
-        number = self.terms.number_terms(table, rule.head.term)
-        value = self.terms.index_values(table, rule.head.term, rule.head.value)
-        self._emit(table, ClauseKind.DERIVE, number, value, rule.body, index)
+        if isinstance(rule, Fact):
+            *arguments, constant = rule.values
+            term = self.terms.numbers[rule.name][arguments[0] if len(arguments) == 1 else tuple(arguments)]
+            self._add(Clause(ClauseKind.DERIVE, term, self.terms.indexes[rule.name][constant], (), index))
+        elif rule.head:
+            table, head = self._tables.pop(index), rule.head
+            numbers = self.terms.number_terms(table, head.term)
+            values = self.terms.index_values(table, head.term, head.value)
+            self._emit(table, ClauseKind.DERIVE, numbers, values, rule.body, index)
+        else:
+            self._emit(self._instantiate(rule, rule.body), ClauseKind.FORBID, -1, 0, rule.body, index)
 
     def _ground_selection(self, index: int, selection: Selection) -> None:
         """Add the clauses of a selection, and those of its dynamic range for each of its instances.
@@ -264,9 +269,20 @@ class _Grounder:
         number: Part[Fraction] | None = None,
     ) -> None:
         """Add one clause for each binding of the variables of a statement; its parts as in `Clause`."""
-        literals = table.zip([self.terms.translate(table, x) for x in self._list_uncertain(body)])
-        parts = (kind, term, value, literals, index, label, instance, number)
-        self.result.clauses.extend(map(Clause, *map(table.iterate, parts)))
+        literals = self._list_uncertain(body)
+        bodies = table.zip([self.terms.translate(table, literal) for literal in literals])
+        parts = (kind, term, value, bodies, index, label, instance, number)
+        clauses: Iterable[Clause] = map(Clause, *map(table.iterate, parts))
+        if kind in (ClauseKind.DERIVE, ClauseKind.FORBID) and self._may_repeat(index, literals, table):
+            clauses = {(c.term, c.value, frozenset(c.body)): c for c in clauses}.values()
+        self.result.clauses.extend(clauses)
+
+    def _may_repeat(self, index: int, literals: Sequence[Literal], table: BindingTable) -> bool:
+        """Whether clauses of a rule may be equal: literals are interchangeable, or lack a variable."""
+        head = self.program.statements[index].head  # type: ignore[attr-defined]
+        kinds = {(literal.term.name, literal.relation, literal.negated) for literal in literals}
+        used = find_variables(*iter_expressions([*literals, head] if head else literals))
+        return len(kinds) < len(literals) or not table.columns.keys() <= used
 
 
 def _split_term(term: str) -> tuple[str, tuple[Value, ...]]:
@@ -278,7 +294,10 @@ def _split_term(term: str) -> tuple[str, tuple[Value, ...]]:
 def _evaluate_numbers(table: BindingTable, number: Expression) -> Part[Fraction]:
     """Evaluate the number of a pr-atom in each binding; equal values share one fraction."""
     names = sorted(find_variables(number))
-    fractions: Memo[tuple[Value, ...], Fraction] = Memo(
-        lambda values: evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
-    )
-    return table.look_up(fractions, table.zip([table.columns[name] for name in names]))
+
+    def evaluate(key: Key) -> Fraction:
+        values = key if isinstance(key, tuple) else (key,)
+        return evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
+
+    fractions = Memo(evaluate)
+    return table.look_up(fractions, *[table.columns[name] for name in names])

@@ -99,10 +99,9 @@ class RuleInstantiator:
         """
         join = _Join(BindingTable(at, bound, bindings))
         variables = find_variables(*scope)
-        domains = [
-            (Variable(name), sort) for name, sort in self.signature.domains.items() if name in variables
-        ]
-        for expression, sort in dict.fromkeys([*domains, *slots]):
+        domains = [(Variable(x), sort) for x, sort in self.signature.domains.items() if x in variables]
+        distinct = {(str(expression), sort): expression for expression, sort in (*domains, *slots)}
+        for (_, sort), expression in distinct.items():
             if find_variables(expression):
                 join.add_source((expression,), self._sorts[sort])
         for literal in body:
@@ -151,8 +150,8 @@ class _Join:
         """Add the test whether the values of expressions are (not) a row of a relation."""
 
         def test() -> Iterable[bool]:
-            keys = self.table.make_keys([self.table.evaluate(pattern) for pattern in patterns])
-            found = map(relation.rows.__contains__, self.table.iterate(keys))
+            keys = self.table.iter_keys(list(map(self.table.evaluate, patterns)))
+            found = map(relation.rows.__contains__, keys)
             return map(not_, found) if negated else found
 
         self._tests.append((find_variables(*patterns), test))
@@ -235,7 +234,7 @@ class _Join:
     def _join(self, patterns: Sequence[Expression], relation: Relation) -> None:
         """Join with the rows that agree with the bound positions; the other positions are variables."""
         bound = [i for i, x in enumerate(patterns) if find_variables(x) <= self.table.columns.keys()]
-        keys = self.table.make_keys([self.table.evaluate(patterns[i]) for i in bound])
+        keys = self.table.iter_keys([self.table.evaluate(patterns[i]) for i in bound])
         columns = {str(x): relation.columns[i] for i, x in enumerate(patterns) if i not in bound}
         self.table.join(keys, relation.indexes[tuple(bound)], columns)
 

@@ -19,9 +19,6 @@ SUPPORTING_KINDS = (ClauseKind.DERIVE, ClauseKind.SELECT)
 ATTENDANT_KINDS = (ClauseKind.RANGE, ClauseKind.ASSIGN)
 """The kinds of clauses that matter only for random terms."""
 
-PLAIN_KINDS = (ClauseKind.DERIVE, ClauseKind.FORBID)
-"""The kinds of clauses that equal head and body make redundant."""
-
 
 def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
     """Simplify a ground program.
@@ -85,25 +82,15 @@ def _compute_possible_values(program: GroundProgram) -> tuple[list[int], set[int
 def _drop_unsupported(
     clauses: Sequence[Clause], possible: Sequence[int], random: Collection[int]
 ) -> list[Clause]:
-    """Drop clauses with a positive literal that needs an impossible value, idle clauses and duplicates.
-
-    Rules and constraints with interchangeable variables have many equal instances; one remains.
-    """
+    """Drop idle clauses and those with a positive literal that needs an impossible value."""
     kept: list[Clause] = []
-    known: set[object] = set()
     for clause in clauses:
         if clause.term not in random and clause.kind in ATTENDANT_KINDS:
             continue
-        body = clause.body
-        for term, allowed, negated in body:
+        for term, allowed, negated in clause.body:
             if not negated and not allowed & possible[term]:
                 break
         else:
-            if len(body) > 1 and clause.kind in PLAIN_KINDS:
-                key = clause.term, clause.value, frozenset(body)
-                if key in known:
-                    continue
-                known.add(key)
             kept.append(clause)
     return kept
 

@@ -32,7 +32,7 @@ class TermTable:
             lambda name: {as_value(value): i for i, value in enumerate(self._attributes[name].values)}
         )
         self._masks: dict[tuple[str, str, bool], Memo[Value, int]] = {}
-        self._literals: dict[GroundLiteral, GroundLiteral] = {}
+        self._literals: Memo[GroundLiteral, GroundLiteral] = Memo(lambda literal: literal)
         self._mask_bits = 0
 
     def _add(self, attribute: str, key: Key) -> int:
@@ -43,8 +43,7 @@ class TermTable:
 
     def number_terms(self, table: BindingTable, term: Term) -> Part[int]:
         """Return the number of a term in each binding."""
-        keys = table.make_keys([table.evaluate(argument) for argument in term.arguments])
-        return table.look_up(self.numbers[term.name], keys)
+        return table.look_up(self.numbers[term.name], *map(table.evaluate, term.arguments))
 
     def index_values(self, table: BindingTable, term: Term, value: Expression) -> Part[int]:
         """Return the index of a value of a term in each binding."""
@@ -55,8 +54,8 @@ class TermTable:
         kind = literal.term.name, literal.relation, literal.negated
         masks = self._masks.setdefault(kind, Memo(partial(self._make_mask, literal)))
         numbers = self.number_terms(table, literal.term)
-        rows = table.zip([numbers, table.look_up(masks, table.evaluate(literal.value)), literal.negated])
-        return list(map(self._literals.setdefault, rows, rows)) if isinstance(rows, list) else rows
+        mask = table.look_up(masks, table.evaluate(literal.value))
+        return table.look_up(self._literals, numbers, mask, literal.negated)
 
     def _make_mask(self, literal: Literal, value: Value) -> int:
         """Make the mask of the outcomes that satisfy a literal with this value on its right-hand side.

@@ -15,6 +15,7 @@ from lcorpp.reasoning.language.conformance import (
     check_query,
     require_selections,
 )
+from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.issues import Place, SortMismatch, SourceIssue
 from lcorpp.reasoning.language.safety import check_variables
 from lcorpp.reasoning.language.signature import Signature, build_signature
@@ -36,7 +37,6 @@ from lcorpp.reasoning.language.traversal import (
     get_body,
     get_head,
     list_expressions,
-    list_fact_values,
 )
 
 
@@ -63,7 +63,7 @@ def check_statements(statements: Sequence[Statement]) -> Signature:
 
 
 def _check_clause(clause: Clause, signature: Signature) -> None:
-    if isinstance(clause, Rule) and _is_valid_fact(clause, signature):
+    if isinstance(clause, Fact) and _is_valid(clause, signature):
         return
     if isinstance(clause, Probability):
         _check_probability(clause, signature)
@@ -72,14 +72,13 @@ def _check_clause(clause: Clause, signature: Signature) -> None:
         _check_range(clause, clause.range, signature)
 
 
-def _is_valid_fact(rule: Rule, signature: Signature) -> bool:
-    """Whether a rule is a fact of integers and names in their sorts, which needs no other checks."""
-    values = list_fact_values(rule)
-    if values is None or rule.head is None:
+def _is_valid(fact: Fact, signature: Signature) -> bool:
+    """Whether the values of a fact are in their sorts, so that it needs no other checks."""
+    attribute = signature.attributes.get(fact.name)
+    if attribute is None or len(attribute.arguments) + 1 != len(fact.values):
         return False
-    attribute = signature.get_attribute(rule.head.term)
     sorts = (*attribute.arguments, attribute.range)
-    return all(str(value) in signature.sorts[sort] for value, sort in zip(values, sorts, strict=True))
+    return all(str(value) in signature.sorts[sort] for value, sort in zip(fact.values, sorts, strict=True))
 
 
 def _check_range(selection: Selection, dynamic_range: DynamicRange, signature: Signature) -> None:

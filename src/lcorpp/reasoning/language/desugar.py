@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortSet
 from lcorpp.reasoning.language.syntax import (
@@ -82,7 +83,7 @@ def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Stat
             literal.at, f"expected obs(attribute, value) or obs(attribute, value, true), not {literal.term}"
         )
 
-    rewritten = [map_literals(statement, rewrite) for statement in statements]
+    rewritten = [s if isinstance(s, Fact) else map_literals(s, rewrite) for s in statements]
     if not observed:
         return statements
     declared = {s.name: s for s in statements if isinstance(s, AttributeDeclaration)}

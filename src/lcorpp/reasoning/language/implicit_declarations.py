@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
+from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.signature import build_signature, mangle_name
 from lcorpp.reasoning.language.sorts import (
@@ -58,7 +59,25 @@ class _Inference:
         self.uses: dict[str, dict[int, _Use]] = {}
         self.names: dict[tuple[str, int], str] = {}
         for statement in statements:
-            self._collect_uses(statement)
+            if isinstance(statement, Fact):
+                self._collect_constants(statement)
+            else:
+                self._collect_uses(statement)
+
+    def _find_use(self, name: str, count: int, at: Place) -> _Use | None:
+        """Find the use of an attribute; None if its declaration is complete, or if it is a sort."""
+        declared = self.declared.get(name)
+        if name in self._sorts or name == "obs" or (declared and declared.arguments):
+            return None
+        return self.uses.setdefault(name, {}).setdefault(count, _Use(at, [{} for _ in range(count + 1)]))
+
+    def _collect_constants(self, fact: Fact) -> None:
+        use = self._find_use(fact.name, len(fact.values) - 1, fact.at)
+        if use:
+            use.in_head = True
+            for i, (slot, value) in enumerate(zip(use.slots, fact.values, strict=True)):
+                if str(value) not in slot:
+                    slot[str(value)] = (*fact.head.term.arguments, fact.head.value)[i]
 
     def _collect_uses(self, statement: Statement) -> None:
         clause, literals = as_clause(statement), list_literals(statement)
@@ -66,12 +85,9 @@ class _Inference:
         sorts = self._find_variable_sorts(literals)
         for literal in literals:
             term = literal.term
-            declared = self.declared.get(term.name)
-            if term.name in self._sorts or term.name == "obs" or (declared and declared.arguments):
+            use = self._find_use(term.name, len(term.arguments), term.at)
+            if use is None:
                 continue
-            use = self.uses.setdefault(term.name, {}).setdefault(
-                len(term.arguments), _Use(term.at, [{} for _ in (*term.arguments, literal.value)])
-            )
             use.in_head |= head is not None and term is head.term
             values = () if literal.value is term else (literal.value,)  # a selected term has no value
             for slot, expression in zip(use.slots, (*term.arguments, *values), strict=False):
@@ -149,13 +165,14 @@ def infer_declarations(statements: Sequence[Statement]) -> Sequence[Statement]:
             else:
                 added.append(new)
 
+    mangled = {key: name for key, name in inference.names.items() if name != key[0]}
+
     def rename(literal: Literal) -> Literal:
-        term = literal.term
-        name = inference.names.get((term.name, len(term.arguments)), term.name)
-        return literal if name == term.name else replace(literal, term=replace(term, name=name))
+        name = mangled.get((literal.term.name, len(literal.term.arguments)))
+        return replace(literal, term=replace(literal.term, name=name)) if name else literal
 
     whole: list[Statement] = []
     for statement in statements:
         name = statement.name if isinstance(statement, AttributeDeclaration) else ""
-        whole.extend(replacements.pop(name, [map_literals(statement, rename)]))
+        whole.extend(replacements.pop(name, [map_literals(statement, rename) if mangled else statement]))
     return [*whole, *added]

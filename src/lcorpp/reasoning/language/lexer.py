@@ -139,9 +139,17 @@ class Cursor:
     def take(self) -> str:
         """Consume the next token and return its text."""
         token = self.texts[self.index]
-        self.index += 1
-        self._expected_kinds.clear()
+        self.skip_to(self.index + 1)
         return token
+
+    def skip_to(self, index: int) -> None:
+        """Consume the tokens before an index."""
+        self.index = index
+        self._expected_kinds.clear()
+
+    def is_on_one_line(self, first: int, last: int) -> bool:
+        """Whether the tokens from one index to another begin on one line."""
+        return bisect_right(self._lines, self.starts[first]) == bisect_right(self._lines, self.starts[last])
 
     def accept(self, kind: str) -> bool:
         """Return whether the next token is of this kind; if so, consume it, else messages list the kind."""

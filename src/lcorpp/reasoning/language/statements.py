@@ -20,6 +20,7 @@ from lcorpp.reasoning.language.expressions import (
     parse_sum,
     parse_value,
 )
+from lcorpp.reasoning.language.facts import parse_fact
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.lexer import END, HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
 from lcorpp.reasoning.language.queries import (
@@ -65,6 +66,9 @@ def _parse_declaration_or_rule(cursor: Cursor) -> Iterator[Statement]:
     at = cursor.at
     if cursor.kind == HASH_NAME:
         yield parse_sort(cursor, parse_sort_name(cursor), at)
+        return
+    if fact := parse_fact(cursor):
+        yield fact
         return
     left = parse_sum(cursor, plus_minus_is_arrow=True)
     if cursor.kind == ":" or (cursor.kind == "," and cursor.second_kind == NAME and is_name(left)):

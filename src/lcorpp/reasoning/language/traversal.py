@@ -8,7 +8,8 @@ from functools import cache
 from operator import is_
 from typing import Any, TypeVar
 
-from lcorpp.reasoning.language.arithmetic import Value, find_variables
+from lcorpp.reasoning.language.arithmetic import find_variables
+from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.syntax import (
     Body,
     BodyLiteral,
@@ -17,7 +18,6 @@ from lcorpp.reasoning.language.syntax import (
     DynamicRange,
     Expression,
     Literal,
-    Number,
     Probability,
     Rule,
     Selection,
@@ -84,21 +84,6 @@ def list_variables(clause: Clause) -> list[str]:
     return sorted(find_variables(*list_expressions(clause)))
 
 
-def list_fact_values(rule: Rule) -> tuple[Value, ...] | None:
-    """List the arguments and the value of a fact of integers and names; None for other rules."""
-    if rule.body or rule.head is None:
-        return None
-    values: list[Value] = []
-    for expression in (*rule.head.term.arguments, rule.head.value):
-        if isinstance(expression, Term) and not expression.arguments:
-            values.append(expression.name)
-        elif isinstance(expression, Number) and expression.value.denominator == 1:
-            values.append(expression.value.numerator)
-        else:
-            return None
-    return tuple(values)
-
-
 def list_literals(statement: Statement) -> list[Literal]:
     """List the literals of a statement, heads and selected terms included."""
     literals: list[Literal] = []
@@ -133,6 +118,8 @@ def _map_part(part: Any, rewrite: Rewrite) -> Any:
         new = _map_part(old, rewrite)
         if new is not old:
             changes[name] = new
+    if isinstance(part, Fact) and changes:
+        return Rule(**changes, at=part.at)
     return replace(part, **changes) if changes else part
 
 

@@ -11,6 +11,7 @@ Source: Dechter and Rish, "Mini-buckets: a general scheme for bounded inference"
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from itertools import product
 from math import inf, log, prod
 from typing import NamedTuple
@@ -74,6 +75,11 @@ def bound_evidence(
     return bounds, sum([table.logs.item() for table in rest])
 
 
+def compute_log(probability: Fraction) -> float:
+    """Compute the logarithm of a probability, which may be too small for a float."""
+    return log(probability.numerator) - log(probability.denominator) if probability else -inf
+
+
 def _make_table(
     ground: GroundProgram,
     term: int,
@@ -97,8 +103,8 @@ def _make_table(
         true = [c for c in clauses if all(outcome_of[parent] & allowed for parent, allowed, _ in c.body)]
         column = enumerate_outcomes(ground, term, true, {})
         is_broken = any(violation for _, _, violation in column)
-        share = sum(p for value, p, _ in column if possible >> value & 1)
-        logs.append(log(share) if share and not is_broken else -inf)
+        share = sum([p for value, p, _ in column if possible >> value & 1], Fraction(0))
+        logs.append(-inf if is_broken else compute_log(share))
     return _Table(tuple(varying), np.array(logs).reshape(shape))
 
 

@@ -19,13 +19,14 @@ from bisect import bisect_right
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import accumulate
 from math import inf, log
 from random import Random
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.grounding.ground_program import GroundProgram
-from lcorpp.reasoning.transitions.evidence_bound import bound_evidence
+from lcorpp.reasoning.transitions.evidence_bound import bound_evidence, compute_log
 from lcorpp.reasoning.transitions.local_distribution import Outcome
 from lcorpp.reasoning.transitions.transition import Effect
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
@@ -36,11 +37,8 @@ MIN_EFFECTIVE_SAMPLES = 100
 MAX_EXTENSION = 16
 """If too few worlds agree, up to this many times as many are drawn, if then enough can be expected."""
 
-_Choice = tuple[float, Effect, Outcome]
-"""(probability, effect on the state, outcome)"""
-
-_Choices = tuple[float, list[float], list[_Choice]]
-"""(logarithm of the total probability, cumulative probabilities, choices)"""
+_Choices = tuple[float, list[float], list[tuple[Effect, Outcome]]]
+"""(logarithm of the total probability, cumulative shares of it, effects on the state with their outcomes)"""
 
 
 @dataclass(frozen=True)
@@ -123,8 +121,7 @@ class _WorldSampler:
             weight += log_total
             if weight + following_bounds[step] < threshold:
                 return None
-            at = bisect_right(cumulative, random() * cumulative[-1]) if len(choices) > 1 else 0
-            _, effect, outcome = choices[min(at, len(choices) - 1)]
+            effect, outcome = choices[bisect_right(cumulative, random()) if len(choices) > 1 else 0]
             following = transition.advance(state, effect)
             if following is None:
                 return None
@@ -138,7 +135,7 @@ class _WorldSampler:
         """List the choices of positive probability that no constraint excludes."""
         transition = self._system.transitions[step]
         program = self._system.program
-        choices: list[_Choice] = []
+        choices: list[tuple[Effect, Outcome]] = []
         for outcome in transition.distribution.list_outcomes((bits,))[bits]:
             if outcome.violation:
                 names = [program.names[term] for term in self._system.tree.order[step]]
@@ -146,9 +143,10 @@ class _WorldSampler:
                 raise ProgramError(f"{message}, in a world drawn at random")
             effect = transition.find_effect(outcome.values) if outcome.weight else None
             if effect is not None:
-                choices.append((float(outcome.weight), effect, outcome))
-        cumulative = list(accumulate(choice[0] for choice in choices))
-        return log(cumulative[-1]) if choices else -inf, cumulative, choices
+                choices.append((effect, outcome))
+        sums = list(accumulate([outcome.weight for _, outcome in choices], initial=Fraction(0)))
+        # the last share is exactly 1, above each random number
+        return compute_log(sums[-1]), [float(part / sums[-1]) for part in sums[1:]], choices
 
     def _bound_evidence(self, ground: GroundProgram) -> tuple[float, list[float]]:
         """Bound the probability of the evidence in all worlds, and its part from the next step on."""
@@ -158,12 +156,9 @@ class _WorldSampler:
         for step, terms in enumerate(order):
             step_of.update(dict.fromkeys(terms, step))
             if len(terms) == 1:
-                find_effect, no_value = (
-                    self._system.transitions[step].find_effect,
-                    len(ground.values[terms[0]]),
-                )
-                outcomes = [i for i in range(no_value + 1) if find_effect((i,)) is not None]
-                if len(outcomes) <= no_value:
+                transition, n_values = self._system.transitions[step], len(ground.values[terms[0]])
+                outcomes = [i for i in range(n_values + 1) if transition.find_effect((i,)) is not None]
+                if len(outcomes) <= n_values:
                     possible[terms[0]] = sum([1 << i for i in outcomes])
         if not possible:
             return 0.0, [0.0] * n_steps

@@ -20,7 +20,7 @@ DerivedComponent = tuple[tuple[int, ...], Sequence[Clause]]
 
 def separate_irrelevant_rules(
     program: GroundProgram, clauses: list[Clause], queried: Collection[int]
-) -> tuple[list[Clause], list[DerivedComponent]]:
+) -> tuple[list[Clause], dict[int, int], list[DerivedComponent]]:
     """Separate the rules of the terms that no query, constraint or random selection depends on.
 
     Args:
@@ -28,7 +28,8 @@ def separate_irrelevant_rules(
         queried: the terms whose outcomes queries read.
 
     Returns:
-        (the other clauses, the irrelevant components); a component comes after those that it depends on.
+        (clauses, facts, components): the other clauses, term -> value for the irrelevant facts, and the other
+        irrelevant components, each after those that it depends on.
     """
     derive = ClauseKind.DERIVE  # a local name: the attribute access is slow
     rules_of: dict[int, list[Clause]] = {}
@@ -36,12 +37,19 @@ def separate_irrelevant_rules(
         if clause.kind is derive:
             rules_of.setdefault(clause.term, []).append(clause)
     if rules_of.keys() <= set(queried):  # usual in chains, and faster
-        return clauses, []
+        return clauses, {}, []
     seeds = [*program.do, *queried]
     for clause in clauses:
         if clause.kind is not derive:
             seeds.append(clause.term)
             seeds += [literal[0] for literal in clause.body]
+    facts = {
+        term: rules[0].value for term, rules in rules_of.items() if len(rules) == 1 and not rules[0].body
+    }
+    for term in seeds:
+        facts.pop(term, None)
+    for term in facts:
+        del rules_of[term]
     relevant: set[int] = set()
 
     def mark(terms: Iterable[int]) -> None:
@@ -59,8 +67,6 @@ def separate_irrelevant_rules(
         for term, rules in rules_of.items()
         if term not in relevant
     }
-    if not needs:
-        return clauses, []
     components: list[DerivedComponent] = [
         (own, [rule for term in own for rule in rules_of[term]])
         for own in find_strongly_connected_components(needs)
@@ -69,8 +75,8 @@ def separate_irrelevant_rules(
         if not _has_one_model(program, own, rules):
             mark(own)
     components = [component for component in components if component[0][0] not in relevant]
-    dropped = {term for own, _ in components for term in own}
-    return [clause for clause in clauses if clause.term not in dropped], components
+    dropped = facts.keys() | {term for own, _ in components for term in own}
+    return [clause for clause in clauses if clause.term not in dropped], facts, components
 
 
 def _has_one_model(program: GroundProgram, terms: tuple[int, ...], rules: Sequence[Clause]) -> bool:
@@ -79,8 +85,6 @@ def _has_one_model(program: GroundProgram, terms: tuple[int, ...], rules: Sequen
     They do if they are stratified and never derive two values of a term: there is only one, or the rules of
     the other are defaults such as ``p=false :- not p``.
     """
-    if len(rules) == 1 and not rules[0].body:
-        return True  # a fact
     rules_of: dict[int, dict[int, list[Clause]]] = {}  # term -> value -> rules
     for rule in rules:
         rules_of.setdefault(rule.term, {}).setdefault(rule.value, []).append(rule)

@@ -29,10 +29,9 @@ own steps read; other branches may use the same bits otherwise.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from lcorpp.reasoning.gc_pause import pause_gc
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.transitions.closure import Closure
@@ -60,6 +59,7 @@ class TransitionSystem:
     transitions: step -> the outcomes of its terms and their effect on the state.
     consistent: False if a constraint without body shows that there is no world.
     term_numbers: queried term as text -> its number in `program`.
+    facts: term -> its value in every world, for terms without a step.
     derived: the components that `stratified.derive_values` completes if a world is listed: those of which the
         transitions decide only the terms that other rules or queries read, and those without a step.
     probabilities: those computed so far by local distributions.
@@ -70,6 +70,7 @@ class TransitionSystem:
     transitions: list[Transition]
     consistent: bool
     term_numbers: dict[str, int]
+    facts: Mapping[int, int]
     derived: Sequence[DerivedComponent]
     probabilities: ProbabilityCache
 
@@ -86,23 +87,17 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
     Args:
         queried: the terms whose outcomes queries read.
     """
-    with pause_gc():
-        program, term_numbers = program.number_terms(set(queried))
-        clauses, outcomes = simplify(program)
-        needed = set(term_numbers.values())
-        clauses, irrelevant = separate_irrelevant_rules(program, clauses, needed)
-        program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
-        tree = build_elimination_tree(program, clauses, outcomes, needed)
-        builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
-        return TransitionSystem(
-            program,
-            tree,
-            builder.build(),
-            builder.consistent,
-            term_numbers,
-            [*builder.recursions, *irrelevant],
-            builder.probabilities,
-        )
+    program, term_numbers = program.number_terms(set(queried))
+    clauses, outcomes = simplify(program)
+    needed = set(term_numbers.values())
+    clauses, facts, irrelevant = separate_irrelevant_rules(program, clauses, needed)
+    program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
+    tree = build_elimination_tree(program, clauses, outcomes, needed)
+    builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
+    transitions, consistent, derived = builder.build(), builder.consistent, [*builder.recursions, *irrelevant]
+    return TransitionSystem(
+        program, tree, transitions, consistent, term_numbers, facts, derived, builder.probabilities
+    )
 
 
 class _TransitionBuilder:
@@ -114,7 +109,8 @@ class _TransitionBuilder:
         tree: the steps.
         queried: the terms whose outcomes queries read.
 
-    consistent, recursions, probabilities: as in `TransitionSystem`.
+    consistent, probabilities: as in `TransitionSystem`.
+    recursions: the components of which some terms are not decided, see `TransitionSystem.derived`.
     """
 
     def __init__(
