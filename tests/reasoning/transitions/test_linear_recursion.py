@@ -95,19 +95,18 @@ def test_a_large_frontier_is_decided_as_a_whole(monkeypatch):
     program = make_map(make_grid(2, 3))
     answer = Reasoner(program).exact("reach(6)", {})
     monkeypatch.setattr(transition_system, "MAX_FRONTIER", 1)
-    system = build_transition_system(ground_program(program, {}), ["reach(6)"])
+    system = build_transition_system(ground_program(program, {}))
     assert not any(transition.closures for transition in system.transitions)
     assert Reasoner(program).exact("reach(6)", {}) == answer
 
 
 def test_the_closure_forgets_what_has_left_the_frontier():
-    """Atoms 0 to 3; 1 follows from 0 (bit 1), 2 from 1 (bit 2), 0 is true (bit 4); then 1 leaves."""
+    """Atom 2 follows from 1 (bit 1), 3 from 2 (bit 2), 1 is true (bit 4); then atom 2 leaves."""
     closure = Closure(
-        3,
-        closed=[(4, -1, 0)],
-        added=[(1, 0, 1), (2, 1, 2)],
-        facts=[(0, 4), (2, 8)],
-        pairs=[(0, 2, 1), (2, 0, 2)],
+        4,
+        closed=[(4, 0, 1)],
+        added=[(1, 1, 2), (2, 2, 3)],
+        targets=[(4, 0, 1), (8, 0, 3), (1, 1, 3), (2, 3, 1)],
     )
     assert [closure.apply(state) for state in (0b000, 0b001, 0b011, 0b100, 0b101, 0b111)] == [
         0, 0, 0b0001, 0b0100, 0b0100, 0b1100

@@ -20,7 +20,6 @@ from typing import Any
 
 from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Selection
 
 QUERY_TERM = "?"
 """The name of the term that has the value `true` in the worlds in which all literals of a query are true.
@@ -129,10 +128,3 @@ class GroundProgram:
         numbers.update((name, len(self.names) + i) for i, name in enumerate(missing))
         ranges = [self.source.attributes[name.partition("(")[0]].values for name in missing]
         return replace(self, names=[*self.names, *missing], values=[*self.values, *ranges]), numbers
-
-    def has_dynamic_range(self, statement: int) -> bool:
-        """Whether the selection at this index of the program has a dynamic range."""
-        if statement < 0:
-            return False
-        selection = self.source.statements[statement]
-        return isinstance(selection, Selection) and selection.range is not None

@@ -19,7 +19,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import accumulate
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
-from lcorpp.reasoning.transitions.closure import Closure
+from lcorpp.reasoning.transitions.closure import ALWAYS, Closure
 from lcorpp.reasoning.transitions.local_distribution import GuardedClause
 from lcorpp.reasoning.transitions.rule_templates import DERIVE, ClauseGroup, RuleTemplate
 
@@ -133,20 +133,18 @@ class LinearRecursion:
             (closure, live): how the step changes the bits, and the bits in use then.
         """
         atoms = [*self._frontier, *self._starting.get(step, ())]
-        number_of: dict[Atom | None, int] = {None: -1}
-        for i, atom in enumerate(atoms):
+        number_of: dict[Atom | None, int] = {None: 0}
+        for i, atom in enumerate(atoms, start=1):
             number_of[atom] = i
         closed = [(bit, number_of[body], number_of[head]) for (body, head), bit in self._bit_of.items()]
-        added = [
-            (0, number_of[body], number_of[head])
-            for body, head in self._fixed
-            if max(self._first[head], self._first[body] if body else -1) == step
+        new = [
+            (ALWAYS, edge)
+            for edge in self._fixed
+            if max([self._first[atom] for atom in edge if atom]) == step
         ]
         for group in self._groups_at[step]:
-            bit = bits[group.satisfied_slot]
-            added += [
-                (bit, number_of[body], number_of[head]) for body, head in self._edges_of[id(group)] or ()
-            ]
+            new += [(bits[group.satisfied_slot], edge) for edge in self._edges_of[id(group)] or ()]
+        added = [(bit, number_of[body], number_of[head]) for bit, (body, head) in new]
         self._frontier = [atom for atom in atoms if self._find_last(atom) > step]
         bodies = [atom for atom in self._frontier if self._last_head.get(atom, -1) > step]  # may become true
         heads = [atom for atom in self._frontier if self._last_body.get(atom, -1) > step]  # are used later
@@ -159,15 +157,8 @@ class LinearRecursion:
             self._bit_of[edge] = before.get(edge) or ~live & (live + 1)
             live |= self._bit_of[edge]
         bits[self._n_slots :] = self._bit_of.values()
-        numbered = [(number_of[body], number_of[head], bit) for (body, head), bit in self._bit_of.items()]
-        closure = Closure(
-            len(atoms),
-            closed,
-            added,
-            [(head, bit) for body, head, bit in numbered if body < 0],
-            [edge for edge in numbered if edge[0] >= 0],
-        )
-        return closure, live
+        targets = [(bit, number_of[body], number_of[head]) for (body, head), bit in self._bit_of.items()]
+        return Closure(len(number_of), closed, added, targets), live
 
     def list_clauses(self) -> list[GuardedClause]:
         """List the clauses that decide the kept terms after the last step, each with its bit."""
