@@ -11,15 +11,14 @@ term and the set of outcomes that satisfy it, as a bit mask: bit i for value i, 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Set
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from itertools import product
 from typing import Any
 
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Selection
 from lcorpp.reasoning.questions import list_terms, list_values
 
 
@@ -116,9 +115,12 @@ class GroundProgram:
         """Whether an intervention sets its term in every world (semantics of 2009)."""
         return self.source.semantics == "2009"
 
-    def has_dynamic_range(self, statement: int) -> bool:
-        """Whether the selection at this index of the program has a dynamic range."""
-        if statement < 0:
-            return False
-        selection = self.source.statements[statement]
-        return isinstance(selection, Selection) and selection.range is not None
+    def number_terms(self, wanted: Set[str]) -> tuple[GroundProgram, dict[str, int]]:
+        """Return the program and the numbers of some terms; it gets those that none of its rules names."""
+        numbers = {name: term for term, name in enumerate(self.names) if name in wanted}
+        missing = sorted(wanted - numbers.keys())
+        if not missing:
+            return self, numbers
+        numbers.update((name, len(self.names) + i) for i, name in enumerate(missing))
+        ranges = [self.source.attributes[name.partition("(")[0]].values for name in missing]
+        return replace(self, names=[*self.names, *missing], values=[*self.values, *ranges]), numbers
