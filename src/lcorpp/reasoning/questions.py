@@ -63,7 +63,7 @@ def list_values(program: Program, question: str) -> tuple[Any, ...]:
 def list_questions(query: Query) -> list[str]:
     """List the questions that answer a query."""
     if query.expression is None:
-        return [name_question(query.subjects)]
+        return [name_question(query.subjects)] if query.formula or query.subjects else []
     return [question for _, _, names, question in list_summands(query) if names]
 
 
