@@ -20,7 +20,7 @@ from typing import Any
 
 from lcorpp.errors import ProgramError
 from lcorpp.notebook import join_some
-from lcorpp.reasoning.conditions import ConditionViolation
+from lcorpp.reasoning.conditions import ConditionViolation, has_dynamic_range
 from lcorpp.reasoning.grounding.ground_program import QUERY_TERM, Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.transitions.local_distribution import (
     ONE,
@@ -162,7 +162,7 @@ class RecursiveComponent:
                 last = len(self.program.values[term]) - 1
                 chosen = f"h({term},{do[term]})" if term in do else f"1 {{ h({term},0..{last}) }} 1"
                 yield f"sel({selection}) :- {condition}. {chosen} :- sel({selection})."
-                if self.program.has_dynamic_range(clause.statement):
+                if has_dynamic_range(self.program.source, clause.statement):
                     yield f":- sel({selection}), h({term},V), not pos({selection},{term},V)."
         for (term, mask), name in outcome_sets.items():
             for value in range(len(self.program.values[term])):
