@@ -40,7 +40,8 @@ class ParseError(LcorppError):
         if not self.text.strip():
             return head
         start = max(0, self.column - 61)  # a long line is cut around the caret
-        excerpt = self.text.rstrip("\r\n")[start : start + 120].replace("\t", " ")
+        shown = self.text.rstrip("\r\n")[start : start + 120]
+        excerpt = "".join(character if character.isprintable() else " " for character in shown)
         return f"{head}\n    {excerpt}\n    {' ' * (self.column - 1 - start)}^"
 
 

@@ -165,3 +165,11 @@ def test_a_problog_file_is_read_checked_and_translated(lcorpp, tmp_path):
     ended = lcorpp("translate", file)
     assert ended.code == 2
     assert f"{file}:1:12: this is a ProbLog program: a list is not translated" in ended.err
+
+
+def test_the_log_names_the_program_s_terms_only(lcorpp, caplog, tmp_path):
+    file = tmp_path / "even.plog"
+    file.write_text("p, q : boolean.\np :- not q.\nq :- not p.\n?{p}.\n")
+    ended = lcorpp("ask", file)
+    assert ended.out == "?{p=true}.\n  0.500000\n"
+    assert f"{file}: p, q depend on each other: clingo enumerates their values" in caplog.text

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from lcorpp.errors import TooLargeError
+from lcorpp.errors import TooLargeError, UndefinedError
 from lcorpp.reasoning import Enumeration, Reasoner, parse_plog
 from lcorpp.reasoning.grounding.ground_program import QUERY_TERM, Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
@@ -169,3 +169,15 @@ def test_a_table_of_many_facts():
     )
     answer = Reasoner(program).ask(parse_query("b", program), exact=True)
     assert {value: p for value, p in answer.items() if p} == {"0": Fraction(1, 2), "4001": Fraction(1, 2)}
+
+
+@pytest.mark.parametrize("rule", ["a=y.", "a=y :- a=x.", "a=y :- not b.", "a=y :- c."])
+def test_contradictory_facts_leave_no_world(rule):
+    program = parse_plog(f"s = {{x, y}}. a : s. b, c : boolean. random(c). a=x. {rule}")
+    query = parse_query("c=true", program)
+    for answer in (Reasoner(program).ask, Enumeration(program).ask):
+        if rule == "a=y :- c.":
+            assert answer(query) == 0
+        else:
+            with pytest.raises(UndefinedError):
+                answer(query)

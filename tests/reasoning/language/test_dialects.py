@@ -67,7 +67,7 @@ def test_sort_algebra(sort: str, expected: str) -> None:
         ("#s = f({a}(X)) : X < Y.", "1:22", "variable Y is not an argument of the record"),
         ("#s = f({a}(X), {b}(X)).", "1:6", "a variable names two arguments"),
         ("#s = {a} + .", "1:12", "unexpected '.'; expected '(' or '{'"),
-        ("#s = " + "{a} + " * 200 + "{a}.", "1:", "nested deeper than 100 levels"),
+        ("#s = " + "{a} + " * 200 + "{a}.", "1:", "nested deeper than 60 levels"),
         ("#boolean = {yes, no}.", "1:1", "built in as {true, false} and cannot be declared otherwise"),
         ("#s = {f(a)}. f : #s -> #s.", "1:14", "f is an attribute and, with as many arguments, a record"),
         ("attributes random : #boolean.", "1:19", "unexpected ':'; expected '('"),

@@ -13,7 +13,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from lcorpp.errors import DataError, ProgramError, UndefinedError, check_type, expected_one_of
+from lcorpp.errors import DataError, ProgramError, UndefinedError, check_type
 from lcorpp.reasoning.fitting.expectation import Expectation
 from lcorpp.reasoning.fitting.maximisation import (
     Progress,
@@ -159,9 +159,7 @@ def fit(
         raise DataError(f"expected a number of pseudo-counts that is at least 0, not {prior}")
     if program.has_cr_rules:
         raise ProgramError(f"{program.file}: the numbers of a program with cr-rules cannot be fitted")
-    free = list_free_numbers(program, _resolve_fixed(program, fixed))
-    if not free:
-        raise ProgramError(f"{program.file}: no pr-atom has a number that is free; see `fixed`")
+    free = list_free_numbers(program, fixed)
     distinct, rows, repeats = group_records(program, records)
     model = build_number_model(program, free, {name for record in distinct for name in record})
     groups = group_cases(program, model)
@@ -202,24 +200,6 @@ def fit(
         iterations,
         converged,
     )
-
-
-def _resolve_fixed(program: Program, fixed: Collection[str | int]) -> set[int]:
-    """Return the indexes of the pr-atoms of attributes, and of those at lines."""
-    if isinstance(fixed, str):
-        raise ProgramError(f"expected a list of attributes and lines, not {fixed!r}")
-    atoms = [(i, s) for i, s in enumerate(program.statements) if isinstance(s, Probability)]
-    indexes: set[int] = set()
-    for selector in fixed:
-        own = {i for i, atom in atoms if selector in (atom.term.name, atom.at.line)}
-        if not own:
-            names = list(dict.fromkeys(atom.term.name for _, atom in atoms))
-            raise ProgramError(
-                f"{program.file}: {selector!r} is neither an attribute with pr-atoms nor the line of one;"
-                f" {expected_one_of(names)}"
-            )
-        indexes |= own
-    return indexes
 
 
 def _round(model: NumberModel, parameters: Array) -> list[Fraction]:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
+from lcorpp.errors import ProgramError, expected_one_of
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
 from lcorpp.reasoning.grounding.ground_program import QUERY_TERM, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
@@ -110,16 +111,34 @@ def _split(number: Fraction) -> tuple[Fraction, ...]:
     return number.factors or (number,) if isinstance(number, _Factored) else (number,)
 
 
-def list_free_numbers(program: Program, fixed: Collection[int]) -> dict[int, Fraction]:
-    """List the numbers of pr-atoms, by statement, that are neither fixed, nor 0 or 1, nor have variables."""
-    return {
-        index: statement.number.value
-        for index, statement in enumerate(program.statements)
-        if isinstance(statement, Probability)
-        and index not in fixed
-        and isinstance(statement.number, Number)
-        and 0 < statement.number.value < 1
+def list_free_numbers(program: Program, fixed: Collection[str | int]) -> dict[int, Fraction]:
+    """List the numbers of pr-atoms, by statement, that are neither fixed, nor 0 or 1, nor have variables.
+
+    Args:
+        fixed: attributes and lines.
+
+    Raises:
+        ProgramError: none of the pr-atoms is of an attribute or line in `fixed`, or no number is free.
+    """
+    if isinstance(fixed, str):
+        raise ProgramError(f"expected a list of attributes and lines, not {fixed!r}")
+    atoms = {i: s for i, s in enumerate(program.statements) if isinstance(s, Probability)}
+    for selector in fixed:
+        if not any(selector in (atom.term.name, atom.at.line) for atom in atoms.values()):
+            names = list(dict.fromkeys([atom.term.name for atom in atoms.values()]))
+            raise ProgramError(
+                f"{program.file}: {selector!r} is neither an attribute with pr-atoms nor the line of one;"
+                f" {expected_one_of(names)}"
+            )
+    free = {
+        index: atom.number.value
+        for index, atom in atoms.items()
+        if atom.term.name not in fixed and atom.at.line not in fixed
+        if isinstance(atom.number, Number) and 0 < atom.number.value < 1
     }
+    if not free:
+        raise ProgramError(f"{program.file}: no pr-atom has a number that is free; see `fixed`")
+    return free
 
 
 def build_number_model(

@@ -31,7 +31,7 @@ MIN_FORM = 1e-9
 NULL_SCORE = 1e-6
 """Directions whose scores are smaller than the largest by this factor are not determined."""
 
-DIFFERENCE = 1e-4
+DIFFERENCE = 1e-6
 """The step of numerical derivatives, in units of ``sqrt(p (1 - p))``."""
 
 
@@ -73,8 +73,8 @@ def compute_uncertainty(
         changes = np.abs(model.coefficients @ direction)
         moves = (changes > NULL_SCORE) & (values > MIN_FORM)
         step = DIFFERENCE * (values[moves] / changes[moves]).min(initial=1.0)  # no form may reach 0
-        ahead, behind = [differentiate(parameters + way * step * direction)[0] for way in (1, -1)]
-        information[i] = determined.T @ (behind - ahead) / (2 * step)
+        ahead, _ = differentiate(parameters + step * direction)
+        information[i] = determined.T @ (score - ahead) / step
     sizes, vectors = np.linalg.eigh((information + information.T) / 2)
     curved = sizes > NULL_SCORE**2 * sizes.max(initial=0.0)
     undetermined = np.hstack([undetermined, determined @ vectors[:, ~curved]])

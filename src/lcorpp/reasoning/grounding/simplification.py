@@ -46,11 +46,12 @@ def split_constants(
 ) -> tuple[list[Clause], tuple[int, ...]]:
     """Split the terms to which only facts give a value from simplified clauses, whose bodies lack them."""
     derive = ClauseKind.DERIVE
-    terms = dict.fromkeys([clause.term for clause in clauses if not clause.body and clause.kind is derive])
+    constants = dict.fromkeys([clause.term for clause in clauses])
     for clause in clauses:
-        if clause.body or clause.kind is not derive:
-            terms.pop(clause.term, None)
-    constants = {term: None for term in terms if outcomes[term].bit_count() == 1 and term not in program.do}
+        if clause.body or clause.kind is not derive or outcomes[clause.term] != 1 << clause.value:
+            constants.pop(clause.term, None)
+    for term in program.do:
+        constants.pop(term, None)
     return [clause for clause in clauses if clause.term not in constants], tuple(constants)
 
 

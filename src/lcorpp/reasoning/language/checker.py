@@ -32,12 +32,7 @@ from lcorpp.reasoning.language.syntax import (
     Selection,
     Statement,
 )
-from lcorpp.reasoning.language.traversal import (
-    as_clause,
-    get_body,
-    get_head,
-    list_expressions,
-)
+from lcorpp.reasoning.language.traversal import as_clause, get_body, get_head, list_expressions
 
 
 def check_statements(statements: Sequence[Statement]) -> Signature:

@@ -82,9 +82,7 @@ def _parse_product(cursor: Cursor) -> Expression | Literal:
     return parse_chain(cursor, ("*", "/", "\\", "mod"), parse_factor, _make_arithmetic)
 
 
-@lru_cache(maxsize=1024)
-def _parse_fraction(text: str) -> Fraction:
-    return Fraction(int(text)) if text.isdigit() else Fraction(text)
+_parse_fraction = lru_cache(maxsize=1024)(Fraction)
 
 
 def parse_factor(cursor: Cursor) -> Expression | Literal:
@@ -118,12 +116,8 @@ def _parse_term(cursor: Cursor, at: Place) -> Term | Number:
     if not cursor.accept("("):
         constant = cursor.constants.get(name)
         return Term(name, at=at) if constant is None else replace(constant, at=at)
-    arguments = cursor.parse_nested(_parse_arguments, ")")
+    arguments = cursor.parse_nested(lambda cursor: cursor.parse_list(parse_value), ")")
     return _check_depth(Term(name, tuple(arguments), at=at))
-
-
-def _parse_arguments(cursor: Cursor) -> list[Expression]:
-    return cursor.parse_list(parse_value)
 
 
 def _negate(at: Place, expression: Expression) -> Expression:

@@ -24,13 +24,7 @@ from lcorpp.reasoning.language.sorts import (
     SortOperation,
     SortSet,
 )
-from lcorpp.reasoning.language.syntax import (
-    AttributeDeclaration,
-    Expression,
-    Literal,
-    Statement,
-    Variable,
-)
+from lcorpp.reasoning.language.syntax import AttributeDeclaration, Expression, Literal, Statement, Variable
 from lcorpp.reasoning.language.traversal import as_clause, get_head, list_literals, map_literals
 
 

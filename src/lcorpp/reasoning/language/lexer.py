@@ -46,7 +46,7 @@ _COMMENT_MARK = re.compile(r"%\*|\*%")
 
 _NO_LINE_END = re.compile(r"[^\r\n]")
 
-MAX_DEPTH = 100
+MAX_DEPTH = 60
 """Maximal nesting depth, so that recursive functions are safe."""
 
 _Item = TypeVar("_Item")

@@ -11,14 +11,7 @@ from lcorpp.reasoning.language.conformance import check_query
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import Attribute, Signature
 from lcorpp.reasoning.language.sorts import SortDefinition, SortSet
-from lcorpp.reasoning.language.syntax import (
-    SEMANTICS,
-    CrRule,
-    Query,
-    Semantics,
-    Statement,
-    Term,
-)
+from lcorpp.reasoning.language.syntax import SEMANTICS, CrRule, Query, Semantics, Statement, Term
 from lcorpp.reasoning.language.traversal import map_literals
 
 SHOWN_STATEMENTS = 100

@@ -19,8 +19,9 @@ from fractions import Fraction
 from typing import Any
 
 from lcorpp.errors import ProgramError
+from lcorpp.notebook import join_some
 from lcorpp.reasoning.conditions import ConditionViolation
-from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import QUERY_TERM, Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.transitions.local_distribution import (
     ONE,
     GuardedClause,
@@ -120,8 +121,8 @@ class RecursiveComponent:
         import clingo  # here, as few programs need it
 
         file = self.program.source.file
-        names = ", ".join(self.program.names[term] for term in self.terms[:5])
-        names += ", ..." if len(self.terms) > 5 else ""
+        all_names = [self.program.names[term] for term in self.terms]
+        names = join_some([name for name in all_names if not name.startswith(QUERY_TERM)])
         if not self.logged:
             self.logged = True
             LOG.info("%s: %s depend on each other: clingo enumerates their values", file, names)

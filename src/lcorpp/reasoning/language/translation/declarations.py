@@ -53,7 +53,9 @@ class SharedSorts:
             for position, expression in _iter_positions(statement):
                 if isinstance(expression, Variable):
                     self._parents[self.find(position)] = self.find((number, expression.name))
-                elif isinstance(expression, Number) or expression == Term(str(expression)):
+                elif isinstance(expression, Number) or (
+                    isinstance(expression, Term) and not expression.arguments
+                ):
                     constants.append((position, expression))
                 else:
                     raise SourceIssue(expression.at, f"the compound term {expression} is not translated")
