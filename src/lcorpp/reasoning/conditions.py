@@ -38,6 +38,12 @@ class ConditionViolation(Exception):
         return f"{statements[self.statement].at}: {self.message.replace('{term}', names[self.term_index])}"
 
 
+def has_dynamic_range(program: Program, statement: int) -> bool:
+    """Whether the selection at this index of the program has a dynamic range."""
+    selection = as_selection(program.statements[statement]) if statement >= 0 else None
+    return selection is not None and selection.range is not None
+
+
 def list_dynamic_range(
     program: Program, values: Sequence[str], selections: Sequence[Clause], clauses: Iterable[Clause]
 ) -> list[int]:
@@ -50,8 +56,7 @@ def list_dynamic_range(
     """
     possible = list(range(len(values)))
     for own in selections:
-        selection = as_selection(program.statements[own.statement]) if own.statement >= 0 else None
-        if selection and selection.range:
+        if has_dynamic_range(program, own.statement):
             members = {
                 clause.value
                 for clause in clauses

@@ -101,13 +101,12 @@ def test_a_large_frontier_is_decided_as_a_whole(monkeypatch):
 
 
 def test_the_closure_forgets_what_has_left_the_frontier():
-    """Atoms 0 to 3; 1 follows from 0 (bit 1), 2 from 1 (bit 2), 0 is true (bit 4); then 1 leaves."""
+    """Atom 2 follows from 1 (bit 1), 3 from 2 (bit 2), 1 is true (bit 4); then atom 2 leaves."""
     closure = Closure(
-        3,
-        sources=[(1, 0, 1), (2, 1, 2), (4, -1, 0)],
+        4,
+        sources=[(1, 1, 2), (2, 2, 3), (4, 0, 1)],
+        targets=[(4, 0, 1), (8, 0, 3), (1, 1, 3), (2, 3, 1)],
         initial=[],
-        facts=[(0, 4), (2, 8)],
-        pairs=[(0, 2, 1), (2, 0, 2)],
         mask=7,
     )
     assert [closure.apply(state) for state in (0b000, 0b001, 0b011, 0b100, 0b101, 0b111)] == [

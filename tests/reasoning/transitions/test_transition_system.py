@@ -23,3 +23,8 @@ def test_the_example_of_two_bodies():
     outcomes = x.distribution.list_outcomes([0b00, 0b10])
     assert [outcomes[state][0].values[0] for state in (0b00, 0b10)] == [NO_VALUE, TRUE]
     assert build_decision_diagram(system).sizes == [1, 2, 2, 2]
+
+
+def test_facts_that_contradict_each_other_after_simplification_leave_no_world():
+    program = parse_plog("s = {u, v}. a : s. c : boolean. random(c). a = u. a = v :- a = u.")
+    assert not build_decision_diagram(build_transition_system(ground_program(program, {}))).has_worlds

@@ -19,7 +19,6 @@ from typing import Any
 
 from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Selection
 
 QUERY_TERM = "?"
 """The name of the term that has the value `true` in the worlds in which all literals of a query are true.
@@ -118,10 +117,3 @@ class GroundProgram:
     def do_is_fact(self) -> bool:
         """Whether an intervention sets its term in every world (semantics of 2009)."""
         return self.source.semantics == "2009"
-
-    def has_dynamic_range(self, statement: int) -> bool:
-        """Whether the selection at this index of the program has a dynamic range."""
-        if statement < 0:
-            return False
-        selection = self.source.statements[statement]
-        return isinstance(selection, Selection) and selection.range is not None

@@ -46,13 +46,12 @@ def split_constants(
 ) -> tuple[list[Clause], tuple[int, ...]]:
     """Split the terms to which only facts give a value from simplified clauses, whose bodies lack them."""
     derive = ClauseKind.DERIVE
-    constants = dict.fromkeys([clause.term for clause in clauses])
-    for clause in clauses:
+    terms = dict.fromkeys([clause.term for clause in clauses if not clause.body and clause.kind is derive])
+    for clause in clauses if terms else ():
         if clause.body or clause.kind is not derive or outcomes[clause.term] != 1 << clause.value:
-            constants.pop(clause.term, None)
-    for term in program.do:
-        constants.pop(term, None)
-    return [clause for clause in clauses if clause.term not in constants], tuple(constants)
+            terms.pop(clause.term, None)
+    constants = terms.keys() - program.do.keys()
+    return [clause for clause in clauses if clause.term not in constants], tuple(sorted(constants))
 
 
 def _compute_possible_values(program: GroundProgram) -> tuple[list[int], set[int]]:

@@ -6,6 +6,7 @@ Nodes are frozen. Each has a place, which equality ignores, and prints as text t
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from decimal import Decimal
 from fractions import Fraction
 from typing import Any, Literal as OneOf, TypeVar, dataclass_transform, get_args
 
@@ -63,13 +64,10 @@ class Number(SyntaxNode):
     value: Fraction
 
     def __str__(self) -> str:
-        if self.value.denominator == 1:
-            return str(self.value.numerator)
-        for digits in range(1, self.value.denominator.bit_length()):  # a finite decimal
+        for digits in range(self.value.denominator.bit_length()):
             shifted = self.value * 10**digits
-            if shifted.denominator == 1:
-                shown = f"{abs(shifted.numerator):0{digits + 1}d}"
-                return f"{'-' if self.value < 0 else ''}{shown[:-digits]}.{shown[-digits:]}"
+            if shifted.denominator == 1:  # a finite decimal
+                return f"{Decimal(f'{shifted.numerator}E-{digits}'):f}"
         return str(self.value)
 
 

@@ -125,15 +125,13 @@ class LinearRecursion:
             (closure, live): how the step changes the bits, and the bits in use then.
         """
         atoms = [*self._frontier, *self._starting.get(step, ())]
-        number_of: dict[Atom | None, int] = {None: -1}
-        for i, atom in enumerate(atoms):
+        number_of: dict[Atom | None, int] = {None: 0}
+        for i, atom in enumerate(atoms, start=1):
             number_of[atom] = i
-        sources = [(bit, number_of[body], number_of[head]) for (body, head), bit in self._bit_of.items()]
+        edges = [(bit, edge) for edge, bit in self._bit_of.items()]
         for group in self._groups_at[step]:
-            bit = bits[group.satisfied_slot]
-            sources += [
-                (bit, number_of[body], number_of[head]) for body, head in self._edges_of[id(group)] or ()
-            ]
+            edges += [(bits[group.satisfied_slot], edge) for edge in self._edges_of[id(group)] or ()]
+        sources = [(bit, number_of[body], number_of[head]) for bit, (body, head) in edges]
         initial = [
             (number_of[body], number_of[head])
             for body, head in self._fixed
@@ -149,16 +147,8 @@ class LinearRecursion:
             self._bit_of[edge] = before.get(edge) or ~live & (live + 1)
             live |= self._bit_of[edge]
         bits[self._n_slots :] = self._bit_of.values()
-        numbered = [(number_of[body], number_of[head], bit) for (body, head), bit in self._bit_of.items()]
-        closure = Closure(
-            len(atoms),
-            sources,
-            initial,
-            [(head, bit) for body, head, bit in numbered if body < 0],
-            [edge for edge in numbered if edge[0] >= 0],
-            sum({bit for bit, _, _ in sources}),
-        )
-        return closure, live
+        targets = [(bit, number_of[body], number_of[head]) for (body, head), bit in self._bit_of.items()]
+        return Closure(len(number_of), sources, targets, initial, sum({bit for bit, _, _ in sources})), live
 
     def list_clauses(self) -> list[GuardedClause]:
         """List the clauses that decide the kept terms after the last step, each with its bit."""

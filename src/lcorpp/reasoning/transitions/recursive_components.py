@@ -20,7 +20,7 @@ from typing import Any
 
 from lcorpp.errors import ProgramError
 from lcorpp.notebook import join_some
-from lcorpp.reasoning.conditions import ConditionViolation
+from lcorpp.reasoning.conditions import ConditionViolation, has_dynamic_range
 from lcorpp.reasoning.grounding.ground_program import QUERY_TERM, Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.transitions.local_distribution import (
     ONE,
@@ -54,11 +54,8 @@ def build_component(
         read_terms: the terms whose outcomes other rules or queries read.
     """
     is_random = any(clause.kind is SELECT for _, clause, _ in clauses)
-    if not is_random and program.do.keys().isdisjoint(terms):
-        stratified = Stratified.from_clauses(program, terms, clauses, read_terms)
-        if stratified:
-            return stratified
-    return RecursiveComponent(program, terms, clauses, probabilities)
+    stratified = None if is_random else Stratified.from_clauses(program, terms, clauses, read_terms)
+    return stratified or RecursiveComponent(program, terms, clauses, probabilities)
 
 
 @dataclass(slots=True, eq=False)
@@ -165,7 +162,7 @@ class RecursiveComponent:
                 last = len(self.program.values[term]) - 1
                 chosen = f"h({term},{do[term]})" if term in do else f"1 {{ h({term},0..{last}) }} 1"
                 yield f"sel({selection}) :- {condition}. {chosen} :- sel({selection})."
-                if self.program.has_dynamic_range(clause.statement):
+                if has_dynamic_range(self.program.source, clause.statement):
                     yield f":- sel({selection}), h({term},V), not pos({selection},{term},V)."
         for (term, mask), name in outcome_sets.items():
             for value in range(len(self.program.values[term])):

@@ -53,6 +53,8 @@ class Stratified:
     ) -> Stratified | None:
         """Stratify the clauses of a component; None if an atom depends on its own negation."""
         derivations = [guarded for guarded in clauses if guarded[1].kind is DERIVE]
+        for term in program.do.keys() & set(terms) if program.do_is_fact else ():
+            derivations.append((0, Clause(DERIVE, term, program.do[term], ()), ()))
         number_of: dict[Atom, int] = {}
         for _, clause, _ in derivations:
             number_of.setdefault((clause.term, clause.value), len(number_of))
