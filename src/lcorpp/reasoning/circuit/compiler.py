@@ -100,7 +100,7 @@ class _LayerBuilder:
     ) -> None:
         self._diagram, self._names, self._weights, self._min_weight = diagram, names, weights, min_weight
         numbers = diagram.system.term_numbers
-        self._variables = {numbers[name]: i for i, name in enumerate(names) if name in numbers}
+        self._variables = {numbers[name]: i for i, name in enumerate(names)}
         self._layers: list[Layer] = []
 
     def build(self) -> list[Layer]:
@@ -111,11 +111,9 @@ class _LayerBuilder:
         """
         diagram, children = self._diagram, self._diagram.system.tree.children
         tops: list[_Part | list[float]] = []
-        for i, name in enumerate(self._names):
-            if name not in diagram.system.term_numbers or not diagram.has_worlds:  # no rule names the term
-                no_value = len(list_values(diagram.system.program.source, name))
-                entries = {(0, no_value, 0): 1.0} if diagram.has_worlds else {}
-                tops.append(self._append(i, _Part((), (), 1), (1, no_value + 1, 1), entries))
+        for i, name in enumerate(self._names) if not diagram.has_worlds else ():
+            size = len(list_values(diagram.system.program.source, name)) + 1
+            tops.append(self._append(i, _Part((), (), 1), (1, size, 1), {}))
         parts: dict[int, _Part | list[float]] = {}
         for step in range(len(children) - 1, -1, -1) if diagram.has_worlds else ():
             parts[step] = self._sum_step(step, [parts.pop(child) for child in children[step]])
