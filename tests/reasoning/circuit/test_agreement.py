@@ -96,12 +96,13 @@ def check_soft(case: Case, reasoner: Reasoner, worlds: Enumeration) -> None:
     if isinstance(every, type):
         assert found == every
         return
-    sums: dict[str, Fraction] = {}
+    sums: dict[object, Fraction] = {}
     for world in every:
         weight = world.measure * all(world.values.get(term) == value for term, value in hard.items())
         for term, own in soft.items():
             weight *= own.get(world.values.get(term, ""), 0)
-        value = world.values.get(case.query, "")
+        values = tuple(world.values.get(term, "") for term in case.query.removeprefix("?").split(", "))
+        value = "" if not all(values) else values if case.query.startswith("?") else values[0]
         sums[value] = sums.get(value, Fraction(0)) + weight
     total = sum(sums.values())
     if not total:

@@ -31,7 +31,7 @@ def test_branches_have_their_own_nodes():
         "c1, c2, c3 : boolean. random(c1). random(c2). random(c3). pr(c2 | c1) = 1/4. pr(c3 | c1) = 1/8."
         " :- c1, c3."
     )
-    diagram = build_decision_diagram(build_transition_system(ground_program(program, {})))
+    diagram = build_decision_diagram(build_transition_system(ground_program(program, {}), ["c1", "c2", "c3"]))
     tree = diagram.system.tree
     names = [program_terms(diagram, step) for step in range(3)]
     assert (names, tree.children, tree.roots) == (["c1", "c2", "c3"], [[1, 2], [], []], [0])
@@ -48,7 +48,8 @@ def program_terms(diagram, step):
 
 
 def test_sums_over_arcs_are_sums_over_worlds():
-    worlds = WorldQueries(build_decision_diagram(build_transition_system(ground_program(COINS, {}))))
+    system = build_transition_system(ground_program(COINS, {}), ["c1", "c2"])
+    worlds = WorldQueries(build_decision_diagram(system))
     assert worlds.count() == 3
     assert worlds.compute_exact_weights("c1", {}) == {"heads": HALF, "tails": Fraction(1, 4)}
     assert worlds.compute_float_weights("c1", {"c2": "tails"}) == {"heads": 0.25}

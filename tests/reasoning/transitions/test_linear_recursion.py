@@ -104,10 +104,9 @@ def test_the_closure_forgets_what_has_left_the_frontier():
     """Atom 2 follows from 1 (bit 1), 3 from 2 (bit 2), 1 is true (bit 4); then atom 2 leaves."""
     closure = Closure(
         4,
-        sources=[(1, 1, 2), (2, 2, 3), (4, 0, 1)],
+        closed=[(4, 0, 1)],
+        added=[(1, 1, 2), (2, 2, 3)],
         targets=[(4, 0, 1), (8, 0, 3), (1, 1, 3), (2, 3, 1)],
-        initial=[],
-        mask=7,
     )
     assert [closure.apply(state) for state in (0b000, 0b001, 0b011, 0b100, 0b101, 0b111)] == [
         0, 0, 0b0001, 0b0100, 0b0100, 0b1100

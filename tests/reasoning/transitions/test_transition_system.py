@@ -12,7 +12,7 @@ TRUE, FALSE, NO_VALUE = 0, 1, 2
 
 def test_the_example_of_two_bodies():
     program = parse_plog("a, b, c, x : boolean. random(a). random(b). random(c). x :- a, b=false. x :- c.")
-    system = build_transition_system(ground_program(program, {}))
+    system = build_transition_system(ground_program(program, {}), ["x"])
     assert [system.program.names[term] for (term,) in system.tree.order] == ["a", "b", "c", "x"]
     a, b, c, x = system.transitions
     assert [t.live_masks for t in system.transitions] == [(0b01,), (0b10,), (0b10,), ()]

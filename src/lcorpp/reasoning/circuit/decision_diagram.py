@@ -296,12 +296,13 @@ def iterate_arcs(arcs: Arcs) -> Iterator[tuple[int, tuple[int, ...], int]]:
 def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) -> dict[str, str]:
     """Convert the outcomes of all steps to term -> value, sorted by term, without terms of queries."""
     program = system.program
-    outcome_of = {
+    outcome_of = dict(system.facts)
+    outcome_of |= {
         term: value
         for terms, values in zip(system.tree.order, outcomes, strict=True)
         for term, value in zip(terms, values, strict=True)
     }
-    for component, clauses in system.recursions:
+    for component, clauses in system.derived:
         outcome_of |= derive_values(program, component, clauses, outcome_of)
     world = {
         program.names[term]: program.values[term][value]

@@ -101,13 +101,10 @@ class Expectation:
         codes: dict[int, _Codes] = {}
         for i, record in enumerate(evidence):
             for name, value in record.items():
-                term = system.term_numbers.get(name)
-                if term is None:  # it has no value in any world
-                    possible[i] &= not value
-                else:
-                    values = system.program.values[term]
-                    own = codes.setdefault(term, np.full(len(evidence), -1))
-                    own[i] = values.index(value) if value else len(values)
+                term = system.term_numbers[name]
+                values = system.program.values[term]
+                own = codes.setdefault(term, np.full(len(evidence), -1))
+                own[i] = values.index(value) if value else len(values)
         return possible, codes
 
     def compute(self, values: Array) -> Expected:

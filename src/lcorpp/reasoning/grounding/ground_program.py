@@ -11,7 +11,8 @@ term and the set of outcomes that satisfy it, as a bit mask: bit i for value i, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Set
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from itertools import product
@@ -117,3 +118,13 @@ class GroundProgram:
     def do_is_fact(self) -> bool:
         """Whether an intervention sets its term in every world (semantics of 2009)."""
         return self.source.semantics == "2009"
+
+    def number_terms(self, wanted: Set[str]) -> tuple[GroundProgram, dict[str, int]]:
+        """Return the program and the numbers of some terms; it gets those that none of its rules names."""
+        numbers = {name: term for term, name in enumerate(self.names) if name in wanted}
+        missing = sorted(wanted - numbers.keys())
+        if not missing:
+            return self, numbers
+        numbers.update((name, len(self.names) + i) for i, name in enumerate(missing))
+        ranges = [self.source.attributes[name.partition("(")[0]].values for name in missing]
+        return replace(self, names=[*self.names, *missing], values=[*self.values, *ranges]), numbers

@@ -23,7 +23,7 @@ from lcorpp.reasoning.grounding.ground_program import (
     GroundProgram,
     make_full_mask,
 )
-from lcorpp.reasoning.grounding.relation import split_record
+from lcorpp.reasoning.grounding.relation import Relation, split_record
 from lcorpp.reasoning.grounding.rule_instantiator import Atoms, RuleInstantiator
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.grounding.term_table import TermTable
@@ -158,21 +158,20 @@ class _Grounder:
 
     def _instantiate_all(self, name: str) -> Atoms:
         """Instantiate the rules and selections of an attribute, and return its atoms."""
-        set_to = [arguments for attribute, arguments in map(_split_term, self._do) if attribute == name]
-        rows: list[tuple[Value, ...]] = [*set_to]
-        is_certain = not set_to
-        for index, clause in self._clauses[name]:
+        clauses, arity = self._clauses[name], len(self.signature.attributes[name].arguments)
+        rows = dict.fromkeys(arguments for other, arguments in map(_split_term, self._do) if other == name)
+        is_certain = not rows and all(
+            isinstance(clause, Rule) and not self._list_uncertain(clause.body) for _, clause in clauses
+        )
+        width = arity + is_certain
+        for index, clause in clauses:
             if isinstance(clause, Fact):
-                rows.append(clause.values)
-                continue
-            table = self._tables[index] = self._instantiate(clause, clause.body)
-            if isinstance(clause, Rule) and clause.head:
-                parts = [*clause.head.term.arguments, clause.head.value]
-                is_certain &= not self._list_uncertain(clause.body)
-            elif isinstance(clause, Selection):
-                parts, is_certain = list(clause.term.arguments), False
-            rows += table.list_rows(list(map(table.evaluate, parts)))
-        return Atoms(rows, len(self.signature.attributes[name].arguments), is_certain=is_certain)
+                rows[clause.values[:width]] = None
+            elif head := get_head(clause):
+                table = self._tables[index] = self._instantiate(clause, clause.body)
+                parts = (*head.term.arguments, head.value)[:width]
+                rows.update(dict.fromkeys(table.iter_rows(list(map(table.evaluate, parts)))))
+        return Atoms(Relation.from_rows(rows, width), arity, is_certain)
 
     def _instantiate(self, statement: Rule | Selection | Probability, body: Body) -> BindingTable:
         slots, scope = self.signature.iter_slots(statement), list_expressions(statement)

@@ -41,19 +41,6 @@ def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
     return clauses, outcomes
 
 
-def split_constants(
-    program: GroundProgram, clauses: Sequence[Clause], outcomes: Sequence[int]
-) -> tuple[list[Clause], tuple[int, ...]]:
-    """Split the terms to which only facts give a value from simplified clauses, whose bodies lack them."""
-    derive = ClauseKind.DERIVE
-    terms = dict.fromkeys([clause.term for clause in clauses if not clause.body and clause.kind is derive])
-    for clause in clauses if terms else ():
-        if clause.body or clause.kind is not derive or outcomes[clause.term] != 1 << clause.value:
-            terms.pop(clause.term, None)
-    constants = terms.keys() - program.do.keys()
-    return [clause for clause in clauses if clause.term not in constants], tuple(sorted(constants))
-
-
 def _compute_possible_values(program: GroundProgram) -> tuple[list[int], set[int]]:
     """Compute the mask of the values that each term may have in some world: the least fixed point.
 

@@ -203,18 +203,26 @@ class Cursor:
         return items
 
     def parse_nested(self, parse_inside: Callable[[Cursor], _Item], closing: str | None = None) -> _Item:
-        """Parse a nested expression, and its closing bracket if it has one.
+        """Parse a nested expression, and its closing bracket if it has one."""
+        self.enter_nesting()
+        inside = parse_inside(self)
+        self.leave_nesting(closing)
+        return inside
 
-        Raises:
-            SourceIssue: there are more than `MAX_DEPTH` levels.
-        """
+    def enter_nesting(self) -> None:
+        """Begin a nested expression; raise SourceIssue if there are more than `MAX_DEPTH` levels."""
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            raise SourceIssue(
-                self.at, f"an expression nested deeper than {MAX_DEPTH} levels; each operator is one"
-            )
-        inside = parse_inside(self)
+            raise self.make_depth_error()
+
+    def leave_nesting(self, closing: str | None = None) -> None:
+        """End a nested expression and consume its closing bracket, if it has one."""
         self._depth -= 1
         if closing:
             self.expect(closing)
-        return inside
+
+    def make_depth_error(self) -> SourceIssue:
+        """Return the error for an expression with too many levels."""
+        return SourceIssue(
+            self.at, f"an expression nested deeper than {MAX_DEPTH} levels; each operator is one"
+        )

@@ -8,27 +8,32 @@ from dataclasses import dataclass, field
 Implication = tuple[int, int, int]
 """(bit, body, head): the implication that a bit represents."""
 
+ALWAYS = 0
+"""In place of a bit: the implication has no condition."""
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+@dataclass(slots=True, eq=False)
 class Closure:
     """Replaces the bits of rules that a step satisfied by the closure of what they imply.
 
     n_atoms: atom 0 is true; the other atoms before and after the step are numbered 1, 2, ...
-    sources, targets: the implications before and after the step.
-    initial: (body, head): implications without condition.
-    mask: the bits of `sources`.
+    closed: the implications before the step, which are closed. added: those that the step adds.
+    targets: the implications after the step.
     """
 
     n_atoms: int
-    sources: Sequence[Implication]
+    closed: Sequence[Implication]
+    added: Sequence[Implication]
     targets: Sequence[Implication]
-    initial: Sequence[tuple[int, int]]
-    mask: int
+    _mask: int = field(init=False)
     _known: dict[int, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._mask = sum({bit for bit, _, _ in (*self.closed, *self.added)})
 
     def apply(self, state: int) -> int:
         """Return the state after the step."""
-        own = state & self.mask
+        own = state & self._mask
         closed = self._known.get(own)
         if closed is None:
             closed = self._known[own] = self._close(own)
@@ -36,20 +41,20 @@ class Closure:
 
     def _close(self, state: int) -> int:
         follows = [0] * self.n_atoms  # atom -> mask of the atoms that follow from it
-        for body, head in self.initial:
-            follows[body] |= 1 << head
-        for bit, body, head in self.sources:
+        for bit, body, head in self.closed:
             if state & bit:
                 follows[body] |= 1 << head
-        for middle, reached in enumerate(follows):
-            if reached:
-                for body in range(self.n_atoms):
-                    if follows[body] >> middle & 1:
-                        follows[body] |= reached
+        for bit, body, head in self.added:
+            if (bit != ALWAYS and not state & bit) or (follows[0] | follows[body]) >> head & 1:
+                continue
+            reached = follows[head] | 1 << head
+            for atom, own in enumerate(follows):
+                if atom == body or own >> body & 1:
+                    follows[atom] |= reached
         true = follows[0]
-        closed = 0
+        result = 0
         for bit, body, head in self.targets:
             # what is true needs no other reason, and what follows from it is true
             if follows[body] >> head & 1 and not (body and (true >> body | true >> head) & 1):
-                closed |= bit
-        return closed
+                result |= bit
+        return result

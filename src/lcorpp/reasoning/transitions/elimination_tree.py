@@ -16,7 +16,7 @@ Source: Dechter and Mateescu, "AND/OR search spaces for graphical models", Artif
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from math import log2
 
@@ -24,6 +24,7 @@ from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, Ground
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.elimination_order import eliminate
 from lcorpp.reasoning.transitions.linear_recursion import find_linear_components
+from lcorpp.reasoning.transitions.recursion_order import rank_components
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +36,6 @@ class EliminationTree:
     roots: the first steps of the parts that are independent from the start.
     ends: step -> the end of the range of its subtree.
     linear: the components of several terms with linear rules, see `linear_recursion`.
-    constants: the terms with the same value in every world, which one step decides.
     """
 
     order: Sequence[tuple[int, ...]]
@@ -43,7 +43,6 @@ class EliminationTree:
     roots: Sequence[int]
     ends: Sequence[int]
     linear: Collection[tuple[int, ...]]
-    constants: tuple[int, ...]
 
     def list_branches(self, step: int) -> list[range]:
         """List the steps of each branch that follows a step."""
@@ -55,17 +54,14 @@ class EliminationTree:
 
 
 def build_elimination_tree(
-    program: GroundProgram,
-    clauses: Sequence[Clause],
-    outcomes: Sequence[int],
-    constants: tuple[int, ...] = (),
+    program: GroundProgram, clauses: Sequence[Clause], outcomes: Sequence[int], queried: Collection[int]
 ) -> EliminationTree:
     """Build the elimination tree of a ground program.
 
     Args:
         clauses: the simplified clauses.
         outcomes: the mask of the possible outcomes of each term.
-        constants: the terms with the same value in every world; no clause names them.
+        queried: the terms whose outcomes queries read.
     """
     needs: defaultdict[int, set[int]] = defaultdict(set)  # term -> the terms in the bodies of its clauses
     joint: set[frozenset[int]] = set()  # the terms of each constraint
@@ -77,8 +73,8 @@ def build_elimination_tree(
                 own.add(literal[0])
         elif len(body) > 1:
             joint.add(frozenset([literal[0] for literal in body]))
-    for term in program.do:
-        needs[term]  # an intervention alone may give a value to the term
+    for term in (*program.do, *queried):
+        needs[term]  # an intervention alone may give a value to a term, and queries read also no value
     for term, own in needs.items():
         own.discard(term)
     terms = sorted(needs)
@@ -97,7 +93,7 @@ def build_elimination_tree(
         ]
         constraints = {frozenset([component_of[term] for term in group]) for group in joint}
     linear = find_linear_components(program, components, clauses)
-    ranks = _rank_components(components, linear)
+    ranks = rank_components(components, linear, queried, clauses)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
     bits_of = [bits[mask] for mask in outcomes]
     sizes = [bits_of[own[0]] if len(own) == 1 else sum([bits_of[term] for term in own]) for own in components]
@@ -106,11 +102,7 @@ def build_elimination_tree(
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*linear))
-    if constants:
-        roots = [*roots, len(components)]
-        components.append(constants)
-        children.append([])
-    return _number_nodes(components, children, roots, frozenset(linear), constants)
+    return _number_nodes(components, children, roots, frozenset(linear))
 
 
 def _merge_deterministic(
@@ -142,7 +134,6 @@ def _number_nodes(
     children: Sequence[Sequence[int]],
     roots: Iterable[int],
     linear: Collection[tuple[int, ...]],
-    constants: tuple[int, ...],
 ) -> EliminationTree:
     """Number the nodes of a tree depth first; brothers keep their order."""
     order: list[tuple[int, ...]] = []
@@ -160,52 +151,4 @@ def _number_nodes(
     for step in range(len(order) - 1, -1, -1):
         if numbered[step]:  # the subtree ends with that of the last child
             ends[step] = ends[numbered[step][-1]]
-    return EliminationTree(order, numbered, new_roots, ends, linear, constants)
-
-
-def _rank_components(
-    components: Sequence[tuple[int, ...]],
-    linear: Mapping[tuple[int, ...], Sequence[Clause]],
-) -> list[int]:
-    """Rank components in the order of the program, but the inputs of linear recursions by distance.
-
-    Its frontier is small if the rules of neighbouring terms are decided one after the other, as in the
-    Cuthill-McKee order of a sparse matrix.
-    """
-    ranks = list(range(len(components)))
-    if not linear:
-        return ranks
-    component_of = {term: i for i, terms in enumerate(components) for term in terms}
-    for terms, rules in linear.items():
-        neighbours: dict[int, set[int]] = {term: set() for term in terms}
-        links: list[tuple[set[int], set[int]]] = []  # (inputs of a rule, terms that it links)
-        for rule in rules:
-            linked = {rule.term, *(x[0] for x in rule.body if x[0] in neighbours)}
-            for term in linked:
-                neighbours[term] |= linked
-            links.append(({component_of[x[0]] for x in rule.body if x[0] not in neighbours}, linked))
-        position: dict[int, int] = {}
-        for term in terms:
-            if term not in position:
-                end = _list_by_distance(term, neighbours)[-1]  # far from the term, so at the rim
-                for reached in _list_by_distance(end, neighbours):
-                    position[reached] = len(position)
-        key: dict[int, int] = {}  # input -> position of the terms that it links
-        for inputs, linked in links:
-            at = max([position[term] for term in linked])
-            for i in inputs:
-                key[i] = min(key.get(i, at), at)
-        ordered = sorted(key, key=lambda i: (key[i], i))
-        for i, rank in zip(ordered, sorted([ranks[i] for i in ordered]), strict=True):
-            ranks[i] = rank
-    return ranks
-
-
-def _list_by_distance(start: int, neighbours: Mapping[int, set[int]]) -> list[int]:
-    """List the reachable nodes, nearest first; of equally near ones those with few neighbours first."""
-    order, seen = [start], {start}
-    for node in order:
-        new = sorted(neighbours[node] - seen, key=lambda other: (len(neighbours[other]), other))
-        seen.update(new)
-        order.extend(new)
-    return order
+    return EliminationTree(order, numbered, new_roots, ends, linear)

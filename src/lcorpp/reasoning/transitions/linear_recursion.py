@@ -19,7 +19,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import accumulate
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
-from lcorpp.reasoning.transitions.closure import Closure
+from lcorpp.reasoning.transitions.closure import ALWAYS, Closure
 from lcorpp.reasoning.transitions.local_distribution import GuardedClause
 from lcorpp.reasoning.transitions.rule_templates import DERIVE, ClauseGroup, RuleTemplate
 
@@ -60,8 +60,9 @@ class LinearRecursion:
             id(group): find_edges(program, group.clause, group.own_literals) for group in groups
         }
         self._always = [group for group in groups if not group.bodies]
-        self._first: dict[Atom, int] = {}  # atom -> the first step that decides a body of its rules
-        self._last: dict[Atom, int] = {}
+        self._first: dict[Atom, int] = {}  # atom -> the first step that decides a rule about it
+        self._last_head: dict[Atom, int] = {}  # atom -> the last step that decides a rule with it as head
+        self._last_body: dict[Atom, int] = {}  # the same in the body; the last of all steps if it is kept
         self.finished: dict[int, list[int]] = {}
         for group in groups:
             ranks = sorted({body[-1][0] for body in group.bodies})
@@ -69,19 +70,16 @@ class LinearRecursion:
                 self.finished.setdefault(ranks[-1], []).append(group.satisfied_slot)
             for at in [steps[rank] for rank in ranks]:
                 self._groups_at.setdefault(at, []).append(group)
-                for atom in _list_atoms(self._edges_of[id(group)] or ()):
-                    self._first[atom] = min(self._first.get(atom, at), at)
-                    self._last[atom] = max(self._last.get(atom, at), at)
+                for body, head in self._edges_of[id(group)] or ():
+                    self._extend(body, head, at)
         start = min(self._groups_at, default=step)
         for atom in self._find_kept(groups, read_terms):
             self._first.setdefault(atom, start)
-            self._last[atom] = step
+            self._last_body[atom] = step
         fixed = [edge for group in self._always for edge in self._edges_of[id(group)] or ()]
         self._fixed = _close_over(fixed, self._first)
         for body, head in self._fixed:
-            if body is not None:
-                self._last[body] = max(self._last[body], self._first[head])
-                self._last[head] = max(self._last[head], self._first[body])
+            self._extend(body, head, max(self._first[head], self._first[body] if body else -1))
         self._frontier: list[Atom] = []
         self._bit_of: dict[Edge, int] = {}
         self._starting: dict[int, list[Atom]] = {}  # step -> the atoms of which it is the first
@@ -89,9 +87,19 @@ class LinearRecursion:
         for atom, first in self._first.items():
             self._starting.setdefault(first, []).append(atom)
             growth[first] += 1
-            growth[self._last[atom] + 1] -= 1
+            growth[self._find_last(atom) + 1] -= 1
         sizes = accumulate([growth[at] for at in sorted(growth)])
         self.width = max(sizes) if self._groups_at else 0
+
+    def _extend(self, body: Atom | None, head: Atom, step: int) -> None:
+        """Keep two atoms on the frontier until a step that decides a rule about them."""
+        for atom, last in ((head, self._last_head), (body, self._last_body)):
+            if atom is not None:
+                last[atom] = max(last.get(atom, step), step)
+                self._first[atom] = min(self._first.get(atom, step), step)
+
+    def _find_last(self, atom: Atom) -> int:
+        return max(self._last_head.get(atom, -1), self._last_body.get(atom, -1))
 
     def _find_kept(self, groups: Sequence[ClauseGroup], read_terms: Collection[int]) -> Iterator[Atom]:
         """Find the atoms that the last step decides: of terms that are read or that may have two values."""
@@ -128,18 +136,20 @@ class LinearRecursion:
         number_of: dict[Atom | None, int] = {None: 0}
         for i, atom in enumerate(atoms, start=1):
             number_of[atom] = i
-        edges = [(bit, edge) for edge, bit in self._bit_of.items()]
-        for group in self._groups_at[step]:
-            edges += [(bits[group.satisfied_slot], edge) for edge in self._edges_of[id(group)] or ()]
-        sources = [(bit, number_of[body], number_of[head]) for bit, (body, head) in edges]
-        initial = [
-            (number_of[body], number_of[head])
-            for body, head in self._fixed
-            if max(self._first[head], -1 if body is None else self._first[body]) == step
+        closed = [(bit, number_of[body], number_of[head]) for (body, head), bit in self._bit_of.items()]
+        new = [
+            (ALWAYS, edge)
+            for edge in self._fixed
+            if max([self._first[atom] for atom in edge if atom]) == step
         ]
-        self._frontier = [atom for atom in atoms if self._last[atom] > step]
+        for group in self._groups_at[step]:
+            new += [(bits[group.satisfied_slot], edge) for edge in self._edges_of[id(group)] or ()]
+        added = [(bit, number_of[body], number_of[head]) for bit, (body, head) in new]
+        self._frontier = [atom for atom in atoms if self._find_last(atom) > step]
+        bodies = [atom for atom in self._frontier if self._last_head.get(atom, -1) > step]  # may become true
+        heads = [atom for atom in self._frontier if self._last_body.get(atom, -1) > step]  # are used later
         wanted: dict[Edge, None] = dict.fromkeys(
-            [(body, head) for head in self._frontier for body in (None, *self._frontier) if body != head]
+            [(body, head) for head in heads for body in (None, *bodies) if body != head]
         )
         live ^= sum([bit for edge, bit in self._bit_of.items() if edge not in wanted])
         before, self._bit_of = self._bit_of, {}
@@ -148,7 +158,7 @@ class LinearRecursion:
             live |= self._bit_of[edge]
         bits[self._n_slots :] = self._bit_of.values()
         targets = [(bit, number_of[body], number_of[head]) for (body, head), bit in self._bit_of.items()]
-        return Closure(len(number_of), sources, targets, initial, sum({bit for bit, _, _ in sources})), live
+        return Closure(len(number_of), closed, added, targets), live
 
     def list_clauses(self) -> list[GuardedClause]:
         """List the clauses that decide the kept terms after the last step, each with its bit."""
@@ -210,10 +220,6 @@ def _is_linear(program: GroundProgram, own: set[int], clauses: Iterable[Clause])
             defaults.add((clause.term, clause.value))
         bodies.update([body for body, _ in edges if body is not None])
     return defaults.isdisjoint(bodies)
-
-
-def _list_atoms(edges: Iterable[Edge]) -> list[Atom]:
-    return [atom for edge in edges for atom in edge if atom is not None]
 
 
 def _close_over(edges: Iterable[Edge], atoms: Collection[Atom]) -> list[Edge]:

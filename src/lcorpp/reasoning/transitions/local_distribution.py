@@ -58,19 +58,6 @@ class LocalDistribution(Protocol):
         """Return the outcomes for each state of the bits; an empty list if the state has no world."""
 
 
-class Constants:
-    """The local distribution of terms that have the same values in every world."""
-
-    __slots__ = ("_outcome",)
-
-    def __init__(self, values: Sequence[int]) -> None:
-        self._outcome = Outcome(values, ONE)
-
-    def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:
-        """Return the outcome for each state of the bits."""
-        return {state: [self._outcome] for state in states}
-
-
 class AcyclicTermDistribution:
     """The local distribution of one term that does not depend on itself.
 

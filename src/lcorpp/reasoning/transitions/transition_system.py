@@ -29,22 +29,22 @@ own steps read; other branches may use the same bits otherwise.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
-from lcorpp.reasoning.grounding.simplification import simplify, split_constants
+from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.elimination_tree import EliminationTree, build_elimination_tree
 from lcorpp.reasoning.transitions.linear_recursion import MAX_FRONTIER, LinearRecursion
 from lcorpp.reasoning.transitions.local_distribution import (
     AcyclicTermDistribution,
-    Constants,
     LocalDistribution,
     Outcome,
     ProbabilityCache,
 )
 from lcorpp.reasoning.transitions.recursive_components import build_component
+from lcorpp.reasoning.transitions.relevance import DerivedComponent, separate_irrelevant_rules
 from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
 from lcorpp.reasoning.transitions.stratified import Stratified
 from lcorpp.reasoning.transitions.transition import Transition
@@ -58,9 +58,10 @@ class TransitionSystem:
     tree: the steps.
     transitions: step -> the outcomes of its terms and their effect on the state.
     consistent: False if a constraint without body shows that there is no world.
-    term_numbers: term as text -> its number in `program`, for the terms that may have a value.
-    recursions: the components of which the transitions decide only the terms that other rules or queries
-        read, (terms, clauses), by step; `stratified.derive_values` completes them.
+    term_numbers: queried term as text -> its number in `program`.
+    facts: term -> its value in every world, for terms without a step.
+    derived: the components that `stratified.derive_values` completes if a world is listed: those of which the
+        transitions decide only the terms that other rules or queries read, and those without a step.
     probabilities: those computed so far by local distributions.
     """
 
@@ -69,7 +70,8 @@ class TransitionSystem:
     transitions: list[Transition]
     consistent: bool
     term_numbers: dict[str, int]
-    recursions: Sequence[tuple[tuple[int, ...], Sequence[Clause]]]
+    facts: Mapping[int, int]
+    derived: Sequence[DerivedComponent]
     probabilities: ProbabilityCache
 
     def __repr__(self) -> str:
@@ -85,16 +87,16 @@ def build_transition_system(program: GroundProgram, queried: Iterable[str] = ())
     Args:
         queried: the terms whose outcomes queries read.
     """
+    program, term_numbers = program.number_terms(set(queried))
     clauses, outcomes = simplify(program)
+    needed = set(term_numbers.values())
+    clauses, facts, irrelevant = separate_irrelevant_rules(program, clauses, needed)
     program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
-    clauses, constants = split_constants(program, clauses, outcomes)
-    tree = build_elimination_tree(program, clauses, outcomes, constants)
-    term_numbers = {program.names[term]: term for terms in tree.order for term in terms}
-    needed = {term_numbers[name] for name in queried if name in term_numbers}
+    tree = build_elimination_tree(program, clauses, outcomes, needed)
     builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
-    transitions, consistent = builder.build(), builder.consistent
+    transitions, consistent, derived = builder.build(), builder.consistent, [*builder.recursions, *irrelevant]
     return TransitionSystem(
-        program, tree, transitions, consistent, term_numbers, builder.recursions, builder.probabilities
+        program, tree, transitions, consistent, term_numbers, facts, derived, builder.probabilities
     )
 
 
@@ -107,7 +109,8 @@ class _TransitionBuilder:
         tree: the steps.
         queried: the terms whose outcomes queries read.
 
-    consistent, recursions, probabilities: as in `TransitionSystem`.
+    consistent, probabilities: as in `TransitionSystem`.
+    recursions: the components of which some terms are not decided, see `TransitionSystem.derived`.
     """
 
     def __init__(
@@ -125,12 +128,7 @@ class _TransitionBuilder:
             for term in terms:
                 self._step_of[term] = step
         # term -> its index in a component of several terms
-        self._index_of = {
-            term: i
-            for terms in order
-            if len(terms) > 1 and terms is not tree.constants
-            for i, term in enumerate(terms)
-        }
+        self._index_of = {term: i for terms in order if len(terms) > 1 for i, term in enumerate(terms)}
         self._template_of: dict[object, RuleTemplate] = {}  # description of the structure -> template
         self._children: list[list[Child]] = [[] for _ in order]  # of each step
         self._constraint_bits: dict[int, list[int]] = {}  # the last step of the body -> slot -> bit
@@ -149,7 +147,7 @@ class _TransitionBuilder:
         count_by_size = Counter([len(own) for _, own in members])
         added = [self._add_child(terms, own, count_by_size[len(own)] > 1) for terms, own in members]
         self._components = added[: len(order)]  # step -> (template, bits)
-        self.recursions: list[tuple[tuple[int, ...], Sequence[Clause]]] = []
+        self.recursions: list[DerivedComponent] = []
         self._recursion_of: dict[RuleTemplate, LinearRecursion] = {}
         for step, terms in enumerate(order):
             if len(terms) > 1 and terms in tree.linear:
@@ -298,8 +296,6 @@ class _TransitionBuilder:
     def _build_distribution(
         self, template: RuleTemplate, bits: list[int], step: int, terms: tuple[int, ...]
     ) -> LocalDistribution:
-        if terms is self._tree.constants:
-            return Constants([self._outcomes[term].bit_length() - 1 for term in terms])
         if not template.recursive:
             cache = self._outcomes_of.setdefault(template, {})
             return AcyclicTermDistribution(self._program, template, bits, cache, self.probabilities)
