@@ -90,6 +90,6 @@ def test_the_python_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
                 distributions += 1
             else:
                 exec(compile(source, "docs/plog.md", "exec"), names)
-    assert distributions == 4
+    assert distributions == 6
     assert (tmp_path / "intention.npz").exists()
     assert str(names["reasoner"]).startswith("Reasoner(<Program knowledge.plog: ")

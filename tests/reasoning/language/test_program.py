@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from lcorpp.errors import ProgramError
+from lcorpp.errors import LcorppError, ParseError, ProgramError
 from lcorpp.reasoning import Reasoner, explain, parse_plog, parse_query, program_text
 from lcorpp.reasoning.language.syntax import Rule
 
@@ -98,3 +98,47 @@ def test_constants_and_overloads_in_facts():
     assert [str(rule) for rule in program.statements if isinstance(rule, Rule)][:4] == [
         "p(2)=true.", "p_2(1,2)=true.", "q(2)=2.", "q(1)=3.",
     ]  # fmt: skip
+
+
+def nest(depth: int) -> str:
+    return "f(" * depth + "a" + ")" * depth
+
+
+@pytest.mark.parametrize("frames", [0, 500])
+def test_nested_terms_are_read_or_refused(frames):
+    """Also where the caller leaves half of Python's stack."""
+
+    def call(n: int, depth: int) -> object:
+        if n:
+            return call(n - 1, depth)
+        program = parse_plog(f"s = {{{nest(depth)}}}. p : s -> boolean. random(p(X)). ?{{p({nest(depth)})}}.")
+        return Reasoner(program).ask(program.queries[0])
+
+    assert call(frames, 20) == 0.5
+    assert call(0, 55) == 0.5
+    for depth in (101, 5000):
+        with pytest.raises(ParseError, match="nested deeper than 60 levels"):
+            call(frames, depth)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("s = {}.", "unexpected '}'"),
+        ("#s = {a} - {a}.", "the sort s is empty"),
+        ("s = {3..1}.", "the interval 3..1 is empty"),
+        ("s = {99999999999}.", "beyond 32 bits"),
+        ("s = {" + "9" * 5000 + "}.", "a number of 5000 digits"),
+        ("n = {1..3}. p : n -> boolean. p(2147483648).", "beyond 32 bits"),
+    ],
+)
+def test_empty_sorts_and_huge_integers_are_refused(text, message):
+    with pytest.raises(LcorppError, match=re.escape(message)):
+        parse_plog(text)
+
+
+def test_programs_without_statements():
+    for text in ("", "% nothing", "\n\n", "p : boolean."):
+        assert Reasoner(parse_plog(text)).count() == 1
+    program = parse_plog("p : boolean.")
+    assert Reasoner(program).ask(parse_query("p=true", program)) == 0

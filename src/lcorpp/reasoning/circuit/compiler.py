@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from decimal import MAX_EMAX, MIN_EMIN, Context, Decimal, localcontext
 from itertools import chain
 from typing import Any
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
 from lcorpp.reasoning.circuit.matrices import MIN_WEIGHT, Groups, Layer
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.questions import list_values
 from lcorpp.reasoning.resolve import resolve_inputs, resolve_interventions, resolve_queries
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
@@ -76,12 +76,14 @@ class _Part:
     rows: node -> input -> weight.
     sources, n_inputs: the inputs, as in `Layer`.
     n_arcs: the number of arcs that the rows multiply.
+    lowest: a lower bound of the weights.
     """
 
     rows: Sequence[Mapping[int, float]]
     sources: Sequence[tuple[int, Groups]]
     n_inputs: int
     n_arcs: int = 0
+    lowest: float = 1
 
 
 class _LayerBuilder:
@@ -139,23 +141,29 @@ class _LayerBuilder:
             self._check(numbers)
             return numbers
         rows, part = self._join(varying, len(weights))
-        nodes: Sequence[Any] = arcs.sources
+        nodes: Sequence[int] = arcs.sources
+        index_of: dict[Any, int] = {}  # (node, outcome of each observed term) -> index of a sum
         if observed:
             outcomes = [diagram.outcomes[outcome][0] for outcome in arcs.outcomes]
-            nodes = [
-                (source, *[own[i] for i in observed])
-                for source, own in zip(arcs.sources, outcomes, strict=True)
-            ]
-        sums: dict[Any, dict[int, float]] = {}
+            keys = [(n, *[own[i] for i in observed]) for n, own in zip(nodes, outcomes, strict=True)]
+            index_of = {key: index for index, key in enumerate(dict.fromkeys(keys))}
+            nodes = [index_of[key] for key in keys]
+        sums: list[dict[int, float]] = [{} for _ in range(len(index_of) or n_nodes)]
         for node, weight, row in zip(nodes, weights, rows, strict=True):
-            total = sums.setdefault(node, {})
+            total = sums[node]
             for start, factor in row.items():
-                total[start] = total.get(start, 0) + factor * weight
-        self._check(chain.from_iterable([total.values() for total in sums.values()]))
+                if start in total:
+                    total[start] += factor * weight
+                else:
+                    total[start] = factor * weight
         if observed:
-            return self._append_observed(part, sums, [terms[i] for i in observed], n_nodes)
-        part.rows, part.n_arcs = [sums.get(node, {}) for node in range(n_nodes)], part.n_arcs + len(weights)
-        if part.n_inputs > 1 and sum(map(len, part.rows)) > 4 * part.n_arcs + 64:  # the product becomes dense
+            by_key = {key: sums[index] for key, index in index_of.items()}
+            return self._append_observed(part, by_key, [terms[i] for i in observed], n_nodes)
+        part.rows, part.n_arcs = sums, part.n_arcs + len(weights)
+        part.lowest *= min(weights, default=1)
+        if part.lowest < self._min_weight:
+            part.lowest = self._check(chain.from_iterable([total.values() for total in sums]))
+        if part.n_inputs > 1 and sum(map(len, sums)) > 4 * part.n_arcs + 64:  # the product becomes dense
             return self._append_product(part)
         return part
 
@@ -190,7 +198,8 @@ class _LayerBuilder:
             return [{0: 1}] * n_arcs, _Part((), (), 1)
         if len(branches) == 1:
             ((own, branch),) = branches
-            return [branch.rows[target] for target in own], replace(branch, rows=())
+            part = _Part((), branch.sources, branch.n_inputs, branch.n_arcs, branch.lowest)
+            return [branch.rows[target] for target in own], part
         layers = [self._append_product(branch).sources[0] for _, branch in branches]
         targets = list(zip(*[own for own, _ in branches], strict=True))
         places = {
@@ -244,6 +253,9 @@ class _LayerBuilder:
         outputs = Groups(range(shape[0]), shape[0])
         return _Part([{i: 1} for i in range(shape[0])], ((len(self._layers) - 1, outputs),), shape[0])
 
-    def _check(self, numbers: Iterable[float]) -> None:
-        if min(numbers, default=1) < self._min_weight:
+    def _check(self, numbers: Iterable[float]) -> float:
+        """Return the smallest of the numbers, unless it is too small."""
+        lowest = min(numbers, default=1)
+        if lowest < self._min_weight:
             raise _UnderflowError
+        return lowest

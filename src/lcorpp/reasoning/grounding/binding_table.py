@@ -62,20 +62,21 @@ class BindingTable:
         """Iterate over the values of a part in all bindings."""
         return part if isinstance(part, list) else repeat(part, self.count)
 
+    def iter_rows(self, parts: Sequence[Any]) -> Iterable[tuple[Any, ...]]:
+        """Iterate over the values of parts in all bindings. No row is kept, so few are allocated."""
+        return zip(*map(self.iterate, parts), strict=True) if parts else repeat((), self.count)
+
     def list_rows(self, parts: Sequence[Any]) -> list[tuple[Any, ...]]:
         """List the values of parts in each binding."""
-        return list(zip(*map(self.iterate, parts), strict=True)) if parts else [()] * self.count
+        return list(self.iter_rows(parts))
 
     def zip(self, parts: Sequence[Any]) -> Any:
         """Combine parts to one: the tuples of their values."""
         return self.list_rows(parts) if any(isinstance(part, list) for part in parts) else tuple(parts)
 
     def iter_keys(self, parts: Sequence[Any]) -> Iterable[Any]:
-        """Iterate over the keys of parts in all bindings. No tuple is kept, so few are allocated."""
-        columns = list(map(self.iterate, parts))
-        if len(columns) == 1:
-            return columns[0]
-        return zip(*columns, strict=True) if columns else repeat((), self.count)
+        """Iterate over the keys of parts in all bindings."""
+        return self.iterate(parts[0]) if len(parts) == 1 else self.iter_rows(parts)
 
     def look_up(self, items: Mapping[Any, _Item], *parts: Any) -> Part[_Item]:
         """Look up the items of the keys of parts."""

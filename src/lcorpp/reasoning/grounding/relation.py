@@ -24,9 +24,9 @@ class Relation:
 
     @classmethod
     def from_rows(cls, rows: Iterable[tuple[Value, ...]], width: int) -> Relation:
-        """Make a relation of distinct rows."""
-        rows = dict.fromkeys(rows)
-        return cls([[row[i] for row in rows] for i in range(width)], len(rows))
+        """Make a relation of the distinct rows."""
+        distinct = dict.fromkeys(rows)
+        return cls([[row[i] for row in distinct] for i in range(width)], len(distinct))
 
     @cached_property
     def rows(self) -> frozenset[Key]:

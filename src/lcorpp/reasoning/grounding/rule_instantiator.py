@@ -30,28 +30,24 @@ from lcorpp.reasoning.language.syntax import (
 class Atoms:
     """The atoms of an attribute that may be true in a world.
 
-    rows: arguments and value, or arguments only if the value depends on the world.
+    relation: the arguments of each, with the value if they are certain.
     is_certain: whether they are facts, true in every world, and there are no others.
     """
 
-    def __init__(self, rows: Iterable[tuple[Value, ...]], arity: int, *, is_certain: bool) -> None:
-        self.is_certain, self._arity = is_certain, arity
-        self._rows = rows
-
-    @cached_property
-    def facts(self) -> Relation:
-        """The arguments and the value of each fact."""
-        return Relation.from_rows(self._rows, self._arity + 1)
+    def __init__(self, relation: Relation, arity: int, is_certain: bool) -> None:
+        self.relation, self.is_certain, self._arity = relation, is_certain, arity
 
     @cached_property
     def terms(self) -> Relation:
         """The arguments of each term that may have a value."""
-        return Relation.from_rows([row[: self._arity] for row in self._rows], self._arity)
+        if not self.is_certain:
+            return self.relation
+        return Relation.from_rows(self.values, self._arity)
 
     @cached_property
     def values(self) -> Mapping[tuple[Value, ...], Value]:
         """The value of each fact by its arguments."""
-        return {row[:-1]: row[-1] for row in self._rows}
+        return {row[:-1]: row[-1] for row in zip(*self.relation.columns, strict=True)}
 
 
 class _Source(NamedTuple):
@@ -120,7 +116,7 @@ class RuleInstantiator:
     def _add_literal(self, join: _Join, literal: Literal) -> None:
         atoms, arguments = self.atoms[literal.term.name], literal.term.arguments
         if atoms.is_certain and literal.relation == "=" and not literal.negated:
-            join.add_source((*arguments, literal.value), atoms.facts)
+            join.add_source((*arguments, literal.value), atoms.relation)
             return
         if not literal.negated:
             join.add_source(arguments, atoms.terms)

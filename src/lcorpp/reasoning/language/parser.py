@@ -142,8 +142,12 @@ def parse_term(text: str, file: str) -> Expression:
 @contextmanager
 def _open_cursor(text: str, file: str) -> Iterator[Cursor]:
     """Yield a cursor over the text, and convert a SourceIssue to ParseError."""
+    cursor = Cursor(text, file)
     try:
-        yield Cursor(text, file)
+        try:
+            yield cursor
+        except RecursionError:  # the caller's own calls leave little of Python's stack
+            raise cursor.make_depth_error() from None
     except SourceIssue as issue:
         at, lines = issue.at, re.split(r"\r\n|\r|\n", text)
         line = lines[at.line - 1] if at.line <= len(lines) else ""
