@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -128,6 +129,72 @@ def test_joint_distributions_are_tables(lcorpp, coin):
         ["false", "true", "0"],
         ["false", "false", "1/2", "███████████████"],
     ]
+
+
+def test_the_best_values_and_worlds(lcorpp, coin):
+    ended = lcorpp("ask", coin, "p, q", "--exact", "--best", "2", "--worlds", "1")
+    assert ended.code == 0, ended.err
+    lines = [line.split() for line in ended.out.splitlines() if line.strip()]
+    assert [line[:3] for line in lines[2:4]] == [["false", "false", "1/2"], ["true", "true", "3/8"]]
+    assert lines[4:] == [["world", "1,", "probability", "1/2:"], ["p=false,", "q=false"]]
+    ended = lcorpp("ask", coin, "?{p}", "--best", "2")
+    assert ended.code == 2
+    assert "--best 2: ?{p=true}. asks for a number, not for values" in ended.err
+
+
+def test_answers_and_worlds_as_json(lcorpp, coin):
+    ended = lcorpp("ask", coin, "p, q | obs(p or q)", "--exact", "--json", "--worlds", "5")
+    assert ended.code == 0, ended.err
+    assert json.loads(ended.out) == {
+        "query": "?p, q | obs(p=true or q=true).",
+        "answer": [
+            {"values": {"p": p, "q": q}, "probability": number}
+            for p, q, number in [("true", "true", "3/4"), ("true", "false", "1/4"),
+                                 ("false", "true", "0"), ("false", "false", "0")]
+        ],
+        "worlds": [
+            {"probability": "3/4", "values": {"p": "true", "q": "true"}},
+            {"probability": "1/4", "values": {"p": "true", "q": "false"}},
+        ],
+    }  # fmt: skip
+    (record,) = map(json.loads, lcorpp("ask", coin, "--json", "--why").out.splitlines())
+    assert record["answer"][0] == {"values": {"q": "true"}, "probability": 0.75}
+    assert record["without"] == [
+        {"condition": "obs(p=true)", "answer": [{"values": {"q": "true"}, "probability": 0.375},
+                                                {"values": {"q": "false"}, "probability": 0.625}]}
+    ]  # fmt: skip
+    assert record["worlds"][0]["rules"][0] == {
+        "line": 2, "effect": "p is random, here true", "statement": "random(p).",
+    }  # fmt: skip
+
+
+def test_worlds_of_a_program_without_queries(lcorpp, coin):
+    coin.write_text(COIN.replace("? q | obs(p).", ""))
+    ended = lcorpp("ask", coin, "--worlds", "9", "--json")
+    assert ended.code == 0, ended.err
+    worlds = json.loads(ended.out)["worlds"]
+    assert [world["probability"] for world in worlds] == [0.5, 0.375, 0.125]
+    assert lcorpp("ask", coin, "--worlds", "9").out.startswith(
+        "\n  world 1, probability 0.500000:\n  p=false"
+    )
+    coin.write_text("p : boolean. random(p). :- p. :- -p.")
+    ended = lcorpp("ask", coin, "--worlds", "9")
+    assert ended.code == 2
+    assert "no possible world" in ended.err
+
+
+def test_expectations(lcorpp, tmp_path):
+    file = tmp_path / "die.plog"
+    file.write_text("score = {1..6}. roll : score. random(roll). pr(roll=6) = 1/4.")
+    assert lcorpp("ask", file, "E[2*roll - 1] | obs(roll > 1)", "--exact").out.splitlines()[1] == "  127/17"
+    assert lcorpp("ask", file, "{roll=1 or roll=6}").out.splitlines()[1] == "  0.400000"
+
+
+def test_estimates_as_json(lcorpp, coin, monkeypatch):
+    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
+    answer = json.loads(lcorpp("ask", coin, "{p}", "--json").out)["answer"]
+    assert answer["low"] < 0.5 < answer["high"]
+    assert answer["low"] < answer["estimate"] < answer["high"]
 
 
 def test_ask_without_options_loads_only_what_it_needs(coin):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning import Enumeration, Reasoner, parse_plog, parse_query, read_plog
+from lcorpp.reasoning import Enumeration, Reasoner, ask, explain, parse_plog, parse_query, read_plog
 from lcorpp.reasoning.language.program import Program
 
 PROGRAM = parse_plog(
@@ -44,9 +44,40 @@ RNG = np.random.default_rng(1)
         (lambda: REASONER.sample(RNG, None), "evidence is None; expected Mapping"),
         (lambda: REASONER.ask("a=1"), "query is 'a=1'; expected Query"),
         (lambda: REASONER.ask(parse_query("b", PROGRAM), exact="no"), "exact is 'no'; expected bool"),
-        (lambda: REASONER.build_query_model(None), "query is None; expected Query"),
+        (lambda: REASONER.list_worlds(None, 1), "query is None; expected Query"),
         (lambda: Enumeration(PROGRAM).ask("a=1"), "query is 'a=1'; expected Query"),
         (lambda: Enumeration(PROGRAM).posterior("b", None), "evidence is None; expected Mapping"),
+        (lambda: REASONER.posterior(b"b"), "expected the name of an attribute, not b'b'"),
+        (lambda: REASONER.exact(None), "expected the name of an attribute, not None"),
+        (lambda: REASONER.exact("b", {}, [1]), r"do is \[1\]; expected Mapping"),
+        (lambda: REASONER.expect(None), "expression is None; expected str"),
+        (lambda: REASONER.expect(["a"]), r"expression is \['a'\]; expected str"),
+        (lambda: REASONER.expect("a", 3), "evidence is 3; expected Mapping"),
+        (lambda: REASONER.expect("b"), "b may be x, which is no number"),
+        (lambda: REASONER.most_probable(3), "evidence is 3; expected Mapping"),
+        (lambda: REASONER.most_probable({}, "x"), "count is 'x'; expected int"),
+        (lambda: REASONER.most_probable({}, 0), "expected 1 to 100000 worlds, not 0"),
+        (lambda: REASONER.most_probable(of=3), "expected the name of an attribute, not 3"),
+        (lambda: REASONER.most_probable(do=3), "do is 3; expected Mapping"),
+        (lambda: REASONER.list_worlds([], 1), r"query is \[\]; expected Query"),
+        (lambda: REASONER.list_worlds(parse_query("b", PROGRAM), None), "count is None; expected int"),
+        (lambda: REASONER.build_model("b"), "query is 'b'; expected Query"),
+        (lambda: REASONER.filter(3, [], "b"), "carried is 3; expected Mapping"),
+        (lambda: REASONER.filter({"a": "a"}, 3, "b"), "inputs is 3|expected different terms"),
+        (lambda: REASONER.sample(RNG, {"a": []}), r"\[\] is not a value of a"),
+        (lambda: explain(3, 4), "reasoner is 3; expected Reasoner"),
+        (lambda: explain(REASONER, 4), "query is 4; expected Query"),
+        (lambda: explain(REASONER, parse_query("b", PROGRAM), count="x"), "count is 'x'; expected int"),
+        (lambda: ask(PROGRAM, None), "query is None; expected Query"),
+        (lambda: ask(3, parse_query("b", PROGRAM)), "program is 3; expected Program"),
+        (lambda: Enumeration(PROGRAM, limit="x"), "limit is 'x'; expected int"),
+        (lambda: Enumeration(PROGRAM).exact(3), "expected the name of an attribute, not 3"),
+        (lambda: Enumeration(PROGRAM).exact("b", {}, 3), "do is 3; expected Mapping"),
+        (lambda: Enumeration(PROGRAM).ask(None), "query is None; expected Query"),
+        (lambda: Enumeration(PROGRAM).sample(None), "rng is None; expected Generator"),
+        (lambda: Enumeration(PROGRAM).sample(RNG, 3), "evidence is 3; expected Mapping"),
+        (lambda: Enumeration(PROGRAM).list_worlds(3, 1), "query is 3; expected Query"),
+        (lambda: Enumeration(PROGRAM).list_worlds(parse_query("b", PROGRAM), []), r"count is \[\]; expected"),
         (lambda: CIRCUIT(None), "expected a mapping from inputs to values, or codes, not None"),
         (lambda: CIRCUIT({"a": {}}), "the column of a is {}; expected a sequence of values"),
         (lambda: CIRCUIT({"a": {1, 2}}), "the column of a is {1, 2}; expected a sequence of values"),

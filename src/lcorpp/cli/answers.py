@@ -5,21 +5,28 @@ from __future__ import annotations
 import logging
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from heapq import nsmallest
 from typing import TYPE_CHECKING
 
 from lcorpp.cli.console import format_bar
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning.language.parser import parse_query, read_plog
+from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.reasoner import DEFAULT_SAMPLES, Reasoner
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from lcorpp.reasoning.answers import Numeric, QueryAnswer
-    from lcorpp.reasoning.explanation import Explanation
-    from lcorpp.reasoning.language.syntax import Query
+    from lcorpp.reasoning.answers import Numeric, PossibleWorld, QueryAnswer
+    from lcorpp.reasoning.explanation import FiredRule
+
+    _Without = Sequence[tuple[str, QueryAnswer | str]]
+    _Worlds = Sequence[tuple[PossibleWorld, Sequence[FiredRule]]]
+
+WHY_WORLDS = 3
+"""The number of worlds that --why prints."""
 
 _BOLD, _CYAN = 1, 36
 """Codes of the terminal."""
@@ -32,6 +39,9 @@ def print_answers(
     exact: bool = False,
     lenient: bool = False,
     why: bool = False,
+    best: int | None = None,
+    worlds: int = 0,
+    as_json: bool = False,
     samples: int | None = None,
     seed: int = 0,
 ) -> None:
@@ -44,25 +54,39 @@ def print_answers(
     _log_to_stderr()
     program = read_plog(file, strict=not lenient)
     queries = [parse_query(query, program)] if query is not None else program.queries
-    if not queries:
+    if not queries and not worlds:
         raise ProgramError(
             f"{file}: the program has no query of its own; give one, such as 'attribute=value'"
         )
-    if samples is not None and (exact or why):
-        raise ProgramError(f"--samples {samples}: --{'exact' if exact else 'why'} has exact answers only")
+    exact_options = [name for name, on in (("exact", exact), ("why", why), ("worlds", worlds)) if on]
+    if samples is not None and exact_options:
+        raise ProgramError(f"--samples {samples}: --{exact_options[0]} has exact answers only")
     reasoner = Reasoner(program, samples=samples or DEFAULT_SAMPLES, seed=seed)
-    for question in queries:
-        _print(str(question), bold=True)
+    for question in queries or [Query()]:  # the empty query asks for worlds only
+        if not as_json and queries:
+            _print(str(question), bold=True)
         with _warnings_to_stderr():
-            if why:
+            if why and queries:
                 from lcorpp.reasoning.explanation import explain
 
-                explanation = explain(reasoner, question)
-                _print_explanation(explanation, exact)
-                if explanation.answer is None:
-                    raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
+                found = explain(reasoner, question, count=worlds or WHY_WORLDS)
+                answer, without, listed = found.answer, found.without, found.worlds
             else:
-                _print_answer(question, reasoner.ask(question, exact=exact), exact)
+                answer, without = reasoner.ask(question, exact=exact) if queries else None, ()
+                best_worlds = reasoner.list_worlds(question, worlds) if worlds else ()
+                listed = tuple([(world, ()) for world in best_worlds])
+            if best is not None and answer is not None:
+                answer = _select_best(question, answer, best)
+            report = _print_json if as_json else _print_report
+            report(question, answer, without, listed, exact)
+            if answer is None and (queries or not listed):
+                raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
+
+
+def _select_best(query: Query, answer: QueryAnswer, count: int) -> QueryAnswer:
+    if not isinstance(answer, dict):
+        raise ProgramError(f"--best {count}: {query} asks for a number, not for values")
+    return dict(nsmallest(count, answer.items(), key=lambda pair: -pair[1]))
 
 
 @contextmanager
@@ -104,21 +128,61 @@ def _print_answer(query: Query, answer: QueryAnswer, exact: bool) -> None:
         _print(f"  {line}  {_format_number(probability, exact)}  {bar}")
 
 
-def _print_explanation(explanation: Explanation, exact: bool) -> None:
-    if explanation.answer is not None:
-        _print_answer(explanation.query, explanation.answer, exact)
-    for condition, answer in explanation.without:
+def _print_report(
+    query: Query, answer: QueryAnswer | None, without: _Without, worlds: _Worlds, exact: bool
+) -> None:
+    if answer is not None:
+        _print_answer(query, answer, exact)
+    for condition, other in without:
         _print(f"\n  without {condition}:")
-        if isinstance(answer, str):
-            _print(f"  {answer}")
+        if isinstance(other, str):
+            _print(f"  {other}")
         else:
-            _print_answer(explanation.query, answer, exact)
-    for number, (world, fired) in enumerate(explanation.worlds, start=1):
+            _print_answer(query, other, exact)
+    for number, (world, fired) in enumerate(worlds, start=1):
         _print(f"\n  world {number}, probability {_format_number(world.measure, exact)}:", bold=True)
         _print(f"  {', '.join(f'{term}={value}' for term, value in world.values.items())}")
         width = max((len(rule.effect) for rule in fired), default=0)
         for rule in fired:
             _print(f"    line {rule.at.line:<4} {rule.effect:<{width}}  {rule.statement}")
+
+
+def _print_json(
+    query: Query, answer: QueryAnswer | None, without: _Without, worlds: _Worlds, exact: bool
+) -> None:
+    """Print a line of JSON: query, answer, the answers without each condition, worlds."""
+    from json import dumps
+
+    def encode(answer: QueryAnswer | str | None) -> object:
+        if isinstance(answer, dict):
+            names = list(map(str, query.subjects))
+            return [
+                {"values": dict(zip(names, [v] if isinstance(v, str) else v, strict=True)),
+                 "probability": encode(p)}
+                for v, p in answer.items()
+            ]  # fmt: skip
+        interval = getattr(answer, "interval", None)
+        if interval is not None:
+            return {"estimate": interval.estimate, "low": interval.low, "high": interval.high}
+        if isinstance(answer, str | None):
+            return answer
+        return str(answer) if exact else float(answer)
+
+    record: dict[str, object] = {}
+    if query != Query():
+        record = {"query": str(query), "answer": encode(answer)}
+    if without:
+        record["without"] = [
+            {"condition": condition, "answer": encode(other)} for condition, other in without
+        ]
+    if worlds:
+        record["worlds"] = [
+            {"probability": encode(world.measure), "values": dict(world.values)}
+            | ({"rules": [{"line": r.at.line, "effect": r.effect, "statement": r.statement} for r in fired]}
+               if fired else {})
+            for world, fired in worlds
+        ]  # fmt: skip
+    _print(dumps(record))
 
 
 def _format_number(probability: Numeric, exact: bool) -> str:

@@ -16,8 +16,9 @@ def ask(
         str | None,
         typer.Argument(
             metavar="QUERY",
-            help="E.g. 'intention', 'intention=interested | obs(time=morning), do(location=library)';"
-            " the program's own queries by default.",
+            help="E.g. 'intention', 'intention=interested | obs(time=morning), do(location=library)', several"
+            " attributes 'identity, intention', '{a=1 or b=2}', an expectation 'E[a+b]'; the program's own"
+            " queries by default.",
         ),
     ] = None,
     exact: Annotated[bool, typer.Option("--exact", help="Print fractions.")] = False,
@@ -34,6 +35,19 @@ def ask(
             "--why", help="Also: the answer without each condition, the most probable worlds, their rules."
         ),
     ] = False,
+    best: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Only the N most probable values, best first."),
+    ] = None,
+    worlds: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="Also the N most probable worlds that satisfy the conditions; 3 with --why.",
+        ),
+    ] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each query.")] = False,
     samples: Annotated[
         int | None,
         typer.Option(
@@ -47,7 +61,10 @@ def ask(
     """Answer a query to a P-log program."""
     from lcorpp.cli.answers import print_answers
 
-    print_answers(file, query, exact=exact, lenient=lenient, why=why, samples=samples, seed=seed)
+    print_answers(
+        file, query, exact=exact, lenient=lenient, why=why, best=best, worlds=worlds, as_json=as_json,
+        samples=samples, seed=seed,
+    )  # fmt: skip
 
 
 def translate(

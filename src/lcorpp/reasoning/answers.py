@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import product
-from math import prod
-from typing import TYPE_CHECKING, Any, TypeVar
+from heapq import nsmallest
+from operator import mul, truediv
+from typing import TYPE_CHECKING, Any
 
-from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
+from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.reasoning.language.arithmetic import evaluate_number
+from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.language.syntax import Query
+from lcorpp.reasoning.questions import list_questions, list_summands, list_terms, list_values
 
 if TYPE_CHECKING:
     from lcorpp.values import Label
@@ -21,15 +25,10 @@ Value = Any
 """A value of an attribute as text; of the joint of several attributes a tuple with one for each."""
 
 QueryAnswer = dict[Value, Numeric] | Numeric
-"""The distribution of an attribute or several, value -> probability, or one probability."""
-
-MAX_JOINT_VALUES = 10_000
-"""Several attributes in one query have at most this many combinations of values."""
+"""The distribution of an attribute or several, value -> probability; or a probability or expectation."""
 
 MAX_SHOWN_TERMS = 8
 """The `repr` of a world shows at most this many terms."""
-
-_Number = TypeVar("_Number", Fraction, float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +55,18 @@ def format_world(values: Mapping[str, str]) -> str:
 
 
 def normalise_marginal(
-    program: Program, term: str, weights: Mapping[Value, _Number], conditions: str
-) -> dict[Value, _Number]:
+    program: Program,
+    term: str,
+    weights: Mapping[Value, Any],
+    conditions: str,
+    divide: Callable[[Any, Any], Any] = truediv,
+) -> dict[Value, Any]:
     """Return the distribution of a term: value -> probability in the order of the declaration.
 
     Args:
         weights: value -> weight; "" is the weight of having no value.
         conditions: the conditions of the question as text, for the error.
+        divide: makes the probability from a weight and the sum of all weights.
 
     Raises:
         UndefinedError: all weights are 0.
@@ -72,28 +76,74 @@ def normalise_marginal(
     if not total:
         raise make_no_world_error(program, conditions)
     if weights.get(""):
-        raise make_no_value_error(program, term, weights[""] / total)
+        raise make_no_value_error(program, term, divide(weights[""], total))
     zero = 0 * total
-    return {value: weights.get(value, zero) / total for value in list_values(program, term)}
+    return {value: divide(weights.get(value, zero), total) for value in list_values(program, term)}
 
 
-def list_values(program: Program, term: str) -> tuple[Any, ...]:
-    """List the values of a term; those of a joint `?a, b` are tuples.
+def answer_query(
+    program: Program,
+    query: Query,
+    weigh: Callable[[str], Mapping[Value, Any]],
+    divide: Callable[[Any, Any], Any] = truediv,
+) -> QueryAnswer:
+    """Answer a query.
+
+    Args:
+        query: resolved by `resolve_query`.
+        weigh: returns the weights of the values of a term or joint, or those of "true" for `QUERY_TERM`.
+        divide: as in `normalise_marginal`.
 
     Raises:
-        TooLargeError: a joint has more than `MAX_JOINT_VALUES`.
+        ProgramError, UndefinedError: as `normalise_marginal`; or the number has no value.
     """
-    ranges = [
-        program.attributes[name.partition("(")[0]].values for name in term.removeprefix("?").split(", ")
-    ]
-    if not term.startswith("?"):
-        return ranges[0]
-    size = prod(map(len, ranges))
-    if size > MAX_JOINT_VALUES:
-        raise TooLargeError(
-            f"{program.file}: {term[1:]} together have {size} values; expected at most {MAX_JOINT_VALUES}"
+    conditions = f" has {', '.join(query.conditions)}" if query.conditions else ""
+    if query.expression:
+        return compute_expectation(
+            query, lambda term: normalise_marginal(program, term, weigh(term), conditions, divide)
         )
-    return tuple(product(*ranges))
+    (question,) = list_questions(query)
+    weights = weigh(question)
+    if query.subjects:
+        return normalise_marginal(program, question, weights, conditions, divide)
+    total = sum(weights.values())
+    if not total:
+        raise make_no_world_error(program, conditions)
+    number: Numeric = divide(weights.get("true", 0 * total), total)
+    return number
+
+
+def compute_expectation(query: Query, find_marginal: Callable[[str], Mapping[Value, Numeric]]) -> Numeric:
+    """Compute the expectation of the expression of a query; that of a sum is the sum of expectations.
+
+    Args:
+        find_marginal: returns the distribution of a question.
+
+    Raises:
+        ProgramError: the expression divides by zero.
+    """
+    means: list[Numeric] = []
+    for sign, summand, names, question in list_summands(query):
+        numbers: list[Fraction] = []
+        marginal = find_marginal(question) if names else {(): Fraction(1)}
+        for value in marginal:
+            bindings = dict(zip(names, (value,) if isinstance(value, str) else value, strict=True))
+            try:
+                numbers.append(sign * evaluate_number(summand, bindings))
+            except SourceIssue as issue:
+                raise ProgramError(f"{issue}, where {format_world(bindings)}") from None
+        shares = list(marginal.values())
+        estimate = getattr(shares[0], "estimate_mean", None)
+        means.append(estimate(numbers, shares) if estimate else sum(map(mul, numbers, shares)))
+    return sum(means[1:], means[0])
+
+
+def rank_values(question: str, marginal: Mapping[Value, Fraction], count: int) -> tuple[PossibleWorld, ...]:
+    """Return the most probable values of a joint, best first, without those of probability 0."""
+    positive = [(value, p) for value, p in marginal.items() if p]
+    best = nsmallest(count, positive, key=lambda pair: -pair[1])
+    terms = list_terms(question)
+    return tuple([PossibleWorld(dict(zip(terms, value, strict=True)), p) for value, p in best])
 
 
 def format_conditions(facts: Mapping[str, Label], do: Mapping[str, str]) -> str:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
 from lcorpp.errors import TooLargeError
 from lcorpp.notebook import html_table, join_some
-from lcorpp.reasoning.answers import make_no_value_error, make_no_world_error
-from lcorpp.reasoning.grounding.ground_program import GroundProgram
-from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, SampleCounts
+from lcorpp.reasoning.answers import QueryAnswer, Value, answer_query
+from lcorpp.reasoning.query_model import QueryModel
+from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, sample_worlds
 from lcorpp.values import Distribution, Interval
+from lcorpp.values.arrays import Z95
 from lcorpp.values.distribution import format_value
 
 
@@ -22,9 +26,9 @@ class ReasoningWarning(UserWarning):
 
 
 class Estimate(float):
-    """An estimated probability.
+    """An estimated probability or expectation; the interval of a sum covers any correlation.
 
-    interval: the probability with its 95 % confidence interval.
+    interval: the number with its 95 % confidence interval.
     effective: the effective sample size.
     """
 
@@ -38,6 +42,35 @@ class Estimate(float):
 
     def __reduce__(self) -> tuple[type[Estimate], tuple[Interval, int]]:
         return Estimate, (self.interval, self.effective)
+
+    @staticmethod
+    def estimate_mean(numbers: Sequence[Fraction], shares: Sequence[Estimate]) -> Estimate:
+        """Estimate the expectation of a number from the shares of its values.
+
+        The normal interval with four more worlds, two of the smallest and two of the largest number, so that
+        it has a width even if all worlds have the same number.
+
+        Source: Agresti and Coull, "Approximate is better than 'exact' for interval estimation of binomial
+        proportions", The American Statistician 52(2), 1998, for numbers of which two are possible.
+        """
+        values, n = np.array(numbers, dtype=np.float64), shares[0].effective
+        counts = np.array(shares) * n
+        mean = float(counts @ values / n)
+        counts[[values.argmin(), values.argmax()]] += 2
+        middle = float(counts @ values / (n + 4))
+        half = Z95 * float(np.sqrt(counts @ (values - middle) ** 2)) / (n + 4)
+        low, high = max(middle - half, float(values.min())), min(middle + half, float(values.max()))
+        return Estimate(Interval(mean, min(mean, low), max(mean, high)), n)
+
+    def __str__(self) -> str:
+        return f"{self.interval:.4g}"
+
+    def __add__(self, other: float) -> Estimate:
+        more = other.interval if isinstance(other, Estimate) else Interval.exact(float(other))
+        low, high = self.interval.low + more.low, self.interval.high + more.high
+        return Estimate(Interval(self.interval.estimate + more.estimate, low, high), self.effective)
+
+    __radd__ = __add__
 
     def __repr__(self) -> str:
         return f"Estimate({self.interval:.4g}; effective sample size {self.effective})"
@@ -55,11 +88,21 @@ class EstimatedDistribution(Distribution):
     effective: int
 
     @classmethod
-    def from_estimates(cls, estimates: Mapping[str, Estimate]) -> EstimatedDistribution:
-        """Return the distribution of estimates of all values: value -> estimate."""
+    def from_estimates(cls, estimates: Any, is_joint: bool = False) -> EstimatedDistribution:
+        """Return the distribution of estimates of all values: value -> estimate.
+
+        Args:
+            is_joint: whether the values shall be tuples, also of one attribute.
+        """
+        values = [(value,) if is_joint and isinstance(value, str) else value for value in estimates]
         p = np.array(list(estimates.values()), dtype=np.float64)
         intervals = tuple(estimate.interval for estimate in estimates.values())
-        return cls(tuple(estimates), p / p.sum(), intervals, next(iter(estimates.values())).effective)
+        return cls(tuple(values), p / p.sum(), intervals, next(iter(estimates.values())).effective)
+
+    def __iter__(self) -> Iterator[tuple[Any, Estimate]]:
+        """Iterate over the values and the estimates of their probabilities."""
+        estimates = [Estimate(interval, self.effective) for interval in self.intervals]
+        return iter(zip(self.values, estimates, strict=True))
 
     def __repr__(self) -> str:
         shown = [
@@ -76,51 +119,51 @@ class EstimatedDistribution(Distribution):
         return html_table(("value", "probability"), rows)
 
 
-def estimate_probabilities(
-    ground: GroundProgram, found: SampleCounts, reason: TooLargeError, conditions: str, stacklevel: int
-) -> dict[str, Estimate]:
-    """Estimate the probability of each value of a term from sampled worlds; "" is for no value.
+def estimate_answer(model: QueryModel, reason: TooLargeError, samples: int, seed: int) -> QueryAnswer:
+    """Answer a query from sampled worlds, as `answer_query`; the numbers are `Estimate`s.
 
-    Warns that the probabilities are estimates.
+    Warns that they are.
 
     Args:
-        reason: why the probabilities are not computed.
-        conditions: the conditions of the question as text, for the error.
-        stacklevel: of the warning.
+        reason: why the answer is not computed.
+        samples: the number of worlds drawn; more, if too few of them satisfy the observations.
 
     Raises:
-        UndefinedError: it is certain that no world has the evidence.
-        TooLargeError: too few sampled worlds have the evidence.
+        ProgramError, UndefinedError: as `answer_query`; or a world violates a condition of the language.
+        TooLargeError: too few sampled worlds satisfy the observations.
     """
-    if not found.possible:
-        raise make_no_world_error(ground.source, conditions)
-    if found.accepted < MIN_EFFECTIVE_SAMPLES:
-        problem = (
-            "the samples are too few"
-            if found.accepted == found.drawn
-            else "its evidence is too improbable for sampling"
-            if found.accepted
-            else "no sample met the evidence, which is improbable or impossible"
-        )
-        raise TooLargeError(
-            f"{reason}, and {problem}: an effective sample size of {found.accepted} in {found.drawn} worlds"
-            f" drawn at random; expected at least {MIN_EFFECTIVE_SAMPLES}"
-        )
-    message = f"{reason}: estimated from {found.drawn} worlds drawn at random, effective sample size"
-    warnings.warn(f"{message} {found.accepted}", ReasoningWarning, stacklevel=stacklevel)
-    return {
-        value: Estimate(Interval.from_count(count, found.accepted), found.accepted)
-        for value, count in found.counts.items()
-    }
+
+    def weigh(question: str) -> Mapping[Value, int]:
+        found = sample_worlds(model.ground, model.system, question, samples, seed)
+        if not found.possible:
+            return {}
+        worlds = f"{found.drawn} worlds drawn at random"
+        if found.accepted < MIN_EFFECTIVE_SAMPLES:
+            problem = (
+                "the samples are too few"
+                if found.accepted == found.drawn
+                else "its evidence is too improbable for sampling"
+                if found.accepted
+                else "no sample met the evidence, which is improbable or impossible"
+            )
+            raise TooLargeError(
+                f"{reason}, and {problem}: an effective sample size of {found.accepted} in {worlds}; expected"
+                f" at least {MIN_EFFECTIVE_SAMPLES}"
+            )
+        message = f"{reason}: estimated from {worlds}, effective sample size {found.accepted}"
+        warnings.warn(message, ReasoningWarning, stacklevel=_find_caller())
+        return found.counts
+
+    return answer_query(model.ground.source, model.query, weigh, _make_estimate)
 
 
-def drop_no_value(ground: GroundProgram, term: str, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
-    """Return the estimates without that of no value.
+def _find_caller() -> int:
+    """Return the level of the caller of the package, to which warnings point."""
+    frame, level = sys._getframe(1), 1
+    while frame.f_back and frame.f_globals.get("__name__", "").startswith(("lcorpp.", "contextlib")):
+        frame, level = frame.f_back, level + 1
+    return level
 
-    Raises:
-        ProgramError: the term has no value in a sampled world.
-    """
-    share = estimates.pop("")
-    if share:
-        raise make_no_value_error(ground.source, term, f"{share.interval:.4g}")
-    return estimates
+
+def _make_estimate(count: int, total: int) -> Estimate:
+    return Estimate(Interval.from_count(count, total), total)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from lcorpp.errors import LcorppError, UndefinedError
+from lcorpp.errors import LcorppError, ProgramError, UndefinedError, check_type
 from lcorpp.reasoning.answers import PossibleWorld, QueryAnswer
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.syntax import Query
-from lcorpp.reasoning.query_model import QueryModel
 from lcorpp.reasoning.reasoner import Reasoner
+from lcorpp.reasoning.resolve import resolve_query
 
 
 @dataclass(frozen=True)
@@ -62,20 +62,22 @@ def explain(reasoner: Reasoner, query: Query, *, count: int = 3) -> Explanation:
         ProgramError: a name in the query is unknown, or a world violates a condition of the language.
         TooLargeError: the program is too large to be compiled.
     """
-    model = reasoner.build_query_model(query)
+    check_type(reasoner, Reasoner, "reasoner", ProgramError)
+    query = resolve_query(reasoner.program, query)
+    worlds = () if reasoner.program.has_cr_rules else reasoner.list_worlds(query, count)
     answer: QueryAnswer | None
     try:
-        answer = model.answer(exact=True)
+        answer = reasoner.ask(query, exact=True)
     except UndefinedError:
         answer = None
     without: list[tuple[str, QueryAnswer | str]] = []
-    for condition, rest in _drop_conditions(model.query):
+    for condition, rest in _drop_conditions(query):
         try:
             without.append((condition, reasoner.ask(rest, exact=True)))
         except LcorppError as error:
             without.append((condition, str(error)))
-    worlds = _explain_worlds(model, count) if isinstance(model, QueryModel) else ()
-    return Explanation(model.query, answer, tuple(without), worlds)
+    fired = [_find_fired(reasoner.build_model(query).ground, world.values) for world in worlds]
+    return Explanation(query, answer, tuple(without), tuple(zip(worlds, fired, strict=True)))
 
 
 def _drop_conditions(query: Query) -> Iterator[tuple[str, Query]]:
@@ -84,13 +86,6 @@ def _drop_conditions(query: Query) -> Iterator[tuple[str, Query]]:
         conditions = getattr(query, name)
         for i, condition in enumerate(conditions):
             yield str(condition)[:-1], replace(query, **{name: conditions[:i] + conditions[i + 1 :]})
-
-
-def _explain_worlds(model: QueryModel, count: int) -> tuple[tuple[PossibleWorld, tuple[FiredRule, ...]], ...]:
-    worlds = []
-    for world in model.worlds.most_probable({}, count):
-        worlds.append((world, _find_fired(model.ground, world.values)))
-    return tuple(worlds)
 
 
 def _find_fired(ground: GroundProgram, values: Mapping[str, str]) -> tuple[FiredRule, ...]:

@@ -24,7 +24,6 @@ from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_typ
 from lcorpp.notebook import join_some
 from lcorpp.reasoning.answers import (
     format_conditions,
-    list_values,
     make_no_value_error,
     make_no_world_error,
 )
@@ -37,13 +36,8 @@ from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.slices import split_slices
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.resolve import (
-    name_joint,
-    resolve_evidence,
-    resolve_inputs,
-    resolve_queries,
-    resolve_term,
-)
+from lcorpp.reasoning.questions import list_values, name_joint
+from lcorpp.reasoning.resolve import resolve_evidence, resolve_inputs, resolve_queries, resolve_term
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array, Distribution, Label, Likelihood
 

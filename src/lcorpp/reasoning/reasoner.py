@@ -9,36 +9,38 @@ has confidence intervals), unless their evidence is too improbable for sampling.
 from __future__ import annotations
 
 import logging
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, TypeVar
+from functools import cached_property, lru_cache, partial
+from typing import TYPE_CHECKING, Any
 
-from lcorpp.errors import ProgramError, TooLargeError, UndefinedError, check_type
+from lcorpp.errors import ProgramError, TooLargeError, check_type
 from lcorpp.reasoning.answers import (
+    PossibleWorld,
     QueryAnswer,
     Value,
+    answer_query,
+    compute_expectation,
     format_conditions,
     make_no_world_error,
     normalise_marginal,
+    rank_values,
 )
-from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
-from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Literal, Query
-from lcorpp.reasoning.query_model import EnumeratedQuery, QueryModel
+from lcorpp.reasoning.language.syntax import Query
+from lcorpp.reasoning.query_model import QueryModel
+from lcorpp.reasoning.questions import is_joint
 from lcorpp.reasoning.resolve import (
+    check_count,
     check_rng,
+    make_query,
     resolve_evidence,
+    resolve_expectation,
     resolve_interventions,
     resolve_labels,
     resolve_query,
     resolve_subject,
-    resolve_term,
 )
-from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,13 +58,13 @@ DEFAULT_SAMPLES = 20_000
 CACHE_SIZE = 1000
 """Maximal number of entries of each cache of a reasoner; a full cache is cleared."""
 
-NO_EVIDENCE: Mapping[str, str] = {}
-
-_Value = TypeVar("_Value")
+Subject = str | Sequence[str]
+Facts = Mapping[str, str]
+NOTHING: Facts = {}
 
 
 class Reasoner:
-    """Answers queries of a program; `Enumeration` is the reference with the same methods.
+    """Answers queries of a program; `Enumeration` is the reference.
 
     Args:
         program: the program.
@@ -81,9 +83,9 @@ class Reasoner:
             if number < lowest:
                 raise ProgramError(f"{name} is {number}; expected at least {lowest}")
         self.program, self.samples, self.seed = program, samples, seed
-        self._circuits: dict[Hashable, Circuit | TooLargeError] = {}
-        self._answers: dict[Hashable, Distribution] = {}
-        self._worlds: dict[Hashable, WorldQueries] = {}
+        self._circuits: dict[object, Circuit | TooLargeError] = {}
+        self._answers: dict[object, Distribution] = {}
+        self.build_model = lru_cache(CACHE_SIZE)(partial(QueryModel, program))
 
     def __repr__(self) -> str:
         return f"Reasoner({self.program!r})"
@@ -92,10 +94,7 @@ class Reasoner:
         return partial(Reasoner, samples=self.samples, seed=self.seed), (self.program,)  # without caches
 
     def posterior(
-        self,
-        attribute: str | Sequence[str],
-        evidence: Mapping[str, Label] = NO_EVIDENCE,
-        do: Mapping[str, str] = NO_EVIDENCE,
+        self, attribute: Subject, evidence: Mapping[str, Label] = NOTHING, do: Facts = NOTHING
     ) -> Distribution:
         """Compute the marginal of an attribute, or of several jointly, given evidence and interventions.
 
@@ -110,8 +109,8 @@ class Reasoner:
             ProgramError: a name is unknown, `attribute` may have no value under the evidence, or a world
                 violates a condition of the language.
             UndefinedError: no possible world satisfies the evidence.
-            TooLargeError: the program is too large to be compiled, and the evidence too improbable for
-                sampling; or the attributes have more than 10,000 combinations of values.
+            TooLargeError: the program is too large, and the evidence too improbable for sampling; or the
+                attributes have more than 10,000 combinations of values.
         """
         try:
             asked = tuple(attribute) if isinstance(attribute, list) else attribute
@@ -127,10 +126,7 @@ class Reasoner:
         return answer
 
     def exact(
-        self,
-        attribute: str | Sequence[str],
-        evidence: Mapping[str, str] = NO_EVIDENCE,
-        do: Mapping[str, str] = NO_EVIDENCE,
+        self, attribute: Subject, evidence: Facts = NOTHING, do: Facts = NOTHING
     ) -> dict[Value, Fraction]:
         """Compute a posterior in fractions: value -> probability, in the order of the declaration.
 
@@ -138,26 +134,68 @@ class Reasoner:
             ProgramError, UndefinedError: as `posterior`.
             TooLargeError: the program is too large to be compiled.
         """
-        term = resolve_subject(self.program, attribute)
+        question = resolve_subject(self.program, attribute)
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
         if self.program.has_cr_rules:
-            return self._enumeration.exact(attribute, facts, set_to)
-        weights = self._get_world_queries(set_to, (term, *facts)).compute_exact_weights(term, facts)
-        return normalise_marginal(self.program, term, weights, format_conditions(facts, set_to))
+            return self._enumeration.exact(question, facts, set_to)
+        model = self.build_model(make_query(self.program, "", {}, set_to), (question, *facts))
+        weights = model.worlds.compute_exact_weights(question, facts)
+        return normalise_marginal(self.program, question, weights, format_conditions(facts, set_to))
 
-    def compile(
-        self,
-        inputs: Sequence[str],
-        query: str | Sequence[str | Sequence[str]],
-        do: Mapping[str, str] = NO_EVIDENCE,
-    ) -> Circuit:
+    def expect(self, expression: str, evidence: Mapping[str, Label] = NOTHING, do: Facts = NOTHING) -> float:
+        """Compute an expectation given evidence and interventions; `ask` computes it as a fraction.
+
+        Args:
+            expression: of attributes with integers as values, such as ``roll(d1)`` or ``a*b - 2*c``. Division
+                is exact.
+
+        Raises:
+            ProgramError: as `posterior`; or a value is no number, or the expression divides by zero.
+            UndefinedError, TooLargeError: as `posterior`.
+        """
+        query = resolve_expectation(self.program, expression)
+        return compute_expectation(query, lambda question: dict(self.posterior(question, evidence, do)))  # type: ignore[return-value]
+
+    def most_probable(
+        self, evidence: Facts = NOTHING, count: int = 1, *, of: Subject | None = None, do: Facts = NOTHING
+    ) -> tuple[PossibleWorld, ...]:
+        """Find the most probable worlds, or the most probable joint values of some attributes.
+
+        Args:
+            count: how many, at most 100,000; those of probability 0 are left out.
+            of: attributes, all others are summed out (marginal MAP); by default whole worlds.
+
+        Returns:
+            Worlds, with the values of these attributes only, and their probabilities given the evidence.
+
+        Raises:
+            ProgramError, UndefinedError, TooLargeError: as `exact`.
+        """
+        check_count(count)
+        if of is not None:
+            question = resolve_subject(self.program, [of] if isinstance(of, str) else of)
+            return rank_values(question, self.exact(question, evidence, do), count)
+        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
+        worlds = self.list_worlds(make_query(self.program, "", facts, set_to), count)
+        if not worlds:
+            raise make_no_world_error(self.program, format_conditions(facts, set_to))
+        return worlds
+
+    def list_worlds(self, query: Query, count: int) -> tuple[PossibleWorld, ...]:
+        """List the most probable worlds under the conditions of a query, best first; see `most_probable`."""
+        check_count(count)
+        query = resolve_query(self.program, query)
+        if self.program.has_cr_rules:
+            return self._enumeration.list_worlds(query, count)
+        return self.build_model(query).worlds.most_probable({}, count)
+
+    def compile(self, inputs: Sequence[str], query: str | Sequence[Subject], do: Facts = NOTHING) -> Circuit:
         """Compile the program into a circuit, a function of the evidence; see `Circuit`.
 
         Args:
             inputs: the terms that evidence may name; an attribute without arguments denotes all its terms.
             query: a term; the joint of several, ``"?item, person"``; or a sequence of such questions, each
                 with an answer of its own.
-            do: interventions, term -> value.
 
         Raises:
             ProgramError: a name is unknown, a world violates a condition of the language, or the program has
@@ -170,11 +208,11 @@ class Reasoner:
 
     def filter(
         self,
-        carried: Mapping[str, str],
+        carried: Facts,
         inputs: Sequence[str],
-        query: str | Sequence[str],
+        query: Subject,
         *,
-        initial: Mapping[str, str] = NO_EVIDENCE,
+        initial: Facts = NOTHING,
         window: int = 0,
     ) -> Filter:
         """Compile a two-slice program into a filter, whose belief steps carry on; see `Filter`."""
@@ -182,42 +220,27 @@ class Reasoner:
 
         return Filter(self.program, carried, inputs, query, initial=initial, window=window)
 
-    def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NO_EVIDENCE) -> dict[str, str]:
-        """Sample a possible world given evidence.
-
-        Returns:
-            term -> value.
-
-        Raises:
-            ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: the program is too large to be compiled.
-        """
+    def sample(self, rng: np.random.Generator, given: Facts = NOTHING) -> dict[str, str]:
+        """Sample a possible world given evidence: term -> value. Raises the errors of `exact`."""
         check_rng(rng)
         if self.program.has_cr_rules:
             return self._enumeration.sample(rng, given)
         facts = resolve_evidence(self.program, given)
-        world = self._get_world_queries({}, tuple(facts)).sample(rng, facts)
+        world = self.build_model(Query(), tuple(facts)).worlds.sample(rng, facts)
         if world is None:
-            raise UndefinedError(f"{self.program.file}: no possible world{format_conditions(facts, {})}")
+            raise make_no_world_error(self.program, format_conditions(facts, {}))
         return world
 
     def count(self) -> int:
-        """Count the possible worlds of the program without listing them.
-
-        Raises:
-            ProgramError: a world violates a condition of the language.
-            UndefinedError: no world has positive measure.
-            TooLargeError: the program is too large to be compiled.
-        """
+        """Count the possible worlds of the program without listing them. Raises the errors of `exact`."""
         if self.program.has_cr_rules:
             return len(self._enumeration.worlds)
-        worlds = self._get_world_queries({}, ())
-        if not sum(worlds.compute_float_weights("", {}).values()):
+        if not self.list_worlds(Query(), 1):
             raise make_no_world_error(self.program, "")
-        return worlds.count()
+        return self.build_model(Query()).worlds.count()
 
     def ask(self, query: Query, *, exact: bool = False) -> QueryAnswer:
-        """Answer a query: compute a distribution or a probability.
+        """Answer a query: compute a distribution, a probability or an expectation.
 
         Args:
             exact: whether to return fractions.
@@ -231,57 +254,52 @@ class Reasoner:
                 improbable for sampling.
         """
         check_type(exact, bool, "exact", ProgramError)
-        return self.build_query_model(query).answer(exact=exact)
-
-    def build_query_model(self, query: Query) -> QueryModel | EnumeratedQuery:
-        """Prepare a query: resolve its names, and ground the program under its conditions.
-
-        Raises:
-            ProgramError: a name in the query is unknown, or arithmetic is undefined.
-        """
         query = resolve_query(self.program, query)
         if self.program.has_cr_rules:
-            return EnumeratedQuery(self._enumeration, query)
-        return QueryModel(self.program, query, samples=self.samples, seed=self.seed)
+            return self._enumeration.ask(query, exact=exact)
+        model = self.build_model(query)
+        try:
+            worlds = model.worlds
+        except TooLargeError as error:
+            from lcorpp.reasoning.estimation import estimate_answer  # imports numpy
 
-    # methods of answering
+            if exact:
+                raise
+            return estimate_answer(model, error, self.samples, self.seed)
+        weigh = worlds.compute_exact_weights if exact else worlds.compute_float_weights
+        return answer_query(self.program, query, lambda question: weigh(question, {}))
 
     def _compute_posterior(
-        self, attribute: str | Sequence[str], evidence: Mapping[str, Label], do: Mapping[str, str]
+        self, attribute: Subject, evidence: Mapping[str, Label], do: Facts
     ) -> Distribution:
-        term = resolve_subject(self.program, attribute)
+        question = resolve_subject(self.program, attribute)
         facts, likelihoods = resolve_labels(self.program, evidence)
         set_to = resolve_interventions(self.program, do)
+        if self.program.has_cr_rules and likelihoods:
+            raise ProgramError(
+                f"{self.program.file}: soft evidence has no meaning for a program with cr-rules"
+            )
         if self.program.has_cr_rules:
-            if likelihoods:
-                raise ProgramError(
-                    f"{self.program.file}: soft evidence has no meaning for a program with cr-rules"
-                )
-            return self._enumeration.posterior(attribute, facts, set_to)
+            return self._enumeration.posterior(question, facts, set_to)
         names = sorted((*facts, *likelihoods))
-        key = (term, frozenset(names), frozenset(set_to.items()))
+        key = question, tuple(names), frozenset(set_to.items())
         circuit = self._circuits.get(key)
         if circuit is None:
             try:
-                circuit = self.compile(names, term, set_to)
+                circuit = self.compile(names, question, set_to)
             except TooLargeError as error:
                 circuit = error  # cached, so that it is not compiled again
             _store(self._circuits, key, circuit)
         if not isinstance(circuit, TooLargeError):
             return circuit({**facts, **likelihoods})  # type: ignore[return-value]
         if likelihoods:
-            raise TooLargeError(
-                f"{self.program.file}: the program is too large to be compiled; soft evidence needs exact"
-                " answers"
-            )
-        return self._estimate(circuit, term, facts, set_to)
+            raise TooLargeError(f"{circuit}; soft evidence needs an exact answer")
+        from lcorpp.reasoning.estimation import EstimatedDistribution, estimate_answer
 
-    def _get_world_queries(self, do: Mapping[str, str], wanted: Sequence[str]) -> WorldQueries:
-        key = frozenset(do.items()), frozenset(wanted)
-        if key not in self._worlds:
-            system = build_transition_system(ground_program(self.program, do, queried=wanted), wanted)
-            _store(self._worlds, key, WorldQueries(build_decision_diagram(system)))
-        return self._worlds[key]
+        model = self.build_model(make_query(self.program, question, facts, set_to))
+        return EstimatedDistribution.from_estimates(
+            estimate_answer(model, circuit, self.samples, self.seed), is_joint(question)
+        )
 
     @cached_property
     def _enumeration(self) -> Enumeration:
@@ -290,27 +308,13 @@ class Reasoner:
         LOG.info("%s: a program with cr-rules is answered by enumeration", self.program.file)
         return Enumeration(self.program)
 
-    def _estimate(
-        self, reason: TooLargeError, term: str, facts: Mapping[str, str], do: Mapping[str, str]
-    ) -> Distribution:
-        from lcorpp.reasoning.estimation import EstimatedDistribution, drop_no_value, estimate_probabilities
-        from lcorpp.reasoning.transitions.rejection_sampling import sample_worlds
-
-        terms = {name: resolve_term(self.program, name) for name in facts}
-        observed = [Literal(terms[name], "=", parse_term(value, name)) for name, value in facts.items()]
-        ground = ground_program(self.program, do, observed, queried=(term,))
-        system = build_transition_system(ground, (term,))
-        found = sample_worlds(ground, system, term, self.samples, self.seed)
-        estimates = estimate_probabilities(ground, found, reason, format_conditions(facts, do), stacklevel=5)
-        return EstimatedDistribution.from_estimates(drop_no_value(ground, term, estimates))
-
 
 def ask(program: Program, query: Query) -> QueryAnswer:
     """Answer one query in fractions: value -> probability, or a probability; see `Reasoner.ask`."""
     return Reasoner(program).ask(query, exact=True)
 
 
-def _store(cache: dict[Hashable, _Value], key: Hashable, value: _Value) -> None:
+def _store(cache: dict[Any, Any], key: object, value: object) -> None:
     if len(cache) >= CACHE_SIZE:
         cache.clear()
     cache[key] = value

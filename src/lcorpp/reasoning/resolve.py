@@ -10,18 +10,21 @@ from numbers import Integral
 from typing import TYPE_CHECKING
 
 from lcorpp.errors import ParseError, ProgramError, TooLargeError, check_type, expected_one_of
-from lcorpp.reasoning.grounding.ground_program import QUERY_TERM
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.parser import parse_term
+from lcorpp.reasoning.language.parser import parse_query, parse_term
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Query, Term
+from lcorpp.reasoning.language.syntax import Intervention, Literal, Observation, Query, Term
+from lcorpp.reasoning.questions import QUERY_TERM, list_terms, name_joint
 
 if TYPE_CHECKING:
     from lcorpp.values import Label, Likelihood
 
 MAX_INPUTS = 100_000
 """Maximal number of terms of an attribute that is named without its arguments."""
+
+MAX_WORLDS = 100_000
+"""At most this many worlds are listed."""
 
 
 def resolve_term(program: Program, name: str) -> Term:
@@ -84,27 +87,17 @@ def resolve_inputs(program: Program, inputs: Iterable[str]) -> list[str]:
 
 
 def resolve_subject(program: Program, attribute: str | Sequence[str]) -> str:
-    """Return the canonical name of a queried term, or of the joint of several, see `name_joint`.
+    """Return the canonical name of a queried term, or of the joint of several, see `questions`.
 
     Raises:
         ProgramError: the program has no such term, or one is named twice.
     """
     if isinstance(attribute, str) and not attribute.startswith(QUERY_TERM):
         return canonical_text(resolve_term(program, attribute))
-    names = attribute[1:].split(", ") if isinstance(attribute, str) else attribute
+    names = list_terms(attribute) if isinstance(attribute, str) else attribute
     if not isinstance(names, Sequence) or isinstance(names, bytes) or not names:
         raise ProgramError(f"expected the name of an attribute, not {attribute!r}")
     return name_joint(_resolve_names(program, names))
-
-
-def name_question(query: Query) -> str:
-    """Return the name of the term whose distribution answers a query."""
-    return canonical_text(query.subjects[0]) if len(query.subjects) == 1 else name_joint(query.subjects)
-
-
-def name_joint(terms: Iterable[Term]) -> str:
-    """Return the name of the joint of terms: `?item, person`; of none `QUERY_TERM`."""
-    return QUERY_TERM + ", ".join(map(canonical_text, terms))
 
 
 def resolve_queries(program: Program, query: str | Iterable[str | Sequence[str]]) -> tuple[str, ...]:
@@ -207,6 +200,38 @@ def resolve_query(program: Program, query: Query) -> Query:
         if do.setdefault(term, value) != value:
             raise ProgramError(f"{item.at}: do({term}) sets two values, {do[term]} and {value}")
     return query
+
+
+def make_query(program: Program, question: str, facts: Mapping[str, str], do: Mapping[str, str]) -> Query:
+    """Make the query for a question, "" for none, with resolved evidence and interventions."""
+    terms = {name: resolve_term(program, name) for name in (*facts, *do)}
+    return Query(
+        subjects=_resolve_names(program, list_terms(question)) if question else (),
+        observations=tuple(
+            [Observation(((Literal(terms[t], "=", parse_term(v, t)),),)) for t, v in facts.items()]
+        ),
+        interventions=tuple([Intervention(terms[t], parse_term(v, t)) for t, v in do.items()]),
+    )
+
+
+def resolve_expectation(program: Program, expression: str) -> Query:
+    """Return the query for the expectation of a number, such as `roll(d1)+roll(d2)`.
+
+    Raises:
+        ProgramError: the text is no expression of attributes with integers as values.
+    """
+    check_type(expression, str, "expression", ProgramError)
+    try:
+        return parse_query(f"E[{expression}]", program)
+    except ParseError as error:
+        raise ProgramError(f"{expression!r}: {error.message}") from None
+
+
+def check_count(count: int) -> None:
+    """Check a number of worlds or values."""
+    check_type(count, int, "count", ProgramError)
+    if not 1 <= count <= MAX_WORLDS:
+        raise ProgramError(f"expected 1 to {MAX_WORLDS} worlds, not {count}")
 
 
 def check_rng(rng: object) -> None:

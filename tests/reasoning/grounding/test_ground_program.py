@@ -9,16 +9,17 @@ import pytest
 
 from lcorpp.errors import TooLargeError, UndefinedError
 from lcorpp.reasoning import Enumeration, Reasoner, parse_plog
-from lcorpp.reasoning.grounding.ground_program import QUERY_TERM, Clause, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.language.parser import parse_query
+from lcorpp.reasoning.questions import QUERY_TERM
 
 
 def ground(text: str, question: str = "") -> GroundProgram:
     program = parse_plog(text, file="a.plog")
     query = parse_query(question, program) if question else None
-    return ground_program(program, {}, (), query.literals if query else ())
+    return ground_program(program, {}, (), query.formula if query else ())
 
 
 def test_masks_of_literals():

@@ -117,7 +117,7 @@ def test_missing_file() -> None:
         ("", "unexpected end of the text"),
         ("f(X) = 1", "variable X is not allowed"),
         ("a = red | do(f(9) = 1)", "'9' is not a member"),
-        ("a = red, X < 3", "expected a literal of an attribute in a query"),
+        ("a = red, X < 3", "expected a literal of an attribute, not X<3"),
     ],
 )
 def test_query_error_is_a_parse_error(query: str, words: str) -> None:

@@ -169,8 +169,7 @@ def test_undeclared_attributes_of_plog_1() -> None:
 def test_formulas_of_plog_1_queries() -> None:
     program = parse_plog("a, b : boolean. random(a). random(b).")
     assert probability(program, "?{(a and !b)}") == Fraction(1, 4)
-    with pytest.raises(ParseError, match="'or' is not supported"):
-        parse_query("?{(a or b)}", program)
+    assert probability(program, "?{(a or b), !(a and b)}") == Fraction(1, 2)
 
 
 def test_obs_literals_in_bodies_are_true_if_the_program_has_the_observation() -> None:

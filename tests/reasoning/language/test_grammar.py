@@ -33,7 +33,8 @@ BEYOND = (
     "is a literal; expected a value",
     "'-' before a literal with a value",
     "is not an argument of the record",
-    "'!' is only supported before a single literal",
+    "expected an attribute in E[...]",
+    "a formula of more than 1000 cases",
 )
 """Messages of the restrictions that the page lists below the grammar."""
 

@@ -114,10 +114,10 @@ def test_nested_terms_are_read_or_refused(frames):
         program = parse_plog(f"s = {{{nest(depth)}}}. p : s -> boolean. random(p(X)). ?{{p({nest(depth)})}}.")
         return Reasoner(program).ask(program.queries[0])
 
-    assert call(frames, 30) == 0.5
-    assert call(0, 90) == 0.5
+    assert call(frames, 20) == 0.5
+    assert call(0, 55) == 0.5
     for depth in (101, 5000):
-        with pytest.raises(ParseError, match="nested deeper than 100 levels"):
+        with pytest.raises(ParseError, match="nested deeper than 60 levels"):
             call(frames, depth)
 
 

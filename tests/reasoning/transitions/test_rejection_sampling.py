@@ -34,7 +34,7 @@ def sample(
 ) -> SampleCounts:
     conditions = ", ".join(f"obs({term}={value})" for term, value in evidence.items())
     asked = parse_query(f"{query} | {conditions}" if evidence else query, program)
-    ground = ground_program(program, do or {}, [observation.literal for observation in asked.observations])
+    ground = ground_program(program, do or {}, [observation.formula for observation in asked.observations])
     return sample_worlds(ground, build_transition_system(ground, (query,)), query, samples, seed)
 
 

@@ -8,12 +8,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from lcorpp.errors import ProgramError, UndefinedError, check_type
+from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.notebook import join_some
 from lcorpp.reasoning.answers import (
     PossibleWorld,
     format_conditions,
-    list_values,
     make_no_value_error,
     make_no_world_error,
     normalise_marginal,
@@ -25,15 +24,13 @@ from lcorpp.reasoning.circuit.passes import differentiate
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.resolve import check_rng
+from lcorpp.reasoning.questions import list_values
+from lcorpp.reasoning.resolve import check_count, check_rng
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array, Distribution, Label
 
 CACHE_SIZE = 100_000
 """A circuit caches at most this many answers."""
-
-MAX_WORLDS = 100_000
-"""`Circuit.most_probable` returns at most this many worlds."""
 
 Answer = Distribution | dict[str, Distribution]
 Answers = Array | dict[str, Array]
@@ -210,9 +207,7 @@ class Circuit:
             ProgramError, UndefinedError: as a call.
         """
         evidence = self._encoder.resolve(evidence)
-        check_type(count, int, "count", ProgramError)
-        if not 1 <= count <= MAX_WORLDS:
-            raise ProgramError(f"expected 1 to {MAX_WORLDS} worlds, not {count}")
+        check_count(count)
         worlds = self.world_queries.most_probable(evidence, count)
         if not worlds:
             raise make_no_world_error(self.program, format_conditions(evidence, self.do))

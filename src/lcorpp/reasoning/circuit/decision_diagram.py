@@ -24,7 +24,7 @@ from typing import NamedTuple
 from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.conditions import ConditionViolation
-from lcorpp.reasoning.grounding.ground_program import QUERY_TERM
+from lcorpp.reasoning.questions import QUERY_TERM
 from lcorpp.reasoning.transitions.stratified import derive_values
 from lcorpp.reasoning.transitions.transition import Effect, Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem

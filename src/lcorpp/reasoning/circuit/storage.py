@@ -27,13 +27,13 @@ import numpy.typing as npt
 
 from lcorpp.errors import DataError, LcorppError
 from lcorpp.files import read_bytes, write_atomically
-from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.compiler import compile_program
 from lcorpp.reasoning.circuit.decision_diagram import MAX_ARCS
 from lcorpp.reasoning.circuit.matrices import Groups, Layer
 from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.language.program import Program, program_text
+from lcorpp.reasoning.questions import list_values
 from lcorpp.reasoning.resolve import resolve_interventions, resolve_subject
 
 FORMAT, VERSION = "lcorpp circuit", 2

@@ -15,12 +15,15 @@ from math import lcm, prod
 from typing import TYPE_CHECKING, Any
 
 from lcorpp.reasoning.answers import PossibleWorld, Value
-from lcorpp.reasoning.circuit.best_paths import BestPaths, Choice, Track
 from lcorpp.reasoning.circuit.decision_diagram import Arcs, DecisionDiagram, decode_world, iterate_arcs
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from lcorpp.reasoning.circuit.best_paths import Choice, Track
+
+    _Sampler = list[dict[int, tuple[list[float], list[Choice]]]]
+    """For each step: node -> (cumulative probabilities of its arcs, arcs)"""
 
 SAMPLER_CACHE_SIZE = 100
 """The tables to sample from are cached for at most this many sets of evidence."""
@@ -30,9 +33,6 @@ MIN_WEIGHT = 1e-30
 
 _Weights = Sequence[Any] | Mapping[int, Any]
 """The weight of each outcome."""
-
-_Sampler = list[dict[int, tuple[list[float], list[Choice]]]]
-"""For each step: node -> (cumulative probabilities of its arcs, arcs)"""
 
 
 class WorldQueries:
@@ -185,6 +185,8 @@ class WorldQueries:
         mass = self._sum_measures("", arcs_of, weights).get("")
         if not mass:
             return ()
+        from lcorpp.reasoning.circuit.best_paths import BestPaths  # rarely needed
+
         tree, outcomes = self.diagram.system.tree, self.diagram.outcomes
         choices = self._list_choices(arcs_of, weights, max)
         paths = BestPaths(tree.children, tree.roots, choices)

@@ -19,6 +19,7 @@ k and j are indexes of statements. Each statement is one line, so that clingo's 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Set
+from itertools import chain, product
 
 from lcorpp.reasoning.language.arithmetic import canonical_text, find_variables, iter_variables
 from lcorpp.reasoning.language.issues import Place
@@ -44,8 +45,8 @@ from lcorpp.reasoning.language.syntax import (
 )
 from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions, list_variables
 
-Condition = tuple[str, Set[str | None]]
-"""A term, and the values with which it meets an observation; None is for no value."""
+Condition = tuple[tuple[tuple[str, Set[str | None]], ...], ...]
+"""A disjunction of conjunctions of a term and the values with which it meets them; None is for no value."""
 
 
 def translate_program(
@@ -78,10 +79,14 @@ def translate_program(
             lines.append(text)
             places[len(lines)] = statement.at
     lines.extend(translator.translate_intervention(term, value) for term, value in do.items())
-    for number, (term, values) in enumerate(observed):
-        conditions = [f"not valued({term})" if value is None else f"h({term},{value})" for value in values]
-        lines.append(_observe(f"q{number}", conditions))
+    for number, condition in enumerate(observed):
+        bodies = chain(*[product(*[_list_atoms(*part) for part in case]) for case in condition])
+        lines.append(_observe(f"q{number}", map("; ".join, bodies)))
     return lines, places
+
+
+def _list_atoms(term: str, values: Set[str | None]) -> list[str]:
+    return [f"not valued({term})" if value is None else f"h({term},{value})" for value in values]
 
 
 def _observe(name: str, conditions: Iterable[str]) -> str:
@@ -114,7 +119,11 @@ class _Translator:
             case Probability():
                 return self._translate_probability(index, statement)
             case Observation():
-                return _observe(f"r{index}", ["; ".join(self._translate_literal(statement.literal, 0))])
+                cases = [
+                    chain(*[self._translate_literal(literal, i) for i, literal in enumerate(case)])
+                    for case in statement.formula
+                ]
+                return _observe(f"r{index}", map("; ".join, cases))
             case Intervention():
                 term, value = canonical_text(statement.term), canonical_text(statement.value)
                 return self.translate_intervention(term, value)

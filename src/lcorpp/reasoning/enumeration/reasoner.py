@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, partial
+from heapq import nsmallest
 from itertools import accumulate
 from math import lcm
+from operator import truediv
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,17 +18,20 @@ import numpy as np
 from lcorpp.errors import ProgramError, check_type
 from lcorpp.reasoning.answers import (
     PossibleWorld,
+    QueryAnswer,
     Value,
+    answer_query,
     format_conditions,
     make_no_world_error,
     normalise_marginal,
 )
 from lcorpp.reasoning.language.arithmetic import as_value, canonical_text, compare_values
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Literal, Query
+from lcorpp.reasoning.language.syntax import Formula, Literal, Query
+from lcorpp.reasoning.questions import get_interventions
 from lcorpp.reasoning.resolve import (
+    check_count,
     check_rng,
-    name_question,
     resolve_evidence,
     resolve_interventions,
     resolve_query,
@@ -68,11 +73,14 @@ class _WorldTable:
         kept = [
             i
             for i, values in enumerate(self.values)
-            if all(values.get(term) in allowed for term, allowed in conditions)
+            if all(
+                any(all(values.get(term) in allowed for term, allowed in case) for case in condition)
+                for condition in conditions
+            )
         ]
         return _WorldTable(tuple([self.values[i] for i in kept]), tuple([self.weights[i] for i in kept]))
 
-    def sum_by_value(self, term: str) -> dict[Value, Fraction]:
+    def weigh(self, term: str) -> dict[Value, Fraction]:
         """Sum the measures by the value of a term or a joint `?a, b`; "" is for no value."""
         names = term.removeprefix("?").split(", ")
         sums: dict[Value, int] = {}
@@ -81,6 +89,14 @@ class _WorldTable:
             value = "" if "" in own else own if term.startswith("?") else own[0]
             sums[value] = sums.get(value, 0) + weight
         return {value: Fraction(weight) for value, weight in sums.items()}
+
+    def list_worlds(self, count: int | None = None) -> tuple[PossibleWorld, ...]:
+        """List the worlds with their probabilities: all in order, or the most probable ones."""
+        numbers: Iterable[int] = range(len(self.values))
+        if count is not None:
+            positive = [i for i in numbers if self.weights[i]]
+            numbers = nsmallest(count, positive, key=lambda i: -self.weights[i])
+        return tuple([PossibleWorld(self.values[i], Fraction(self.weights[i], self.total)) for i in numbers])
 
 
 class Enumeration:
@@ -98,6 +114,7 @@ class Enumeration:
 
     def __init__(self, program: Program, *, limit: int = 200_000) -> None:
         check_type(program, Program, "program", ProgramError)
+        check_type(limit, int, "limit", ProgramError)
         self.program = program
         self.limit = limit
         self._tables: dict[object, _WorldTable] = {}
@@ -137,29 +154,33 @@ class Enumeration:
         """Compute the same as `posterior`, as fractions by value in the order of the declaration."""
         term = resolve_subject(self.program, attribute)
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
-        table = self._select(_make_conditions(facts), set_to)
-        conditions = format_conditions(facts, set_to)
-        return normalise_marginal(self.program, term, table.sum_by_value(term), conditions)
+        weights = self._select(_make_conditions(facts), set_to).weigh(term)
+        return normalise_marginal(self.program, term, weights, format_conditions(facts, set_to))
 
-    def ask(self, query: Query) -> dict[Value, Fraction] | Fraction:
-        """Answer a query: value -> probability if it asks for a distribution, otherwise a probability.
+    def ask(self, query: Query, *, exact: bool = True) -> QueryAnswer:
+        """Answer a query, see `Reasoner.ask`.
 
         Raises:
             ProgramError: as `exact`, or the query does not fit the program.
             UndefinedError: no possible world satisfies its observations.
         """
         query = resolve_query(self.program, query)
-        do = {canonical_text(item.term): canonical_text(item.value) for item in query.interventions}
-        table = self._select([self._make_condition(o.literal) for o in query.observations], do)
-        parts = [str(part)[:-1] for part in (*query.observations, *query.interventions)]
-        conditions = f" has {', '.join(parts)}" if parts else ""
-        if query.subjects:
-            term = name_question(query)
-            return normalise_marginal(self.program, term, table.sum_by_value(term), conditions)
-        if not table.total:
-            raise make_no_world_error(self.program, conditions)
-        true = table.filter(map(self._make_condition, query.literals))
-        return Fraction(true.total, table.total)
+        table = self._select_by_query(query)
+
+        def weigh(term: str) -> dict[Value, Fraction]:
+            if query.subjects:
+                return table.weigh(term)
+            true = table.filter([self._make_condition(query.formula)]).total
+            return {"true": Fraction(true), "": Fraction(table.total - true)}
+
+        return answer_query(
+            self.program, query, weigh, truediv if exact else lambda w, total: float(w / total)
+        )
+
+    def list_worlds(self, query: Query, count: int) -> tuple[PossibleWorld, ...]:
+        """List the most probable worlds under the conditions of a query, see `Reasoner.list_worlds`."""
+        check_count(count)
+        return self._select_by_query(resolve_query(self.program, query)).list_worlds(count)
 
     @property
     def worlds(self) -> tuple[PossibleWorld, ...]:
@@ -169,9 +190,7 @@ class Enumeration:
             ProgramError: a world breaks a condition of the language, or there are too many worlds.
             UndefinedError: there is no world of positive measure.
         """
-        table = self._select_positive({})
-        pairs = zip(table.values, table.weights, strict=True)
-        return tuple([PossibleWorld(values, Fraction(weight, table.total)) for values, weight in pairs])
+        return self._select_positive({}).list_worlds()
 
     def sample(self, rng: np.random.Generator, given: Mapping[str, str] = NOTHING) -> dict[str, str]:
         """Draw one world with its probability given evidence.
@@ -194,6 +213,10 @@ class Enumeration:
         if not table.total:
             raise make_no_world_error(self.program, format_conditions(facts, {}))
         return table
+
+    def _select_by_query(self, query: Query) -> _WorldTable:
+        conditions = [self._make_condition(observation.formula) for observation in query.observations]
+        return self._select(conditions, get_interventions(query))
 
     def _select(self, conditions: Iterable[Condition], do: Mapping[str, str]) -> _WorldTable:
         """Return the worlds that satisfy conditions, in an order that does not depend on the solver."""
@@ -220,7 +243,10 @@ class Enumeration:
         weights = [measure.numerator * (common // measure.denominator) for _, measure in worlds]
         return _WorldTable(tuple([values for values, _ in worlds]), tuple(weights))
 
-    def _make_condition(self, literal: Literal) -> Condition:
+    def _make_condition(self, formula: Formula) -> Condition:
+        return tuple([tuple([self._find_allowed(literal) for literal in case]) for case in formula])
+
+    def _find_allowed(self, literal: Literal) -> tuple[str, frozenset[str | None]]:
         """Find the values with which a term satisfies a literal; with no value, only `not` makes it true."""
         declared = self.program.attributes[literal.term.name].values
         bound = as_value(canonical_text(literal.value))
@@ -231,4 +257,4 @@ class Enumeration:
 
 
 def _make_conditions(facts: Mapping[str, str]) -> list[Condition]:
-    return [(term, frozenset([value])) for term, value in facts.items()]
+    return [(((term, frozenset([value])),),) for term, value in facts.items()]

@@ -17,10 +17,11 @@ from scipy import sparse
 
 from lcorpp.errors import ProgramError, expected_one_of
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
-from lcorpp.reasoning.grounding.ground_program import QUERY_TERM, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import ClauseKind, GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Number, Probability
+from lcorpp.reasoning.questions import QUERY_TERM
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array
 

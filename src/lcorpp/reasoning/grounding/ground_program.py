@@ -11,22 +11,15 @@ term and the set of outcomes that satisfy it, as a bit mask: bit i for value i, 
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Iterable, Set
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from itertools import product
 from typing import Any
 
-from lcorpp.reasoning.answers import list_values
 from lcorpp.reasoning.language.program import Program
-
-QUERY_TERM = "?"
-"""The name of the term that has the value `true` in the worlds in which all literals of a query are true.
-
-The name of the joint of several terms begins with it, too: the values of `?a, b` are the pairs of a value of
-a and a value of b.
-"""
+from lcorpp.reasoning.questions import list_terms, list_values
 
 
 class ClauseKind(Enum):
@@ -96,23 +89,26 @@ class GroundProgram:
         return f"GroundProgram({self.source.file}: {len(self.names)} terms, {len(self.clauses)} clauses)"
 
     def define_joint(self, name: str) -> None:
-        """Add the joint of some terms, see `QUERY_TERM`; it has no value if one of them has none."""
+        """Add the joint `name` of some terms; it has no value if one of them has none."""
         numbers = {term: number for number, term in enumerate(self.names)}
-        for term in name[1:].split(", "):
+        for term in list_terms(name):
             if term not in numbers:
                 numbers[term] = len(self.names)
                 self.names.append(term)
-                self.values.append(self.source.attributes[term.partition("(")[0]].values)
-        terms = [numbers[term] for term in name[1:].split(", ")]
-        self.names.append(name)
-        self.values.append(list_values(self.source, name))
+                self.values.append(list_values(self.source, term))
+        terms = [numbers[term] for term in list_terms(name)]
         literals = [[(term, 1 << i, False) for i in range(len(self.values[term]))] for term in terms]
+        self.define(name, list_values(self.source, name), enumerate(product(*literals)))
+
+    def define(
+        self, name: str, values: tuple[Any, ...], cases: Iterable[tuple[int, tuple[GroundLiteral, ...]]]
+    ) -> None:
+        """Add a term that has a value, given by its index, if a body is true: (index, body) for each case."""
         self.clauses.extend(
-            [
-                Clause(ClauseKind.DERIVE, len(self.names) - 1, value, body)
-                for value, body in enumerate(product(*literals))
-            ]
+            [Clause(ClauseKind.DERIVE, len(self.names), value, body) for value, body in cases]
         )
+        self.names.append(name)
+        self.values.append(values)
 
     @property
     def do_is_fact(self) -> bool:

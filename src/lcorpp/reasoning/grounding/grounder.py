@@ -16,7 +16,6 @@ from fractions import Fraction
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.grounding.binding_table import BindingTable, Key, Memo, Part
 from lcorpp.reasoning.grounding.ground_program import (
-    QUERY_TERM,
     Clause,
     ClauseKind,
     GroundLiteral,
@@ -40,6 +39,7 @@ from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import (
     Body,
     Expression,
+    Formula,
     Intervention,
     Literal,
     Observation,
@@ -48,21 +48,22 @@ from lcorpp.reasoning.language.syntax import (
     Selection,
 )
 from lcorpp.reasoning.language.traversal import get_head, iter_expressions, list_expressions
+from lcorpp.reasoning.questions import QUERY_TERM, is_joint
 
 
 def ground_program(
     program: Program,
     do: Mapping[str, str],
-    observed: Iterable[Literal] = (),
-    asked: Sequence[Literal] = (),
+    observed: Iterable[Formula] = (),
+    asked: Formula = (),
     queried: Iterable[str] = (),
 ) -> GroundProgram:
     """Ground a program.
 
     Args:
         do: interventions besides those in the program, term -> value.
-        observed: ground literals that are true in every world, besides the observations in the program.
-        asked: the ground literals that define the term `QUERY_TERM`.
+        observed: formulas that are true in every world, besides the observations in the program.
+        asked: the formula that defines the term `QUERY_TERM`.
         queried: names of terms; the joints among them are defined.
 
     Raises:
@@ -100,9 +101,7 @@ class _Grounder:
                 self._clauses[head.term.name].append((index, statement))
         self._find_atoms()
 
-    def run(
-        self, observed: Iterable[Literal], asked: Sequence[Literal], queried: Iterable[str]
-    ) -> GroundProgram:
+    def run(self, observed: Iterable[Formula], asked: Formula, queried: Iterable[str]) -> GroundProgram:
         """Add the clauses of all statements and of a query."""
         for term, value in self._do.items():
             name, arguments = _split_term(term)
@@ -118,21 +117,20 @@ class _Grounder:
             elif isinstance(statement, Probability):
                 self._ground_pr_atom(index, statement)
             elif isinstance(statement, Observation):
-                self._observe(statement.literal)
-        for literal in observed:
-            self._observe(literal)
+                self._observe(statement.formula)
+        for formula in observed:
+            self._observe(formula)
         if self._contradictory and not self.result.do_is_fact:  # nor a world in which the term is selected
             names = self.result.names
             for clause in list(self.result.clauses):
                 if clause.kind is ClauseKind.SELECT and names[clause.term] in self._contradictory:
                     self._forbid(clause.body, clause.statement)
         if asked:
-            body = tuple([self._translate(literal) for literal in asked])
-            self._add(Clause(ClauseKind.DERIVE, len(self.result.names), 0, body))
-            self.result.names.append(QUERY_TERM)
-            self.result.values.append(("true",))
+            self.result.define(
+                QUERY_TERM, ("true",), [(0, tuple(map(self._translate, case))) for case in asked]
+            )
         for name in queried:
-            if name.startswith(QUERY_TERM) and name != QUERY_TERM:
+            if is_joint(name):
                 self.result.define_joint(name)
         return self.result
 
@@ -241,11 +239,16 @@ class _Grounder:
         number = _evaluate_numbers(table, atom.number)
         self._emit(table, ClauseKind.ASSIGN, *parts, atom.condition, index, label, number=number)
 
-    def _observe(self, literal: Literal) -> None:
-        """Forbid the worlds in which a ground literal is false."""
-        term, mask, negated = self._translate(literal)
-        full_mask = make_full_mask(len(self.result.values[term]))
-        self._forbid(((term, full_mask & ~mask, not negated),))
+    def _observe(self, formula: Formula) -> None:
+        """Forbid the worlds in which a formula is false; a disjunction becomes a term of its own."""
+        cases = [tuple(map(self._translate, case)) for case in formula]
+        if len(cases) > 1:
+            number = len(self.result.names)
+            self.result.define(f"{QUERY_TERM}{number}", ("true",), [(0, case) for case in cases])
+            cases = [((number, 1, False),)]
+        for term, mask, negated in cases[0]:
+            full_mask = make_full_mask(len(self.result.values[term]))
+            self._forbid(((term, full_mask & ~mask, not negated),))
 
     def _translate(self, literal: Literal) -> GroundLiteral:
         return self.terms.translate(BindingTable(literal.at), literal)  # type: ignore[return-value]  # no column

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.arithmetic import find_variables
 from lcorpp.reasoning.language.conformance import (
-    check_ground_literal,
+    check_formula,
     check_intervention,
     check_query,
     require_selections,
@@ -51,7 +51,7 @@ def check_statements(statements: Sequence[Statement]) -> Signature:
         elif isinstance(statement, Query):
             check_query(statement, signature)
         elif isinstance(statement, Observation):
-            check_ground_literal(statement.literal, signature)
+            check_formula(statement.formula, signature)
         elif isinstance(statement, Intervention):
             check_intervention(statement, signature)
     return signature

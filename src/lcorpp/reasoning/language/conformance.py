@@ -6,12 +6,14 @@ Every check raises SourceIssue for the first error.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
-from lcorpp.reasoning.language.arithmetic import canonical_text
+from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.safety import check_order
 from lcorpp.reasoning.language.signature import Signature
 from lcorpp.reasoning.language.syntax import (
+    Formula,
     Intervention,
     Literal,
     Query,
@@ -27,8 +29,13 @@ def check_query(query: Query, signature: Signature) -> None:
         _check_ground_term(subject, signature)
         if subject in query.subjects[:i]:
             raise SourceIssue(subject.at, f"the query names {subject} twice; expected different attributes")
-    for literal in (*query.literals, *(observation.literal for observation in query.observations)):
-        check_ground_literal(literal, signature)
+        words = [value for value in signature.attributes[subject.name].values if not is_integer(value)]
+        if query.expression and words:
+            raise SourceIssue(
+                subject.at, f"{subject} may be {words[0]}, which is no number; E[...] expects integers"
+            )
+    for formula in (query.formula, *(observation.formula for observation in query.observations)):
+        check_formula(formula, signature)
     for intervention in query.interventions:
         check_intervention(intervention, signature)
 
@@ -47,6 +54,12 @@ def require_selections(term: Term, at: Place, signature: Signature) -> Sequence[
             at, f"{term.name} has no random selection; expected 'random({term}).' in the program"
         )
     return selections
+
+
+def check_formula(formula: Formula, signature: Signature) -> None:
+    """Check the literals of a formula, which has no variables."""
+    for literal in chain.from_iterable(formula):
+        check_ground_literal(literal, signature)
 
 
 def check_ground_literal(literal: Literal, signature: Signature) -> None:

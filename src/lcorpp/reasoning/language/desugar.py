@@ -59,8 +59,11 @@ def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statem
     sorts = {BOOLEAN, *(name for name, sort in sets.items() if TRUE in sort.elements)}
     booleans = {s.name for s in statements if isinstance(s, AttributeDeclaration) and s.range in sorts}
     return [
-        replace(s, literals=(Literal(s.subjects[0], "=", TRUE, at=s.subjects[0].at),), subjects=())
-        if isinstance(s, Query) and len(s.subjects) == 1 and s.subjects[0].name in booleans
+        replace(s, formula=((Literal(s.subjects[0], "=", TRUE, at=s.subjects[0].at),),), subjects=())
+        if isinstance(s, Query)
+        and len(s.subjects) == 1
+        and not s.expression
+        and s.subjects[0].name in booleans
         else s
         for s in statements
     ]
@@ -96,9 +99,9 @@ def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Stat
         sorts = (*attribute.arguments, attribute.range, BOOLEAN)
         rewritten.append(AttributeDeclaration(f"observed_{name}", sorts, BOOLEAN, at=attribute.at))
     for statement in statements:
-        if isinstance(statement, Observation) and statement.literal.term.name in observed:
-            literal, at = statement.literal, statement.at
-            if not literal.negated and literal.relation in ("=", "!="):
+        if isinstance(statement, Observation) and len(statement.formula) == len(statement.formula[0]) == 1:
+            literal, at = statement.formula[0][0], statement.at
+            if literal.term.name in observed and not literal.negated and literal.relation in ("=", "!="):
                 polarity = TRUE if literal.relation == "=" else FALSE
                 term = _make_observed_term(literal.term, literal.value, polarity)
                 rewritten.append(Rule(Literal(term, "=", TRUE, at=at), at=at))

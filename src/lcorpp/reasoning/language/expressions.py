@@ -116,11 +116,7 @@ def _parse_term(cursor: Cursor, at: Place) -> Term | Number:
     if not cursor.accept("("):
         constant = cursor.constants.get(name)
         return Term(name, at=at) if constant is None else replace(constant, at=at)
-    cursor.enter_nesting()  # few Python calls for each level, so that a hundred levels are no problem
-    arguments = [parse_value(cursor)]
-    while cursor.accept(","):
-        arguments.append(parse_value(cursor))
-    cursor.leave_nesting(")")
+    arguments = cursor.parse_nested(lambda cursor: cursor.parse_list(parse_value), ")")
     return _check_depth(Term(name, tuple(arguments), at=at))
 
 

@@ -203,23 +203,19 @@ class Cursor:
         return items
 
     def parse_nested(self, parse_inside: Callable[[Cursor], _Item], closing: str | None = None) -> _Item:
-        """Parse a nested expression, and its closing bracket if it has one."""
-        self.enter_nesting()
-        inside = parse_inside(self)
-        self.leave_nesting(closing)
-        return inside
+        """Parse a nested expression, and its closing bracket if it has one.
 
-    def enter_nesting(self) -> None:
-        """Begin a nested expression; raise SourceIssue if there are more than `MAX_DEPTH` levels."""
+        Raises:
+            SourceIssue: there are more than `MAX_DEPTH` levels.
+        """
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise self.make_depth_error()
-
-    def leave_nesting(self, closing: str | None = None) -> None:
-        """End a nested expression and consume its closing bracket, if it has one."""
+        inside = parse_inside(self)
         self._depth -= 1
         if closing:
             self.expect(closing)
+        return inside
 
     def make_depth_error(self) -> SourceIssue:
         """Return the error for an expression with too many levels."""

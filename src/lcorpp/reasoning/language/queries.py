@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, islice, product
 
 from lcorpp.reasoning.language.expressions import (
     NEGATED_RELATIONS,
     is_bare_term,
-    parse_body,
     parse_body_literal,
     parse_literal,
     parse_value,
@@ -16,14 +16,21 @@ from lcorpp.reasoning.language.expressions import (
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.lexer import END, NAME, Cursor
 from lcorpp.reasoning.language.syntax import (
-    Body,
+    Arithmetic,
     BodyLiteral,
     ComparisonLiteral,
+    Expression,
+    Formula,
     Intervention,
     Literal,
     Observation,
     Query,
+    Term,
+    Variable,
 )
+
+MAX_CASES = 1000
+"""A formula has at most this many conjunctions once it is multiplied out."""
 
 
 def require_assignment(literal: BodyLiteral, where: str) -> Literal:
@@ -33,19 +40,14 @@ def require_assignment(literal: BodyLiteral, where: str) -> Literal:
     return literal
 
 
-def _require_literal(literal: BodyLiteral, where: str) -> Literal:
-    if isinstance(literal, ComparisonLiteral):
-        raise SourceIssue(literal.at, f"expected a literal of an attribute in {where}, not {literal}")
-    return literal
-
-
 def parse_observation(cursor: Cursor) -> Observation:
-    """Parse `obs(literal)`, or `obs(term, value)` and `obs(term, value, true or false)` of plog 2.0."""
+    """Parse `obs(formula)`, or `obs(term, value)` and `obs(term, value, true or false)` of plog 2.0."""
     at = cursor.at
     cursor.take()
     cursor.expect("(")
-    literal = _require_literal(parse_body_literal(cursor), "obs()")
-    if cursor.accept(","):
+    formula = _parse_formula(cursor, ("and",))
+    literal = formula[0][0]
+    if formula == ((literal,),) and cursor.accept(","):
         has_polarity = True
         if is_bare_term(literal):
             literal = replace(literal, value=parse_value(cursor))
@@ -54,8 +56,9 @@ def parse_observation(cursor: Cursor) -> Observation:
             if not cursor.accept_word("false"):
                 raise cursor.make_unexpected_error()
             literal = replace(literal, relation=NEGATED_RELATIONS[literal.relation])
+        formula = ((literal,),)
     cursor.expect(")")
-    return Observation(literal, at=at)
+    return Observation(formula, at=at)
 
 
 def parse_intervention(cursor: Cursor) -> Intervention:
@@ -91,13 +94,28 @@ def parse_query_statement(cursor: Cursor) -> Query:
 
 
 def parse_question(cursor: Cursor) -> Query:
-    """Parse `{literals} | conditions`, `literals | conditions` or `terms | conditions`, with optional `?`."""
+    """Parse `asked | conditions`, see `Query`, with an optional `?`."""
     cursor.accept("?")
-    braced = cursor.accept("{")
-    parts = _parse_formulas(cursor) if braced else parse_body(cursor)
-    literals = tuple([_require_literal(part, "a query") for part in parts])
-    if braced:
+    start, at = cursor.index, cursor.at
+    formula: Formula = ()
+    subjects: tuple[Term, ...] = ()
+    expression = None
+    if cursor.word == "E" and cursor.second_kind == "[":
+        cursor.take()
+        cursor.take()
+        expression, subjects = _replace_terms(parse_value(cursor))
+        cursor.expect("]")
+        if not subjects:
+            raise SourceIssue(at, "expected an attribute in E[...]")
+    elif cursor.accept("{"):
+        formula = _parse_formula(cursor)
         cursor.expect("}")
+    else:
+        formula = _parse_formula(cursor)
+        has_and = "and" in cursor.texts[start : cursor.index]
+        if len(formula) == 1 and not has_and and all(is_bare_term(x) and not x.negated for x in formula[0]):
+            subjects = tuple([literal.term for literal in formula[0]])
+            formula = ()
     observations: list[Observation] = []
     interventions: list[Intervention] = []
     more = cursor.accept("|")
@@ -109,37 +127,58 @@ def parse_question(cursor: Cursor) -> Query:
         else:
             raise cursor.make_unexpected_error(("obs", "do"))
         more = cursor.accept(",")
-    asks_values = not braced and all(is_bare_term(literal) and not literal.negated for literal in literals)
-    subjects = tuple([literal.term for literal in literals]) if asks_values else ()
-    return Query(
-        () if subjects else literals, subjects, tuple(observations), tuple(interventions), at=literals[0].at
-    )
+    return Query(formula, subjects, expression, tuple(observations), tuple(interventions), at=at)
 
 
-def _parse_formulas(cursor: Cursor) -> Body:
-    """Parse a conjunction of formulas of plog 1.0: literals, `(F and F)` and `!literal`."""
-    return tuple(chain.from_iterable(cursor.parse_list(_parse_formula)))
+def _replace_terms(expression: Expression) -> tuple[Expression, tuple[Term, ...]]:
+    """Replace the terms of an expression by variables of their names; return it with the terms."""
+    if isinstance(expression, Term):
+        return Variable(str(expression), at=expression.at), (expression,)
+    if isinstance(expression, Variable):
+        raise SourceIssue(expression.at, f"variable {expression} is not allowed here; expected a value")
+    if not isinstance(expression, Arithmetic):
+        return expression, ()
+    (left, before), (right, after) = map(_replace_terms, (expression.left, expression.right))
+    return replace(expression, left=left, right=right), tuple(dict.fromkeys((*before, *after)))
 
 
-def _parse_formula(cursor: Cursor) -> Body:
-    at = cursor.at
-    if cursor.accept("!"):
-        first, *others = cursor.parse_nested(_parse_formula)
-        if others or isinstance(first, ComparisonLiteral) or first.negated:
-            raise SourceIssue(at, "'!' is only supported before a single literal")
-        return (replace(first, negated=True, at=at),)
-    if cursor.kind != "(":
-        return (parse_body_literal(cursor),)
-    cursor.take()
-    return cursor.parse_nested(_parse_conjunction, ")")
+# formulas
 
 
-def _parse_conjunction(cursor: Cursor) -> Body:
-    formulas = list(_parse_formula(cursor))
-    while cursor.accept_word("and"):
-        formulas.extend(_parse_formula(cursor))
-    if cursor.kind == NAME and cursor.word == "or":
-        raise SourceIssue(
-            cursor.at, "'or' is not supported in a query; define an attribute with one rule for each case"
-        )
-    return tuple(formulas)
+def _parse_formula(cursor: Cursor, and_signs: Sequence[str] = ("and", ",")) -> Formula:
+    """Parse cases joined by `or`; `and` and the comma bind tighter, parentheses tightest."""
+    formula = _parse_case(cursor, and_signs)
+    while cursor.accept_word("or"):
+        formula += _parse_case(cursor, and_signs)
+    return formula
+
+
+def _parse_case(cursor: Cursor, and_signs: Sequence[str]) -> Formula:
+    formula = _parse_unit(cursor)
+    while cursor.word in and_signs:
+        cursor.take()
+        formula = _multiply_out(cursor, product(formula, _parse_unit(cursor)))
+    cursor.next_is(*and_signs)  # listed in messages as expected
+    return formula
+
+
+def _parse_unit(cursor: Cursor) -> Formula:
+    """Parse a literal, `(formula)`, or the negation of a formula, `!(formula)` or `not (formula)`."""
+    if cursor.accept("!") or (cursor.second_kind == "(" and cursor.accept("not")):
+        inner = cursor.parse_nested(_parse_unit)
+        negated = [[(replace(x, negated=not x.negated),) for x in case] for case in inner]
+        return _multiply_out(cursor, product(*negated))
+    if cursor.accept("("):
+        return cursor.parse_nested(_parse_formula, ")")
+    literal = parse_body_literal(cursor)
+    if isinstance(literal, ComparisonLiteral):
+        raise SourceIssue(literal.at, f"expected a literal of an attribute, not {literal}")
+    return ((literal,),)
+
+
+def _multiply_out(cursor: Cursor, cases: Iterable[Iterable[tuple[Literal, ...]]]) -> Formula:
+    """Return the disjunction of conjunctions of conjunctions."""
+    formula = tuple([tuple(chain.from_iterable(case)) for case in islice(cases, MAX_CASES + 1)])
+    if len(formula) > MAX_CASES:
+        raise SourceIssue(cursor.at, f"a formula of more than {MAX_CASES} cases")
+    return formula

@@ -265,14 +265,22 @@ class CrRule(Statement):
         return f"{_format_label(self.label)}{head.rstrip()} +- {body}".strip() + "."
 
 
+Formula = tuple[tuple[Literal, ...], ...]
+"""A disjunction of conjunctions of literals."""
+
+
+def _format_formula(formula: Formula, conjunction: str) -> str:
+    return " or ".join([conjunction.join(map(str, case)) for case in formula])
+
+
 @syntax_node
 class Observation(Statement):
-    """`obs(literal)`: excludes the worlds in which the literal is false."""
+    """`obs(formula)`: excludes the worlds in which the formula is false."""
 
-    literal: Literal
+    formula: Formula
 
     def __str__(self) -> str:
-        return f"obs({self.literal})."
+        return f"obs({_format_formula(self.formula, ' and ')})."
 
 
 @syntax_node
@@ -288,18 +296,23 @@ class Intervention(Statement):
 
 @syntax_node
 class Query(Statement):
-    """`?{literals} | conditions.` for a probability, `? subjects | conditions.` for a joint distribution.
-
-    A query has either `literals` or `subjects`.
+    """`?{formula} | conditions.` for a probability, `?subjects | conditions.` for a joint distribution, or
+    `?E[expression] | conditions.` for an expectation; the subjects are the variables of the expression.
     """
 
-    literals: tuple[Literal, ...] = ()
+    formula: Formula = ()
     subjects: tuple[Term, ...] = ()
+    expression: Expression | None = None
     observations: tuple[Observation, ...] = ()
     interventions: tuple[Intervention, ...] = ()
 
     def __str__(self) -> str:
-        parts = ", ".join(map(str, self.subjects or self.literals))
-        asked = parts if self.subjects else f"{{{parts}}}"
-        conditions = ", ".join(str(c)[:-1] for c in (*self.observations, *self.interventions))
-        return f"?{asked}{' | ' if conditions else ''}{conditions}."
+        asked = f"E[{self.expression}]" if self.expression else ", ".join(map(str, self.subjects))
+        if not self.subjects:
+            asked = f"{{{_format_formula(self.formula, ', ')}}}"
+        return f"?{asked}{' | ' if self.conditions else ''}{', '.join(self.conditions)}."
+
+    @property
+    def conditions(self) -> list[str]:
+        """The observations and interventions as text."""
+        return [str(condition)[:-1] for condition in (*self.observations, *self.interventions)]

@@ -21,7 +21,8 @@ from typing import Any
 from lcorpp.errors import ProgramError
 from lcorpp.notebook import join_some
 from lcorpp.reasoning.conditions import ConditionViolation, has_dynamic_range
-from lcorpp.reasoning.grounding.ground_program import QUERY_TERM, Clause, GroundLiteral, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
+from lcorpp.reasoning.questions import QUERY_TERM
 from lcorpp.reasoning.transitions.local_distribution import (
     ONE,
     GuardedClause,

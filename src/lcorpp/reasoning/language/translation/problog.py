@@ -188,7 +188,7 @@ def _parse_question(reader: Cursor) -> Query | Observation:
         literal = replace(literal, negated=not literal.negated)
     reader.expect(")")
     reader.expect(".")
-    return Query((literal,), at=at) if kind == "query" else Observation(literal, at=at)
+    return Query(((literal,),), at=at) if kind == "query" else Observation(((literal,),), at=at)
 
 
 # translating
@@ -279,4 +279,5 @@ def _instantiate(question: Query | Observation, sorts: SharedSorts) -> Iterator[
     for values in product(*members):
         chosen = dict(zip(names, values, strict=True))
         ground = tuple(chosen[e.name] if isinstance(e, Variable) else e for e in arguments)
-        yield Query((replace(literal, term=replace(literal.term, arguments=ground)),), at=question.at)
+        literals = (replace(literal, term=replace(literal.term, arguments=ground)),)
+        yield Query((literals,), at=question.at)
