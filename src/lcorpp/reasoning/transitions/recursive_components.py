@@ -96,13 +96,13 @@ class RecursiveComponent:
         do_value = self.program.do.get(term)  # None without an intervention
         for guess in range(no_value + 1):
             # the clauses whose negated literals the guess satisfies
-            reduct = [c for c in clauses if all(not n or mask >> guess & 1 for _, mask, n in c[2])]
+            reduct = [c for c in clauses if not c[2] or all(not n or m >> guess & 1 for _, m, n in c[2])]
             values = {do_value} if do_value is not None and self.program.do_is_fact else set()
             grown = True
             while grown and len(values) < 2:
                 before = set(values)
                 for _, clause, body in reduct:
-                    if all(n or any(mask >> v & 1 for v in values) for _, mask, n in body):
+                    if not body or all(n or any(mask >> v & 1 for v in values) for _, mask, n in body):
                         if clause.kind is DERIVE:
                             values.add(clause.value)
                         elif clause.kind is SELECT and do_value is not None:
@@ -184,7 +184,7 @@ class RecursiveComponent:
         """Weigh a stable model by the probabilities of its random terms; None if it is not a world."""
         true_clauses: dict[int, list[Clause]] = {term: [] for term in self.terms}
         for _, clause, body in clauses:
-            if all(mask >> model[term] & 1 for term, mask, _ in body):
+            if not body or all(mask >> model[term] & 1 for term, mask, _ in body):
                 true_clauses[clause.term].append(clause)
         weight: Fraction = ONE
         violation: ConditionViolation | None = None
@@ -194,7 +194,7 @@ class RecursiveComponent:
             if outcome is None:
                 return None
             _, probability, term_violation = outcome
-            weight *= probability
+            weight = probability if weight is ONE else weight * probability
             if term_violation and not violation:
                 violation = term_violation  # a new object of each call, not shared
                 violation.term_index = index
