@@ -58,6 +58,8 @@ DEFAULT_SAMPLES = 20_000
 CACHE_SIZE = 1000
 """Maximal number of entries of each cache of a reasoner; a full cache is cleared."""
 
+MAX_MODELS = 20
+"""A reasoner keeps at most this many ground programs with their decision diagrams, which may be large."""
 Subject = str | Sequence[str]
 Facts = Mapping[str, str]
 NOTHING: Facts = {}
@@ -85,7 +87,7 @@ class Reasoner:
         self.program, self.samples, self.seed = program, samples, seed
         self._circuits: dict[object, Circuit | TooLargeError] = {}
         self._answers: dict[object, Distribution] = {}
-        self.build_model = lru_cache(CACHE_SIZE)(partial(QueryModel, program))
+        self.build_model = lru_cache(MAX_MODELS)(partial(QueryModel, program))
 
     def __repr__(self) -> str:
         return f"Reasoner({self.program!r})"
@@ -275,21 +277,19 @@ class Reasoner:
         question = resolve_subject(self.program, attribute)
         facts, likelihoods = resolve_labels(self.program, evidence)
         set_to = resolve_interventions(self.program, do)
-        if self.program.has_cr_rules and likelihoods:
-            raise ProgramError(
-                f"{self.program.file}: soft evidence has no meaning for a program with cr-rules"
-            )
         if self.program.has_cr_rules:
+            if likelihoods:
+                file = self.program.file
+                raise ProgramError(f"{file}: soft evidence has no meaning for a program with cr-rules")
             return self._enumeration.posterior(question, facts, set_to)
-        names = sorted((*facts, *likelihoods))
-        key = question, tuple(names), frozenset(set_to.items())
-        circuit = self._circuits.get(key)
-        if circuit is None:
+        names = tuple(sorted((*facts, *likelihoods)))
+        key = question, names, frozenset(set_to.items())
+        if key not in self._circuits:
             try:
-                circuit = self.compile(names, question, set_to)
+                _store(self._circuits, key, self.compile(names, question, set_to))
             except TooLargeError as error:
-                circuit = error  # cached, so that it is not compiled again
-            _store(self._circuits, key, circuit)
+                _store(self._circuits, key, error)  # so that it is not compiled again
+        circuit = self._circuits[key]
         if not isinstance(circuit, TooLargeError):
             return circuit({**facts, **likelihoods})  # type: ignore[return-value]
         if likelihoods:
