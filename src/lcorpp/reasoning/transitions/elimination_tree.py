@@ -98,7 +98,10 @@ def build_elimination_tree(
     bits_of = [bits[mask] for mask in outcomes]
     sizes = [bits_of[own[0]] if len(own) == 1 else sum([bits_of[term] for term in own]) for own in components]
     groups = [group for group in constraints if len(group) > 1]
-    children, roots = eliminate(component_needs, groups, sizes, ranks)
+    children: list[list[int]] = [[] for _ in components]
+    roots: list[int] = []
+    for i, parent in enumerate(eliminate(component_needs, groups, sizes, ranks)):
+        (children[parent] if parent >= 0 else roots).append(i)
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*linear))
@@ -132,23 +135,22 @@ def _merge_deterministic(
 def _number_nodes(
     components: Sequence[tuple[int, ...]],
     children: Sequence[Sequence[int]],
-    roots: Iterable[int],
+    roots: Sequence[int],
     linear: Collection[tuple[int, ...]],
 ) -> EliminationTree:
     """Number the nodes of a tree depth first; brothers keep their order."""
-    order: list[tuple[int, ...]] = []
-    numbered: list[list[int]] = []
-    new_roots: list[int] = []
-    stack = [(root, new_roots) for root in sorted(roots, reverse=True)]
+    nodes: list[int] = []  # step -> node
+    step_of = [0] * len(children)
+    stack = [*reversed(roots)]
     while stack:
-        node, brothers = stack.pop()
-        brothers.append(len(order))
-        order.append(components[node])
-        own: list[int] = []
-        numbered.append(own)
-        stack += [(child, own) for child in sorted(children[node], reverse=True)]
-    ends = list(range(1, len(order) + 1))
-    for step in range(len(order) - 1, -1, -1):
+        node = stack.pop()
+        step_of[node] = len(nodes)
+        nodes.append(node)
+        stack += reversed(children[node])
+    numbered = [[step_of[child] for child in children[node]] for node in nodes]
+    ends = list(range(1, len(nodes) + 1))
+    for step in range(len(nodes) - 1, -1, -1):
         if numbered[step]:  # the subtree ends with that of the last child
             ends[step] = ends[numbered[step][-1]]
-    return EliminationTree(order, numbered, new_roots, ends, linear)
+    order = [components[node] for node in nodes]
+    return EliminationTree(order, numbered, [step_of[root] for root in roots], ends, linear)
