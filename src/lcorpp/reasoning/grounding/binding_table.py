@@ -66,13 +66,13 @@ class BindingTable:
         """Iterate over the values of parts in all bindings. No row is kept, so few are allocated."""
         return zip(*map(self.iterate, parts), strict=True) if parts else repeat((), self.count)
 
-    def list_rows(self, parts: Sequence[Any]) -> list[tuple[Any, ...]]:
-        """List the values of parts in each binding."""
-        return list(self.iter_rows(parts))
-
     def zip(self, parts: Sequence[Any]) -> Any:
         """Combine parts to one: the tuples of their values."""
-        return self.list_rows(parts) if any(isinstance(part, list) for part in parts) else tuple(parts)
+        return list(self.iter_rows(parts)) if any(isinstance(part, list) for part in parts) else tuple(parts)
+
+    def zip_keys(self, parts: Sequence[Any]) -> Any:
+        """Combine parts to one: the keys of their values."""
+        return parts[0] if len(parts) == 1 else self.zip(parts)
 
     def iter_keys(self, parts: Sequence[Any]) -> Iterable[Any]:
         """Iterate over the keys of parts in all bindings."""

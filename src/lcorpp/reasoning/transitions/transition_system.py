@@ -193,9 +193,7 @@ class _TransitionBuilder:
             places = {
                 term: (rank, self._index_of.get(term, 0)) for term, rank in zip(needed, ranks, strict=True)
             }
-            template = RuleTemplate.from_clauses(
-                terms, clauses, places, self._outcomes, self._condition_of
-            )
+            template = RuleTemplate.from_clauses(terms, clauses, places, self._outcomes, self._condition_of)
             if key is not None:
                 self._template_of[key] = template
         else:
