@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import Any
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.grounding.binding_table import BindingTable, Key, Memo, Part
@@ -47,7 +46,7 @@ from lcorpp.reasoning.language.syntax import (
     Probability,
     Rule,
     Selection,
-    Term,
+    Variable,
 )
 from lcorpp.reasoning.language.traversal import get_head, iter_expressions, list_expressions
 from lcorpp.reasoning.questions import QUERY_TERM, is_joint
@@ -214,19 +213,17 @@ class _Grounder:
         used = [selection.term, *(selection.label.arguments if selection.label else ())]
         used.extend(iter_expressions(condition))
         shared = sorted(find_variables(*used) & find_variables(*list_expressions(selection)))
-        columns = [table.columns[name] for name in shared]
-        instances = table.zip_keys(columns)
-        label = _evaluate_label(table, selection.label)
+        label = table.evaluate_all(selection.label.arguments if selection.label else ())
+        instances = table.evaluate_all(list(map(Variable, shared)))
         number = self.terms.number_terms(table, selection.term)
         self._emit(table, ClauseKind.SELECT, number, 0, selection.body, index, label, instances)
         if dynamic_range:
             term_of = dict(zip(table.iterate(instances), table.iterate(number), strict=True))
-            bindings = list(dict.fromkeys(table.iter_rows(columns)))
+            bindings = list(dict.fromkeys(table.iter_rows([table.columns[name] for name in shared])))
             slots = self.signature.iter_range_slots(selection)
             scope = [dynamic_range.variable, *iter_expressions(condition)]
             table = self._instantiator.instantiate(slots, scope, condition, selection.at, shared, bindings)
-            columns = [table.columns[name] for name in shared]
-            instances = table.zip_keys(columns)
+            instances = table.evaluate_all(list(map(Variable, shared)))
             terms = [term_of[instance] for instance in table.iterate(instances)]
             value = self.terms.index_values(table, selection.term, dynamic_range.variable)
             self._emit(table, ClauseKind.RANGE, terms, value, condition, index, (), instances)
@@ -238,7 +235,7 @@ class _Grounder:
             self.terms.number_terms(table, atom.term),
             self.terms.index_values(table, atom.term, atom.value),
         )
-        label = _evaluate_label(table, atom.label)
+        label = table.evaluate_all(atom.label.arguments if atom.label else ())
         number = _evaluate_numbers(table, atom.number)
         self._emit(table, ClauseKind.ASSIGN, *parts, atom.condition, index, label, number=number)
 
@@ -294,11 +291,6 @@ def _split_term(term: str) -> tuple[str, tuple[Value, ...]]:
     """Split a ground term into its attribute and its arguments."""
     name, arguments = split_record(term)
     return name, tuple(map(as_value, arguments))
-
-
-def _evaluate_label(table: BindingTable, label: Term | None) -> Any:
-    """Return the values of the arguments of a label in each binding."""
-    return table.zip_keys([table.evaluate(argument) for argument in label.arguments] if label else ())
 
 
 def _evaluate_numbers(table: BindingTable, number: Expression) -> Part[Fraction]:

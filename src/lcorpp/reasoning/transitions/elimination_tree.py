@@ -98,14 +98,13 @@ def build_elimination_tree(
     bits_of = [bits[mask] for mask in outcomes]
     sizes = [bits_of[own[0]] if len(own) == 1 else sum([bits_of[term] for term in own]) for own in components]
     groups = [group for group in constraints if len(group) > 1]
-    children: list[list[int]] = [[] for _ in components]
-    roots: list[int] = []
+    children: list[list[int]] = [[] for _ in (*components, "roots")]  # last, as they have the parent -1
     for i, parent in enumerate(eliminate(component_needs, groups, sizes, ranks)):
-        (children[parent] if parent >= 0 else roots).append(i)
+        children[parent].append(i)
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*linear))
-    return _number_nodes(components, children, roots, frozenset(linear))
+    return _number_nodes(components, children, frozenset(linear))
 
 
 def _merge_deterministic(
@@ -121,7 +120,9 @@ def _merge_deterministic(
     """
     mergeable = [not any(term in separate for term in own) for own in components]
     following = {
-        i: own[0] for i, own in enumerate(children) if len(own) == 1 and mergeable[i] and mergeable[own[0]]
+        i: own[0]
+        for i, own in enumerate(children[:-1])
+        if len(own) == 1 and mergeable[i] and mergeable[own[0]]
     }
     for start in following.keys() - set(following.values()):
         run = [start]
@@ -133,15 +134,12 @@ def _merge_deterministic(
 
 
 def _number_nodes(
-    components: Sequence[tuple[int, ...]],
-    children: Sequence[Sequence[int]],
-    roots: Sequence[int],
-    linear: Collection[tuple[int, ...]],
+    components: Sequence[tuple[int, ...]], children: list[list[int]], linear: Collection[tuple[int, ...]]
 ) -> EliminationTree:
-    """Number the nodes of a tree depth first; brothers keep their order."""
+    """Number the nodes of a tree depth first; brothers keep their order. The last children are the roots."""
     nodes: list[int] = []  # step -> node
-    step_of = [0] * len(children)
-    stack = [*reversed(roots)]
+    step_of = [0] * len(components)
+    stack = children[-1][::-1]
     while stack:
         node = stack.pop()
         step_of[node] = len(nodes)
@@ -153,4 +151,4 @@ def _number_nodes(
         if numbered[step]:  # the subtree ends with that of the last child
             ends[step] = ends[numbered[step][-1]]
     order = [components[node] for node in nodes]
-    return EliminationTree(order, numbered, [step_of[root] for root in roots], ends, linear)
+    return EliminationTree(order, numbered, [step_of[root] for root in children[-1]], ends, linear)

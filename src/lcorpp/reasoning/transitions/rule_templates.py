@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundLiteral, GroundProgram
 
@@ -112,19 +112,17 @@ class RuleTemplate:
         clauses: Sequence[Clause],
         places: Mapping[int, tuple[int, int]],
         outcomes: Sequence[int],
-        known: dict[tuple[int, int, int], tuple[int, Conditions]],
     ) -> RuleTemplate:
         """Create the template of a component, or of constraints.
 
         Args:
             places: term of a body outside of the component -> (rank of its step, index in its component).
             outcomes: the mask of the possible outcomes of each term.
-            known: (rank, index, mask) -> condition, of all templates: equal conditions share memory.
         """
         groups: dict[object, tuple[Clause, Sequence[GroundLiteral], list[RankedBody]]] = {}
         recursive = len(terms) > 1
         for index, clause in enumerate(clauses):
-            own_literals, body = _split_body(clause.body, places, outcomes, known)
+            own_literals, body = _split_body(clause.body, places, outcomes)
             kind = clause.kind
             key: object = index  # equal keys: one group
             if own_literals:
@@ -204,31 +202,31 @@ def _split_body(
     body: Sequence[GroundLiteral],
     places: Mapping[int, tuple[int, int]],
     outcomes: Sequence[int],
-    known: dict[tuple[int, int, int], tuple[int, Conditions]],
 ) -> tuple[tuple[GroundLiteral, ...], RankedBody]:
     """Split a body into literals about the component itself and conditions on earlier steps.
 
     Args:
-        places, outcomes, known: as in `RuleTemplate.from_clauses`.
+        places, outcomes: as in `RuleTemplate.from_clauses`.
     """
     own_literals: tuple[GroundLiteral, ...] = ()
     parts: list[tuple[int, Conditions]] = []
     for literal in body:
         term, mask, _ = literal
-        if term not in places:
+        if term in places:
+            parts.append(_make_condition(*places[term], mask & outcomes[term]))
+        else:
             own_literals = (*own_literals, literal)
-            continue
-        rank, index = places[term]
-        key = rank, index, mask & outcomes[term]
-        part = known.get(key)
-        if part is None:
-            part = known[key] = rank, (key[1:],)
-        parts.append(part)
     if len(parts) > 1:
         parts.sort()
         if len({rank for rank, _ in parts}) < len(parts):
             parts = _join_conditions(parts)
     return own_literals, tuple(parts)
+
+
+@lru_cache(4096)
+def _make_condition(rank: int, index: int, mask: int) -> tuple[int, Conditions]:
+    """Make the condition of a literal; equal ones share memory."""
+    return rank, ((index, mask),)
 
 
 def _join_conditions(parts: Iterable[tuple[int, Conditions]]) -> list[tuple[int, Conditions]]:

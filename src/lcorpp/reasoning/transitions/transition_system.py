@@ -45,7 +45,7 @@ from lcorpp.reasoning.transitions.local_distribution import (
 )
 from lcorpp.reasoning.transitions.recursive_components import build_component
 from lcorpp.reasoning.transitions.relevance import DerivedComponent, separate_irrelevant_rules
-from lcorpp.reasoning.transitions.rule_templates import Child, Conditions, RuleTemplate, describe_structure
+from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
 from lcorpp.reasoning.transitions.stratified import Stratified
 from lcorpp.reasoning.transitions.transition import Transition
 
@@ -130,7 +130,6 @@ class _TransitionBuilder:
         # term -> its index in a component of several terms
         self._index_of = {term: i for terms in order if len(terms) > 1 for i, term in enumerate(terms)}
         self._template_of: dict[object, RuleTemplate] = {}  # description of the structure -> template
-        self._condition_of: dict[tuple[int, int, int], tuple[int, Conditions]] = {}
         self._children: list[list[Child]] = [[] for _ in order]  # of each step
         self._constraint_bits: dict[int, list[int]] = {}  # the last step of the body -> slot -> bit
         self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
@@ -193,7 +192,7 @@ class _TransitionBuilder:
             places = {
                 term: (rank, self._index_of.get(term, 0)) for term, rank in zip(needed, ranks, strict=True)
             }
-            template = RuleTemplate.from_clauses(terms, clauses, places, self._outcomes, self._condition_of)
+            template = RuleTemplate.from_clauses(terms, clauses, places, self._outcomes)
             if key is not None:
                 self._template_of[key] = template
         else:
