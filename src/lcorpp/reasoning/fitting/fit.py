@@ -148,8 +148,9 @@ def fit(
 
     Raises:
         DataError: there are no records, or `prior` is negative.
-        ProgramError: a name is unknown, no number is free, the program has cr-rules, its rules derive two
-            values of a term, or a world violates a condition of the language.
+        ProgramError: a name is unknown, no number is free, the program has cr-rules, its rules exclude
+            worlds (two values of a term, an empty dynamic range), or a world violates a condition of the
+            language.
         UndefinedError: a record is impossible.
         TooLargeError: the program is too large to be compiled.
     """
@@ -169,7 +170,8 @@ def fit(
     if abs(excluded) > _MAX_EXCLUDED:
         raise ProgramError(
             f"{program.file}: rules exclude worlds of measure {excluded:.6g}, such as worlds in which they"
-            " derive two values of a term, so its numbers are not frequencies and cannot be fitted"
+            " derive two values of a term, or in which a dynamic range is empty, so its numbers are not"
+            " frequencies and cannot be fitted"
         )
     impossible = np.flatnonzero(np.isinf(log_p[:-2]))
     if len(impossible):
