@@ -12,6 +12,7 @@ from fractions import Fraction
 from functools import cached_property, partial
 from itertools import accumulate, islice
 from math import lcm, prod
+from operator import mul
 from typing import TYPE_CHECKING, Any
 
 from lcorpp.reasoning.answers import PossibleWorld, Value
@@ -163,17 +164,16 @@ class WorldQueries:
         weights: _Weights,
         sums: Mapping[int, Sequence[Any]],
         skipped: int = -1,
-    ) -> list[Any]:
+    ) -> Iterator[Any]:
         """Multiply the weight of each arc by the sums of the nodes to which it leads.
 
         Args:
             children: the first step of each branch. skipped: one of them that is left out.
         """
-        factors = [weights[label] for label in arcs.outcomes]
+        factors = map(weights.__getitem__, arcs.outcomes)
         for child, targets in zip(children, arcs.targets, strict=True):
             if child != skipped:
-                below = sums[child]
-                factors = [factor * below[node] for factor, node in zip(factors, targets, strict=True)]
+                factors = map(mul, factors, map(sums[child].__getitem__, targets))
         return factors
 
     def most_probable(self, evidence: Mapping[str, str], count: int) -> tuple[PossibleWorld, ...]:
