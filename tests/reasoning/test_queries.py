@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from fractions import Fraction
 from math import prod
 from pathlib import Path
@@ -356,6 +358,14 @@ def test_expectations_of_samples(monkeypatch):
 
 
 # the most probable values
+
+
+def test_worlds_can_be_stored_and_shown():
+    (world,) = Reasoner(parse_plog("p : boolean. random(p). pr(p) = 1/3.")).most_probable()
+    again = pickle.loads(pickle.dumps(world))
+    assert again.measure == copy.deepcopy(world).measure == world.measure == Fraction(2, 3)
+    assert again.values == copy.deepcopy(world).values == world.values == {"p": "false"}
+    assert repr(world.values) == repr(again.values) == "{'p': 'false'}"
 
 
 def test_the_most_probable_joint_values():
