@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from html import escape
 
 
 def join_some(parts: Sequence[str], limit: int = 6) -> str:
@@ -16,13 +15,14 @@ def html_table(
     header: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = "", limit: int = 100
 ) -> str:
     """Return an HTML table; all texts are escaped, and at most `limit` rows are shown."""
+    from html import escape  # here, as commands need none of its tables
+
+    def format_row(tag: str, cells: Sequence[str]) -> str:
+        return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
     all_rows = list(rows)
-    lines = [_format_row("th", header), *(_format_row("td", row) for row in all_rows[:limit])]
+    lines = [format_row("th", header), *(format_row("td", row) for row in all_rows[:limit])]
     if len(all_rows) > limit:
-        lines.append(_format_row("td", [f"... ({len(all_rows)} rows in all)"]))
+        lines.append(format_row("td", [f"... ({len(all_rows)} rows in all)"]))
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return f"<table>{title}{''.join(lines)}</table>"
-
-
-def _format_row(tag: str, cells: Sequence[str]) -> str:
-    return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"

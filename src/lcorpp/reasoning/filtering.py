@@ -58,7 +58,7 @@ class Filter:
         carried: term of slice 0 -> the term of slice 1 whose value it has in the next step. All other terms
             are drawn anew in each step.
         inputs: the terms that evidence may name; an attribute without arguments denotes all its terms.
-        query: a term, or several.
+        query: a question, or several; see `Reasoner.compile`.
         initial: evidence about slice 0, term -> value.
         window: the number of steps that `smooth` covers.
 

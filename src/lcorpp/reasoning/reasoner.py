@@ -1,9 +1,8 @@
 """The reasoner: answers queries of a P-log program by compilation into circuits.
 
-It compiles one circuit for each kind of question and caches circuits and answers. Two kinds of programs need
-another method: programs with cr-rules are enumerated, as an observation can create worlds (the log reports
-it); programs that are too large to be compiled are sampled (a `ReasoningWarning` reports it, and the answer
-has confidence intervals), unless their evidence is too improbable for sampling.
+It compiles one circuit for each kind of question and caches circuits and answers. Programs with cr-rules are
+enumerated, as an observation can create worlds (the log reports it); programs that are too large to be
+compiled are sampled, and the answer has confidence intervals (a `ReasoningWarning` reports it).
 """
 
 from __future__ import annotations
@@ -107,12 +106,15 @@ class Reasoner:
                 may be given as such: 3 for ``3``, True for ``true``.
             do: term -> value.
 
+        Returns:
+            An `EstimatedDistribution`, with a `ReasoningWarning`, if the program is too large to be compiled.
+
         Raises:
             ProgramError: a name is unknown, `attribute` may have no value under the evidence, or a world
                 violates a condition of the language.
             UndefinedError: no possible world satisfies the evidence.
-            TooLargeError: the program is too large, and the evidence too improbable for sampling; or the
-                attributes have more than 10,000 combinations of values.
+            TooLargeError: the program is too large, and the evidence soft, or too improbable for sampling;
+                or the attributes have more than 10,000 combinations of values.
         """
         try:
             asked = tuple(attribute) if isinstance(attribute, list) else attribute
@@ -145,11 +147,10 @@ class Reasoner:
         return normalise_marginal(self.program, question, weights, format_conditions(facts, set_to))
 
     def expect(self, expression: str, evidence: Mapping[str, Label] = NOTHING, do: Facts = NOTHING) -> float:
-        """Compute an expectation given evidence and interventions; `ask` computes it as a fraction.
+        """Compute an expectation given evidence and interventions, as `posterior`; `ask` gives fractions.
 
         Args:
-            expression: of attributes with integers as values, such as ``roll(d1)`` or ``a*b - 2*c``. Division
-                is exact.
+            expression: of attributes with integer values, such as ``a*b - 2*roll(d1)``; division is exact.
 
         Raises:
             ProgramError: as `posterior`; or a value is no number, or the expression divides by zero.
@@ -242,7 +243,7 @@ class Reasoner:
         return self.build_model(Query()).worlds.count()
 
     def ask(self, query: Query, *, exact: bool = False) -> QueryAnswer:
-        """Answer a query: compute a distribution, a probability or an expectation.
+        """Answer a query, see `parse_query`: compute a distribution, a probability or an expectation.
 
         Args:
             exact: whether to return fractions.
@@ -252,8 +253,7 @@ class Reasoner:
 
         Raises:
             ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: the program is too large to be compiled, and `exact`, or the evidence is too
-                improbable for sampling.
+            TooLargeError: as `posterior`; or the program is too large to be compiled, and `exact`.
         """
         check_type(exact, bool, "exact", ProgramError)
         query = resolve_query(self.program, query)
@@ -310,7 +310,7 @@ class Reasoner:
 
 
 def ask(program: Program, query: Query) -> QueryAnswer:
-    """Answer one query in fractions: value -> probability, or a probability; see `Reasoner.ask`."""
+    """Answer one query in fractions: value -> probability, or a number; see `Reasoner.ask`."""
     return Reasoner(program).ask(query, exact=True)
 
 

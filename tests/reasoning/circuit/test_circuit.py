@@ -117,7 +117,7 @@ def test_no_inputs():
     found = circuit(np.zeros((3, 0), dtype=int))
     assert found == pytest.approx(np.array([[0.4, 0.6]] * 3))
     assert circuit(np.zeros((0, 0), dtype=int)).shape == (0, 2)
-    with pytest.raises(ProgramError, match="'time' is not an input of the circuit"):
+    with pytest.raises(ProgramError, match="'time' is not an input;"):
         circuit({"time": "morning"})
 
 

@@ -23,8 +23,8 @@ def circuit():
 @pytest.mark.parametrize(
     ("evidence", "words"),
     [
-        ({"weather": "wet"}, "'weather' is not an input of the circuit; expected one of time, location"),
-        ({"intention": "interested"}, "'intention' is not an input of the circuit"),
+        ({"weather": "wet"}, "'weather' is not an input; expected one of time, location"),
+        ({"intention": "interested"}, "'intention' is not an input;"),
         ({"time": "noon"}, "'noon' is not a value of time; expected one of morning, afternoon, evening"),
         ({"time": ["morning", "noon"]}, "row 1: 'noon' is not a value of time"),
         ({"time": ["morning", 3]}, "row 1: 3 is not a value of time"),

@@ -75,7 +75,9 @@ def test_one_likelihood_for_a_whole_column():
     likelihood = Likelihood(("sun", "cloud", "rain"), [1, 2, 5])
     batch = circuit({"x(1)": ["sun", "rain"], "x(3)": likelihood})
     assert batch[1].tolist() == circuit({"x(1)": "rain", "x(3)": likelihood}).probabilities.tolist()
-    with pytest.raises(ProgramError, match=r"row 1: a likelihood of sun, rain for x\(1\); expected one of"):
+    with pytest.raises(
+        ProgramError, match=r"row 1: a likelihood of sun, rain for x\(1\); expected a number for each of"
+    ):
         circuit({"x(1)": ["sun", Likelihood(("sun", "rain"), [1, 2])]})
     with pytest.raises(ProgramError, match=r"row 1: 'snow' is not a value of x\(1\)"):
         circuit({"x(1)": [likelihood, "snow"]})

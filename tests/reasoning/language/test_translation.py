@@ -107,6 +107,7 @@ REFUSED = [
     ("a/2::b.", "1:1", "ProbLog", "a is not a number"),
     (":- use_module(library(lists)).\n0.3::a.", "1:1", "ProbLog", "a directive is not translated"),
     ("0.3::a. b :- a; c.", "1:15", "ProbLog", "a disjunction in a body"),
+    ("0.3::a. b :- (a -> c; d).", "1:17", "ProbLog", "if-then-else is not translated"),
     ("a; b. 0.3::c.", "1:1", "ProbLog", "a disjunction in a head without probabilities"),
     ("?::a.", "1:1", "ProbLog", "a decision (DTProbLog)"),
     ("0.3::a(f(b)).", "1:8", "ProbLog", "the compound term f(b) is not translated"),

@@ -168,7 +168,8 @@ class Circuit:
             evidence: input -> B values, None for not observed; or one value for all rows.
 
         Raises:
-            ProgramError: an input or value is unknown, or the columns have different lengths.
+            ProgramError: an input or value is unknown, the columns have different lengths, or there are
+                likelihoods, which have no codes.
         """
         encoded, _ = self._encoder.encode(self._encoder.canonicalize(evidence))
         if encoded.weights:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ProgramError, check_type, expected_one_of
+from lcorpp.notebook import join_some
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import make_unknown_value_error, name_value, resolve_term
@@ -117,7 +118,7 @@ class EvidenceEncoder:
                 with suppress(ProgramError):
                     own = canonical_text(resolve_term(self._program, name))
             if own not in self.codes:
-                raise ProgramError(f"{own!r} is not an input of the circuit; {expected_one_of(self.names)}")
+                raise ProgramError(f"{own!r} is not an input; {expected_one_of(self.names)}")
             if own in canonical:
                 raise ProgramError(f"the evidence names {own} twice")
             named = name_value(value)
@@ -197,7 +198,8 @@ class EvidenceEncoder:
         weight_of = dict(label)
         if weight_of.keys() != set(values):
             raise ProgramError(
-                f"{where}a likelihood of {', '.join(label.values)} for {name}; {expected_one_of(values)}"
+                f"{where}a likelihood of {join_some(label.values)} for {name};"
+                f" expected a number for each of {join_some(values)}"
             )
         return [*[weight_of[value] for value in values], 0.0]
 

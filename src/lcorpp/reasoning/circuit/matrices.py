@@ -1,10 +1,10 @@
 """Compilation, step 4: the layered arithmetic circuit, a tree of sparse matrices; `passes` evaluates it.
 
 Let t1, ..., tn be the terms that evidence may name or a query may read; all other terms are summed out. The
-circuit has a layer for each of them. The inputs of a layer are products of outputs of the layers before it:
-one factor for each independent branch of the program. A layer weighs pairs of an input and an outcome of its
-term by the evidence about the outcome (1 or 0, or its likelihood; 1 without evidence), and multiplies this
-column by a matrix. So for a chain the probability of t1=v1, ..., tn=vn is
+circuit has a layer for each of them, and where independent branches meet. The inputs of a layer are products
+of outputs of the layers before it: one factor for each branch. A layer weighs pairs of an input and an
+outcome of its term by the evidence about the outcome (1 or 0, or its likelihood; 1 without evidence), and
+multiplies this column by a matrix. So for a chain the probability of t1=v1, ..., tn=vn is
 
     M_1 (e_v1 * M_2 (e_v2 * ... M_n (e_vn * 1)))
 

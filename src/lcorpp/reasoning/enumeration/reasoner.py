@@ -100,14 +100,16 @@ class _WorldTable:
 
 
 class Enumeration:
-    """Answer queries of a program by enumeration of its possible worlds; the methods are those of `Reasoner`.
+    """Answer queries of a program by enumeration of its possible worlds.
+
+    The methods are those of `Reasoner` with the same name; evidence consists of values, not likelihoods.
 
     Each set of interventions enumerates the worlds once, at the first query. Observations filter the worlds.
     With cr-rules observations can also create worlds, so each set of observations enumerates anew.
 
     Args:
         program: the program.
-        limit: the maximum number of worlds.
+        limit: the maximum number of worlds; methods raise a `ProgramError` if there are more.
 
     Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, sections 3 and 4.
     """

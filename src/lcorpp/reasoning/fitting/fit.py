@@ -35,9 +35,7 @@ LOG = logging.getLogger(__name__)
 SIGNIFICANT_DIGITS = 6
 """Fitted numbers have this many digits."""
 
-MAX_PRIOR = 1e100
-"""Pseudo-counts are at most this many."""
-
+_MAX_PRIOR = 1e100
 _MAX_EXCLUDED = 1e-9
 
 
@@ -150,16 +148,17 @@ def fit(
         progress: is called with the number of steps so far, and the largest change of a number in the last.
 
     Raises:
-        DataError: there are no records, or `prior` is negative or exceeds `MAX_PRIOR`.
-        ProgramError: a name is unknown, no number is free, the program has cr-rules, its rules derive two
-            values of a term, or a world violates a condition of the language.
+        DataError: there are no records, or `prior` is negative or beyond 1e100.
+        ProgramError: a name is unknown, no number is free, the program has cr-rules, its rules exclude
+            worlds (two values of a term, an empty dynamic range), or a world violates a condition of the
+            language.
         UndefinedError: a record is impossible.
         TooLargeError: the program is too large to be compiled.
     """
     check_type(program, Program, "program", ProgramError)
     check_type(prior, (int, float), "prior", DataError)
-    if not 0 <= prior <= MAX_PRIOR:
-        raise DataError(f"expected a number of pseudo-counts from 0 to {MAX_PRIOR:g}, not {prior}")
+    if not 0 <= prior <= _MAX_PRIOR:
+        raise DataError(f"expected a number of pseudo-counts from 0 to {_MAX_PRIOR:g}, not {prior}")
     if program.has_cr_rules:
         raise ProgramError(f"{program.file}: the numbers of a program with cr-rules cannot be fitted")
     free = list_free_numbers(program, fixed)
@@ -172,7 +171,8 @@ def fit(
     if abs(excluded) > _MAX_EXCLUDED:
         raise ProgramError(
             f"{program.file}: rules exclude worlds of measure {excluded:.6g}, such as worlds in which they"
-            " derive two values of a term, so its numbers are not frequencies and cannot be fitted"
+            " derive two values of a term, or in which a dynamic range is empty, so its numbers are not"
+            " frequencies and cannot be fitted"
         )
     impossible = np.flatnonzero(np.isinf(log_p[:-2]))
     if len(impossible):

@@ -49,6 +49,8 @@ def parse_plog(
 ) -> Program:
     """Parse and check a P-log program given as text, in the dialect of plog 1.0, plog 2.0 or the papers.
 
+    A ProbLog program is recognised and translated, a plingo program is recognised and rejected.
+
     Args:
         file: the file name in error messages.
         semantics: the meaning of `do` and Condition 1. Default: that of a directive ``#semantics 2018.``;
@@ -113,7 +115,8 @@ def _make_program(
 def parse_query(text: str, program: Program) -> Query:
     """Parse a query about `program`: ``a``, ``a=v, b=w | obs(c=u), do(d=x)`` or ``?{a=v} | obs(c=u).``.
 
-    A single attribute without value and braces asks for its distribution, any other query for a probability.
+    Attributes without values and braces ask for their joint distribution, `E[a+b]` for an expectation, any
+    other query for a probability; see docs/plog.md.
 
     Raises:
         ParseError: the text is not a query, or contains a name unknown to `program`. The file is ``<query>``.

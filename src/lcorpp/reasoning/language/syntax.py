@@ -296,7 +296,7 @@ class Intervention(Statement):
 
 @syntax_node
 class Query(Statement):
-    """`?{formula} | conditions.` for a probability, `?subjects | conditions.` for a joint distribution, or
+    """`?{formula} | conditions.` for a probability, `?subjects | conditions.` for their distribution, or
     `?E[expression] | conditions.` for an expectation; the subjects are the variables of the expression.
     """
 

@@ -3,7 +3,7 @@
 A component is a set of terms that depend on each other in a cycle, or (usually) one term. `elimination_tree`
 arranges the components; each step decides the terms of one. `transition_system` shows with an example how
 the bodies of rules become the bits of a state, through which steps communicate. `local_distribution`,
-`recursive_components` and `stratified` define the outcomes of a step, `transition` their effect on the state.
-`circuit.decision_diagram` expands the system; `rejection_sampling` samples from the system if
-the program is too large to be compiled.
+`recursive_components` and `stratified` define the outcomes of a step, `transition` their effect on the state;
+`linear_recursion` decides recursive components such as reachability rule by rule. `circuit.decision_diagram`
+expands the system; `rejection_sampling` samples from it if the program is too large to be compiled.
 """

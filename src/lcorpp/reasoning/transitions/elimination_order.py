@@ -12,7 +12,6 @@ Source: Amestoy, Davis and Duff, "An approximate minimum degree ordering algorit
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from graphlib import TopologicalSorter
 from heapq import heappop, heappush
 from math import inf
 
@@ -56,6 +55,8 @@ def _list_levels(needs: Sequence[set[int]]) -> list[list[int]]:
     Programs of many time slices need them: what is eliminated from one slice makes other components of the
     slice more expensive, so that the cheapest component is often in the slice before.
     """
+    from graphlib import TopologicalSorter  # here, as few programs need it
+
     order = list(TopologicalSorter(dict(enumerate(needs))).static_order())
     heights, depths = [0] * len(needs), [0] * len(needs)
     for i in order:

@@ -66,6 +66,7 @@ _UNSUPPORTED = {
     '"': "a string",
     ":-": "a directive",
     ";": "a disjunction in a body",
+    "->": "if-then-else",
     "?": "a decision (DTProbLog)",
     "(": "a nested goal",
     ":": "a probability that is not a number",
