@@ -264,6 +264,9 @@ def test_formulas_that_are_too_large():
     text = ", ".join(f"(a{2 * i} or a{2 * i + 1})" for i in range(11))
     with pytest.raises(ParseError, match="a formula of more than 1000 cases"):
         parse_query(f"?{{{text}}}", program)
+    assert len(parse_query(" or ".join(1000 * ["a0"]), program).formula) == 1000
+    with pytest.raises(ParseError, match="a formula of more than 1000 cases"):
+        parse_query(" or ".join(1001 * ["a0"]), program)
 
 
 # expectations
