@@ -146,3 +146,15 @@ def test_check_prints_ok(lcorpp, path):
 
 def test_check_knows_shipped_domains(lcorpp):
     assert lcorpp("check", "intention").out.count("OK") == 2
+
+
+def test_check_of_a_program_that_is_too_large(lcorpp, tmp_path):
+    program = tmp_path / "objects.plog"
+    program.write_text(
+        "n = {1..20}. at : n -> n. #domain n(A; B; X). random(at(A)). :- at(A) = X, at(B) = X, A < B."
+    )
+    ended = lcorpp("check", program)
+    assert ended.code == 0
+    line = " ".join(ended.out.split())
+    assert "1 attributes, names and sorts are OK; the possible worlds are not checked:" in line
+    assert "more than 2000000 arcs in the decision diagram" in line

@@ -66,13 +66,9 @@ class BindingTable:
         """Iterate over the values of parts in all bindings. No row is kept, so few are allocated."""
         return zip(*map(self.iterate, parts), strict=True) if parts else repeat((), self.count)
 
-    def list_rows(self, parts: Sequence[Any]) -> list[tuple[Any, ...]]:
-        """List the values of parts in each binding."""
-        return list(self.iter_rows(parts))
-
     def zip(self, parts: Sequence[Any]) -> Any:
         """Combine parts to one: the tuples of their values."""
-        return self.list_rows(parts) if any(isinstance(part, list) for part in parts) else tuple(parts)
+        return list(self.iter_rows(parts)) if any(isinstance(part, list) for part in parts) else tuple(parts)
 
     def iter_keys(self, parts: Sequence[Any]) -> Iterable[Any]:
         """Iterate over the keys of parts in all bindings."""
@@ -95,19 +91,17 @@ class BindingTable:
         if isinstance(expression, Number) or not any(iter_variables(expression)):
             return as_value(canonical_text(expression))
         if isinstance(expression, Term):
-            return [f"{expression.name}({text})" for text in self.format(expression.arguments)]
+            rows = self.iter_rows(list(map(self.evaluate, expression.arguments)))
+            return [f"{expression.name}({','.join(map(str, row))})" for row in rows]
         left, right = (self.iterate(self.evaluate(side)) for side in (expression.left, expression.right))
         if expression.operator in ("/", "mod"):
             return list(map(_divide, left, right, repeat(expression.operator), repeat(expression.at)))
         return list(map(_OPERATIONS[expression.operator], left, right))
 
-    def format(self, expressions: Sequence[Expression]) -> Part[str]:
-        """Combine expressions to one text, with commas between them."""
+    def evaluate_all(self, expressions: Sequence[Expression]) -> Any:
+        """Evaluate several expressions, and combine the parts to one: their keys."""
         parts = list(map(self.evaluate, expressions))
-        if not any(isinstance(part, list) for part in parts):
-            return ",".join(map(str, parts))
-        texts = [list(map(str, self.iterate(part))) for part in parts]
-        return texts[0] if len(texts) == 1 else list(map(",".join, zip(*texts, strict=True)))
+        return parts[0] if len(parts) == 1 else self.zip(parts)
 
     def join(
         self, keys: Iterable[Key], index: Mapping[Key, Sequence[int]], columns: Mapping[str, Sequence[Value]]

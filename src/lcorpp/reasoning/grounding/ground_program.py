@@ -51,8 +51,8 @@ class Clause:
     value: the value in the head (DERIVE, RANGE, ASSIGN), an index into the range of the term.
     body: the literals, all of which must be true.
     statement: the index of the statement in the program, -1 if the clause comes from a query or a filter.
-    label: the arguments of the rule's label as text.
-    instance: the values of the statement's variables; they distinguish the instances of a selection.
+    label: the arguments of the rule's label; a single one is not wrapped in a tuple.
+    instance: the values of the statement's variables, likewise; they distinguish instances of a selection.
     number: the probability that a pr-atom assigns.
     """
 
@@ -61,8 +61,8 @@ class Clause:
     value: int
     body: tuple[GroundLiteral, ...]
     statement: int = -1
-    label: str = ""
-    instance: tuple[int | str, ...] = ()
+    label: Any = ()
+    instance: Any = ()
     number: Fraction | None = None
 
 

@@ -46,6 +46,7 @@ from lcorpp.reasoning.language.syntax import (
     Probability,
     Rule,
     Selection,
+    Variable,
 )
 from lcorpp.reasoning.language.traversal import get_head, iter_expressions, list_expressions
 from lcorpp.reasoning.questions import QUERY_TERM, is_joint
@@ -212,21 +213,20 @@ class _Grounder:
         used = [selection.term, *(selection.label.arguments if selection.label else ())]
         used.extend(iter_expressions(condition))
         shared = sorted(find_variables(*used) & find_variables(*list_expressions(selection)))
-        label = table.format(selection.label.arguments if selection.label else ())
-        instances = table.list_rows([table.columns[name] for name in shared])
+        label = table.evaluate_all(selection.label.arguments if selection.label else ())
+        instances = table.evaluate_all(list(map(Variable, shared)))
         number = self.terms.number_terms(table, selection.term)
         self._emit(table, ClauseKind.SELECT, number, 0, selection.body, index, label, instances)
         if dynamic_range:
-            term_of = dict(zip(instances, table.iterate(number), strict=True))
+            term_of = dict(zip(table.iterate(instances), table.iterate(number), strict=True))
+            bindings = list(dict.fromkeys(table.iter_rows([table.columns[name] for name in shared])))
             slots = self.signature.iter_range_slots(selection)
             scope = [dynamic_range.variable, *iter_expressions(condition)]
-            table = self._instantiator.instantiate(
-                slots, scope, condition, selection.at, shared, list(term_of)
-            )
-            instances = table.list_rows([table.columns[name] for name in shared])
-            terms = [term_of[instance] for instance in instances]
+            table = self._instantiator.instantiate(slots, scope, condition, selection.at, shared, bindings)
+            instances = table.evaluate_all(list(map(Variable, shared)))
+            terms = [term_of[instance] for instance in table.iterate(instances)]
             value = self.terms.index_values(table, selection.term, dynamic_range.variable)
-            self._emit(table, ClauseKind.RANGE, terms, value, condition, index, "", instances)
+            self._emit(table, ClauseKind.RANGE, terms, value, condition, index, (), instances)
 
     def _ground_pr_atom(self, index: int, atom: Probability) -> None:
         head = get_head(atom)
@@ -235,7 +235,7 @@ class _Grounder:
             self.terms.number_terms(table, atom.term),
             self.terms.index_values(table, atom.term, atom.value),
         )
-        label = table.format(atom.label.arguments if atom.label else ())
+        label = table.evaluate_all(atom.label.arguments if atom.label else ())
         number = _evaluate_numbers(table, atom.number)
         self._emit(table, ClauseKind.ASSIGN, *parts, atom.condition, index, label, number=number)
 
@@ -266,8 +266,8 @@ class _Grounder:
         value: Part[int],
         body: Body,
         index: int,
-        label: Part[str] = "",
-        instance: Part[tuple[Value, ...]] = (),
+        label: Part[Key] = (),
+        instance: Part[Key] = (),
         number: Part[Fraction] | None = None,
     ) -> None:
         """Add one clause for each binding of the variables of a statement; its parts as in `Clause`."""

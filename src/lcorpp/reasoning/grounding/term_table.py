@@ -32,7 +32,7 @@ class TermTable:
             lambda name: {as_value(value): i for i, value in enumerate(self._attributes[name].values)}
         )
         self._masks: dict[tuple[str, str, bool], Memo[Value, int]] = {}
-        self._literals: Memo[GroundLiteral, GroundLiteral] = Memo(lambda literal: literal)
+        self._literals: dict[GroundLiteral, GroundLiteral] = {}
         self._mask_bits = 0
 
     def _add(self, attribute: str, key: Key) -> int:
@@ -55,7 +55,9 @@ class TermTable:
         masks = self._masks.setdefault(kind, Memo(partial(self._make_mask, literal)))
         numbers = self.number_terms(table, literal.term)
         mask = table.look_up(masks, table.evaluate(literal.value))
-        return table.look_up(self._literals, numbers, mask, literal.negated)
+        literals = table.zip([numbers, mask, literal.negated])
+        known = self._literals.setdefault
+        return list(map(known, literals, literals)) if isinstance(literals, list) else literals
 
     def _make_mask(self, literal: Literal, value: Value) -> int:
         """Make the mask of the outcomes that satisfy a literal with this value on its right-hand side.

@@ -22,13 +22,13 @@ MAX_EXACT_DEGREE = 32
 """The degrees of the members of larger scopes are updated only when one of them is about to be eliminated."""
 
 
-_Order = tuple[list[list[int]], list[int], float]
+_Order = tuple[list[int], float]
 """The tree, and its width: the largest number of bits of the components that share a scope with another."""
 
 
 def eliminate(
     needs: Sequence[set[int]], groups: Sequence[Iterable[int]], sizes: Sequence[float], ranks: Sequence[int]
-) -> tuple[list[list[int]], list[int]]:
+) -> list[int]:
     """Eliminate components from the leaves of the tree to the roots.
 
     Args:
@@ -38,15 +38,15 @@ def eliminate(
         ranks: a permutation; of equally good components the one with the highest rank is eliminated.
 
     Returns:
-        (children, roots): component -> those that follow it in the tree; those that none precedes.
+        Component -> the one before it in the tree, -1 for roots.
     """
     best = _eliminate(needs, groups, sizes, ranks, [0] * len(needs), inf)
-    if best[2] > max([MAX_GREEDY_WIDTH, *[len(own) + 1 for own in needs]]):  # no order divides a clause
+    if best[1] > max([MAX_GREEDY_WIDTH, *[len(own) + 1 for own in needs]]):  # no order divides a clause
         for levels in _list_levels(needs):
-            order = _eliminate(needs, groups, sizes, ranks, levels, best[2])
-            if order[2] < best[2]:
+            order = _eliminate(needs, groups, sizes, ranks, levels, best[1])
+            if order[1] < best[1]:
                 best = order
-    return best[0], best[1]
+    return best[0]
 
 
 def _list_levels(needs: Sequence[set[int]]) -> list[list[int]]:
@@ -112,8 +112,7 @@ def _eliminate(
         heappush(heap, (levels[i], degrees[i], -ranks[i], i))
 
     eliminated = [False] * len(needs)
-    children: list[list[int]] = [[] for _ in needs]
-    roots: list[int] = []
+    parents = [-1] * len(needs)
     ready = [i for i, count in enumerate(n_users) if not count]  # not yet on the heap
     while heap or ready:
         if len(ready) == 1 and not heap:  # no choice
@@ -133,13 +132,12 @@ def _eliminate(
         eliminated[i] = True
         own = [number for number in scopes_of[i] if not merged[number]]
         if not own:
-            roots.append(i)
             continue
-        number, scope = own[0], scopes[own[0]]
-        if origin[number] >= 0:
-            children[i].append(origin[number])
+        for number in own:
+            if origin[number] >= 0:
+                parents[origin[number]] = i
+        scope = scopes[number]
         if len(own) > 1:
-            children[i] += [origin[other] for other in own[1:] if origin[other] >= 0]
             number = len(scopes)
             scope = scope.union(*[scopes[other] for other in own])
             for other in own:
@@ -152,12 +150,9 @@ def _eliminate(
             merged.append(False)
         scope.discard(i)
         origin[number] = i
-        if not scope:
-            roots.append(i)
-        elif len(scope) == 1:  # the scope has done its work
+        if len(scope) == 1:  # the scope has done its work
             merged[number] = True
-            (last,) = scope
-            children[last].append(i)
+            (parents[i],) = scope
         for need in needs[i]:
             n_users[need] -= 1
             if not n_users[need]:
@@ -166,4 +161,4 @@ def _eliminate(
             for member in scope:
                 if not n_users[member] and degrees[member] >= 0:
                     push(member)
-    return children, roots, width
+    return parents, width

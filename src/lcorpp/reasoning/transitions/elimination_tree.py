@@ -98,11 +98,13 @@ def build_elimination_tree(
     bits_of = [bits[mask] for mask in outcomes]
     sizes = [bits_of[own[0]] if len(own) == 1 else sum([bits_of[term] for term in own]) for own in components]
     groups = [group for group in constraints if len(group) > 1]
-    children, roots = eliminate(component_needs, groups, sizes, ranks)
+    children: list[list[int]] = [[] for _ in (*components, "roots")]  # last, as they have the parent -1
+    for i, parent in enumerate(eliminate(component_needs, groups, sizes, ranks)):
+        children[parent].append(i)
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*linear))
-    return _number_nodes(components, children, roots, frozenset(linear))
+    return _number_nodes(components, children, frozenset(linear))
 
 
 def _merge_deterministic(
@@ -118,7 +120,9 @@ def _merge_deterministic(
     """
     mergeable = [not any(term in separate for term in own) for own in components]
     following = {
-        i: own[0] for i, own in enumerate(children) if len(own) == 1 and mergeable[i] and mergeable[own[0]]
+        i: own[0]
+        for i, own in enumerate(children[:-1])
+        if len(own) == 1 and mergeable[i] and mergeable[own[0]]
     }
     for start in following.keys() - set(following.values()):
         run = [start]
@@ -130,25 +134,21 @@ def _merge_deterministic(
 
 
 def _number_nodes(
-    components: Sequence[tuple[int, ...]],
-    children: Sequence[Sequence[int]],
-    roots: Iterable[int],
-    linear: Collection[tuple[int, ...]],
+    components: Sequence[tuple[int, ...]], children: list[list[int]], linear: Collection[tuple[int, ...]]
 ) -> EliminationTree:
-    """Number the nodes of a tree depth first; brothers keep their order."""
-    order: list[tuple[int, ...]] = []
-    numbered: list[list[int]] = []
-    new_roots: list[int] = []
-    stack = [(root, new_roots) for root in sorted(roots, reverse=True)]
+    """Number the nodes of a tree depth first; brothers keep their order. The last children are the roots."""
+    nodes: list[int] = []  # step -> node
+    step_of = [0] * len(components)
+    stack = children[-1][::-1]
     while stack:
-        node, brothers = stack.pop()
-        brothers.append(len(order))
-        order.append(components[node])
-        own: list[int] = []
-        numbered.append(own)
-        stack += [(child, own) for child in sorted(children[node], reverse=True)]
-    ends = list(range(1, len(order) + 1))
-    for step in range(len(order) - 1, -1, -1):
+        node = stack.pop()
+        step_of[node] = len(nodes)
+        nodes.append(node)
+        stack += reversed(children[node])
+    numbered = [[step_of[child] for child in children[node]] for node in nodes]
+    ends = list(range(1, len(nodes) + 1))
+    for step in range(len(nodes) - 1, -1, -1):
         if numbered[step]:  # the subtree ends with that of the last child
             ends[step] = ends[numbered[step][-1]]
-    return EliminationTree(order, numbered, new_roots, ends, linear)
+    order = [components[node] for node in nodes]
+    return EliminationTree(order, numbered, [step_of[root] for root in children[-1]], ends, linear)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Protocol
 
 from lcorpp.reasoning.conditions import (
@@ -111,10 +112,17 @@ class AcyclicTermDistribution:
     def _compute_outcomes(self, true_groups: Iterable[int]) -> list[Outcome]:
         groups = self._template.clause_groups
         indexes = sorted((*self._template.always_true, *true_groups))
-        outcomes = enumerate_outcomes(
-            self._program, self._template.terms[0], [groups[i].clause for i in indexes], self._probabilities
-        )
+        clauses = [groups[i].clause for i in indexes]
+        if len(clauses) == 1 and clauses[0].kind is DERIVE and not self._program.do:  # usual, and faster
+            return _derive_outcome(clauses[0].value)
+        outcomes = enumerate_outcomes(self._program, self._template.terms[0], clauses, self._probabilities)
         return [Outcome((value,), weight, violation) for value, weight, violation in outcomes]
+
+
+@lru_cache(4096)
+def _derive_outcome(value: int) -> list[Outcome]:
+    """Return the outcome of a term with one rule whose body is true; equal ones share memory."""
+    return [Outcome((value,), ONE)]
 
 
 def enumerate_outcomes(

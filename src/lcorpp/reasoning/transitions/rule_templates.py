@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundLiteral, GroundProgram
 
@@ -121,9 +121,8 @@ class RuleTemplate:
         """
         groups: dict[object, tuple[Clause, Sequence[GroundLiteral], list[RankedBody]]] = {}
         recursive = len(terms) > 1
-        known: dict[GroundLiteral, tuple[int, Conditions]] = {}
         for index, clause in enumerate(clauses):
-            own_literals, body = _split_body(clause.body, places, outcomes, known)
+            own_literals, body = _split_body(clause.body, places, outcomes)
             kind = clause.kind
             key: object = index  # equal keys: one group
             if own_literals:
@@ -162,24 +161,23 @@ class RuleTemplate:
         future have the same state.
         """
         parents = self.parents
-        slot_of: dict[RankedBody, int] = {}  # rest of a body -> slot
-        first: dict[int, int] = {}  # slot -> the rank of the first step that may set its bit
+        pending: dict[RankedBody, tuple[int, int, int]] = {}  # rest of a body -> as in `ClauseGroup`
         for body in group.bodies:
-            pending = NO_SLOT
+            slot = NO_SLOT
             for i in range(1, len(body)):
                 (rank, conditions), rest = body[i - 1], body[i:]
-                is_known = rest in slot_of
-                target = slot_of[rest] if is_known else self._add_slot()
-                slot_of[rest], first[target] = target, min(first.get(target, rank), rank)
-                parents[rank].updates.append((conditions, pending, target))
-                if is_known:
+                known = pending.get(rest)
+                target, first, last = known or (self._add_slot(), rank, rest[0][0])
+                if not known or rank < first:
+                    pending[rest] = target, rank, last
+                parents[rank].updates.append((conditions, slot, target))
+                if known:
                     break  # the updates of the rest are there
-                pending = target
+                slot = target
             else:
                 rank, conditions = body[-1]
-                parents[rank].updates.append((conditions, pending, group.satisfied_slot))
-        if slot_of:
-            group.pending = tuple([(slot, first[slot], rest[0][0]) for rest, slot in slot_of.items()])
+                parents[rank].updates.append((conditions, slot, group.satisfied_slot))
+        group.pending = tuple(pending.values())
         for slot, start, end in group.pending:
             parents[start].allocates.append(slot)
             parents[end].releases.append(slot)
@@ -204,31 +202,31 @@ def _split_body(
     body: Sequence[GroundLiteral],
     places: Mapping[int, tuple[int, int]],
     outcomes: Sequence[int],
-    known: dict[GroundLiteral, tuple[int, Conditions]],
 ) -> tuple[tuple[GroundLiteral, ...], RankedBody]:
     """Split a body into literals about the component itself and conditions on earlier steps.
 
     Args:
         places, outcomes: as in `RuleTemplate.from_clauses`.
-        known: literal -> condition, of the bodies before and this one: equal conditions share memory.
     """
     own_literals: tuple[GroundLiteral, ...] = ()
     parts: list[tuple[int, Conditions]] = []
     for literal in body:
-        part = known.get(literal)
-        if part is None:
-            term, mask, _ = literal
-            if term not in places:
-                own_literals = (*own_literals, literal)
-                continue
-            rank, index = places[term]
-            part = known[literal] = rank, ((index, mask & outcomes[term]),)
-        parts.append(part)
+        term, mask, _ = literal
+        if term in places:
+            parts.append(_make_condition(*places[term], mask & outcomes[term]))
+        else:
+            own_literals = (*own_literals, literal)
     if len(parts) > 1:
         parts.sort()
         if len({rank for rank, _ in parts}) < len(parts):
             parts = _join_conditions(parts)
     return own_literals, tuple(parts)
+
+
+@lru_cache(4096)
+def _make_condition(rank: int, index: int, mask: int) -> tuple[int, Conditions]:
+    """Make the condition of a literal; equal ones share memory."""
+    return rank, ((index, mask),)
 
 
 def _join_conditions(parts: Iterable[tuple[int, Conditions]]) -> list[tuple[int, Conditions]]:

@@ -28,9 +28,9 @@ MAX_ABSORBING_GROUPS = 64
 """A transition looks for redundant bits in at most this many clause groups. Beyond, equivalent states may
 remain distinct, which costs time and does not change answers."""
 
-_Update = tuple[int, int]
-"""A body of which an outcome satisfies a part: its pending bit, 0 if it begins at this step; and the bit to
-set, 0 for a constraint, which is then violated."""
+_Updates = Iterable[int]
+"""For each body of which an outcome satisfies a part two numbers: its pending bit, 0 if it begins at this
+step; and the bit to set, 0 for a constraint, which is then violated. Pairs would be many small objects."""
 
 
 class Transition:
@@ -70,8 +70,8 @@ class Transition:
         self.absorptions = _find_absorptions(children)
         self._effects: dict[object, Effect | None] = {}
         # one term: outcome -> the bodies of which it satisfies a part; several: all, with their conditions
-        self._updates_of: defaultdict[int, list[_Update]] = defaultdict(list)
-        self._conditional_updates: list[tuple[Conditions, _Update]] = []
+        self._updates_of: defaultdict[int, list[int]] = defaultdict(list)
+        self._conditional_updates: list[tuple[Conditions, tuple[int, int]]] = []
         self._relevant: list[int] | None = (
             None  # indexes of the terms in conditions, if there are several terms
         )
@@ -84,7 +84,7 @@ class Transition:
                 mask = conditions[0][1]
                 while mask:
                     lowest = mask & -mask
-                    self._updates_of[lowest.bit_length() - 1].append(update)
+                    self._updates_of[lowest.bit_length() - 1] += update
                     mask ^= lowest
         if n_terms > 1:
             self._relevant = sorted({i for conditions, _ in self._conditional_updates for i, _ in conditions})
@@ -104,9 +104,10 @@ class Transition:
         if key not in self._effects:
             value_of = dict(zip(self._relevant, key, strict=True))
             self._effects[key] = self._compute_effect(
-                update
+                bit
                 for conditions, update in self._conditional_updates
                 if all(mask >> value_of[i] & 1 for i, mask in conditions)
+                for bit in update
             )
         return self._effects[key]
 
@@ -128,10 +129,11 @@ class Transition:
             reached = closure.apply(reached)
         return reached
 
-    def _compute_effect(self, updates: Iterable[_Update]) -> Effect | None:
+    def _compute_effect(self, updates: _Updates) -> Effect | None:
         sets, forbids, moves = 0, 0, 0
         targets_of: dict[int, int] = {}
-        for pending, target in updates:
+        bits = iter(updates)
+        for pending, target in zip(bits, bits, strict=True):
             if not pending:
                 if not target:
                     return None
