@@ -89,8 +89,11 @@ def expected_one_of(names: Collection[str], limit: int = 12) -> str:
 
 
 def check_type(value: object, expected: type | tuple[type, ...], what: str, error: type[LcorppError]) -> None:
-    """Raise `error` if an argument has another type; `what` describes the argument in the message."""
-    if not isinstance(value, expected):
-        kinds = expected if isinstance(expected, tuple) else (expected,)
+    """Raise `error` if an argument has another type; `what` describes the argument in the message.
+
+    True and False are no integers here.
+    """
+    kinds = expected if isinstance(expected, tuple) else (expected,)
+    if not isinstance(value, expected) or (isinstance(value, bool) and bool not in kinds):
         names = " or ".join(kind.__name__ for kind in kinds if kind is not type(None))
         raise error(f"{what} is {reprlib.repr(value)}; expected {names}")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning import Enumeration, Reasoner, ask, explain, parse_plog, parse_query, read_plog
+from lcorpp.reasoning import Enumeration, Reasoner, ask, explain, fit, parse_plog, parse_query, read_plog
 from lcorpp.reasoning.language.program import Program
 
 PROGRAM = parse_plog(
@@ -95,6 +95,17 @@ RNG = np.random.default_rng(1)
         (lambda: read_plog(3), "path is 3; expected str or PathLike"),
         (lambda: parse_query(3, PROGRAM), "query is 3; expected str"),
         (lambda: parse_query("a", "x"), "program is 'x'; expected Program"),
+        (lambda: Reasoner(PROGRAM, samples=True), "samples is True; expected int"),
+        (lambda: Reasoner(PROGRAM, seed=False), "seed is False; expected int"),
+        (lambda: REASONER.most_probable(count=True), "count is True; expected int"),
+        (lambda: Enumeration(PROGRAM, limit=True), "limit is True; expected int"),
+        (lambda: REASONER.filter({"a": "b"}, [], "b", window=True), "window is True; expected int"),
+        (lambda: fit(PROGRAM, None), "records is None; expected Iterable"),
+        (lambda: fit(PROGRAM, [{}], fixed=None), "expected a list of attributes and lines, not None"),
+        (lambda: REASONER.posterior("?a=1"), r"'\?a=1': expected names of attributes only, such as '\?a, b'"),
+        (lambda: REASONER.posterior("?a, b | obs(ok)"), "expected names of attributes only"),
+        (lambda: REASONER.posterior("?a, a"), "the query names a twice"),
+        (lambda: REASONER.expect("a] | obs(a=1) %"), "unexpected ']'"),
     ],
 )  # fmt: skip
 def test_wrong_types_are_refused(call, words):

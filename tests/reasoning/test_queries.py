@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from fractions import Fraction
 from math import prod
 from pathlib import Path
@@ -262,6 +264,9 @@ def test_formulas_that_are_too_large():
     text = ", ".join(f"(a{2 * i} or a{2 * i + 1})" for i in range(11))
     with pytest.raises(ParseError, match="a formula of more than 1000 cases"):
         parse_query(f"?{{{text}}}", program)
+    assert len(parse_query(" or ".join(1000 * ["a0"]), program).formula) == 1000
+    with pytest.raises(ParseError, match="a formula of more than 1000 cases"):
+        parse_query(" or ".join(1001 * ["a0"]), program)
 
 
 # expectations
@@ -317,6 +322,26 @@ def test_expectations_from_python():
     assert Reasoner(counted).expect("2*n", {"slow": "true"}) == pytest.approx(80 / 43)
 
 
+def test_an_expectation_needs_no_number_in_impossible_worlds():
+    program = parse_plog("n = {0..2}. a, b : n. random(a). random(b). pr(a=0) = 1/2.")
+    query = parse_query("E[b/a + b] | obs(a!=0)", program)  # E[b] (E[1/a] + 1) = 1 (3/4 + 1)
+    assert Enumeration(program).ask(query) == Reasoner(program).ask(query, exact=True) == Fraction(7, 4)
+    assert Reasoner(program).ask(query) == pytest.approx(7 / 4, abs=1e-12)
+    assert Reasoner(program).expect("b/a", {"a": 2}) == pytest.approx(1 / 2, abs=1e-12)
+    assert Reasoner(program).expect("b/a", do={"a": 1}) == pytest.approx(1, abs=1e-12)
+    with pytest.raises(ProgramError, match="division by zero in b/a, where"):
+        Reasoner(program).expect("b/a", {"b": 0})
+
+
+def test_the_name_of_a_joint_may_have_any_spaces():
+    text = "sorts #n = 1..2. #p = f(#n, #n). attributes z : #p -> #n. y : #n."
+    text += " statements random(z(P)). random(y)."
+    reasoner = Reasoner(parse_plog(text))
+    for name in ("?z(f(1, 2)),y", "?z(f(1,2)), y", "?z( f(1,2) ) , y"):
+        assert reasoner.exact(name)["1", "2"] == Fraction(1, 4)
+    assert reasoner.compile([], ["?z(f(1, 2)),y"]).queries == ("?z(f(1,2)), y",)
+
+
 def test_expectations_of_samples(monkeypatch):
     monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
     hits = 0
@@ -336,6 +361,14 @@ def test_expectations_of_samples(monkeypatch):
 
 
 # the most probable values
+
+
+def test_worlds_can_be_stored_and_shown():
+    (world,) = Reasoner(parse_plog("p : boolean. random(p). pr(p) = 1/3.")).most_probable()
+    again = pickle.loads(pickle.dumps(world))
+    assert again.measure == copy.deepcopy(world).measure == world.measure == Fraction(2, 3)
+    assert again.values == copy.deepcopy(world).values == world.values == {"p": "false"}
+    assert repr(world.values) == repr(again.values) == "{'p': 'false'}"
 
 
 def test_the_most_probable_joint_values():

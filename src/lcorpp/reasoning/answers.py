@@ -120,19 +120,21 @@ def compute_expectation(query: Query, find_marginal: Callable[[str], Mapping[Val
         find_marginal: returns the distribution of a question.
 
     Raises:
-        ProgramError: the expression divides by zero.
+        ProgramError: the expression divides by zero in a world of positive measure.
     """
     means: list[Numeric] = []
     for sign, summand, names, question in list_summands(query):
         numbers: list[Fraction] = []
+        shares: list[Numeric] = []
         marginal = find_marginal(question) if names else {(): Fraction(1)}
-        for value in marginal:
+        for value, share in marginal.items():
             bindings = dict(zip(names, (value,) if isinstance(value, str) else value, strict=True))
             try:
                 numbers.append(sign * evaluate_number(summand, bindings))
+                shares.append(share)
             except SourceIssue as issue:
-                raise ProgramError(f"{issue}, where {format_world(bindings)}") from None
-        shares = list(marginal.values())
+                if share:
+                    raise ProgramError(f"{issue}, where {format_world(bindings)}") from None
         estimate = getattr(shares[0], "estimate_mean", None)
         means.append(estimate(numbers, shares) if estimate else sum(map(mul, numbers, shares)))
     return sum(means[1:], means[0])

@@ -94,10 +94,14 @@ def resolve_subject(program: Program, attribute: str | Sequence[str]) -> str:
     """
     if isinstance(attribute, str) and not attribute.startswith(QUERY_TERM):
         return canonical_text(resolve_term(program, attribute))
-    names = list_terms(attribute) if isinstance(attribute, str) else attribute
-    if not isinstance(names, Sequence) or isinstance(names, bytes) or not names:
+    if isinstance(attribute, str):
+        query = _parse_query(program, attribute, attribute)
+        if query != Query(subjects=query.subjects):
+            raise ProgramError(f"{attribute!r}: expected names of attributes only, such as '?a, b'")
+        return name_joint(query.subjects)
+    if not isinstance(attribute, Sequence) or isinstance(attribute, bytes) or not attribute:
         raise ProgramError(f"expected the name of an attribute, not {attribute!r}")
-    return name_joint(_resolve_names(program, names))
+    return name_joint(_resolve_names(program, attribute))
 
 
 def resolve_queries(program: Program, query: str | Iterable[str | Sequence[str]]) -> tuple[str, ...]:
@@ -221,10 +225,14 @@ def resolve_expectation(program: Program, expression: str) -> Query:
         ProgramError: the text is no expression of attributes with integers as values.
     """
     check_type(expression, str, "expression", ProgramError)
+    return _parse_query(program, f"E[{expression}\n]", expression)  # a comment ends before the bracket
+
+
+def _parse_query(program: Program, text: str, given: str) -> Query:
     try:
-        return parse_query(f"E[{expression}]", program)
+        return parse_query(text, program)
     except ParseError as error:
-        raise ProgramError(f"{expression!r}: {error.message}") from None
+        raise ProgramError(f"{given!r}: {error.message}") from None
 
 
 def check_count(count: int) -> None:

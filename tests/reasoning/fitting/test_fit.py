@@ -361,8 +361,9 @@ def test_bad_options() -> None:
     with pytest.raises(ProgramError, match="expected Program"):
         fit("a.plog", [{}])  # type: ignore[arg-type]
     program = parse_plog("a : boolean. random(a). pr(a) = 0.5.")
-    with pytest.raises(DataError, match="at least 0, not -1"):
-        fit(program, [{"a": "true"}], prior=-1)
+    for prior in (-1, 1e308, float("nan")):
+        with pytest.raises(DataError, match=rf"pseudo-counts from 0 to 1e\+100, not {re.escape(str(prior))}"):
+            fit(program, [{"a": "true"}], prior=prior)
     with pytest.raises(ProgramError, match="'b' is neither an attribute with pr-atoms nor the line of one"):
         fit(program, [{"a": "true"}], fixed=["b"])
     with pytest.raises(ProgramError, match="expected a list"):

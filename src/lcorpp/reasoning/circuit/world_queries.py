@@ -274,6 +274,12 @@ class _LazyValues(Mapping[str, str]):
     def __len__(self) -> int:
         return len(self._values)
 
+    def __repr__(self) -> str:
+        return repr(self._values)
+
+    def __reduce__(self) -> tuple[type[dict[str, str]], tuple[dict[str, str]]]:
+        return dict, (self._values,)  # the diagram stays behind
+
 
 def _rescale(weights: list[float]) -> None:
     """Scale tiny weights up together: only their ratios matter."""

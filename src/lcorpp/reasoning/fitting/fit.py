@@ -35,6 +35,7 @@ LOG = logging.getLogger(__name__)
 SIGNIFICANT_DIGITS = 6
 """Fitted numbers have this many digits."""
 
+_MAX_PRIOR = 1e100
 _MAX_EXCLUDED = 1e-9
 
 
@@ -147,7 +148,7 @@ def fit(
         progress: is called with the number of steps so far, and the largest change of a number in the last.
 
     Raises:
-        DataError: there are no records, or `prior` is negative.
+        DataError: there are no records, or `prior` is negative or beyond 1e100.
         ProgramError: a name is unknown, no number is free, the program has cr-rules, its rules exclude
             worlds (two values of a term, an empty dynamic range), or a world violates a condition of the
             language.
@@ -156,8 +157,8 @@ def fit(
     """
     check_type(program, Program, "program", ProgramError)
     check_type(prior, (int, float), "prior", DataError)
-    if not prior >= 0 or not np.isfinite(prior):
-        raise DataError(f"expected a number of pseudo-counts that is at least 0, not {prior}")
+    if not 0 <= prior <= _MAX_PRIOR:
+        raise DataError(f"expected a number of pseudo-counts from 0 to {_MAX_PRIOR:g}, not {prior}")
     if program.has_cr_rules:
         raise ProgramError(f"{program.file}: the numbers of a program with cr-rules cannot be fitted")
     free = list_free_numbers(program, fixed)

@@ -121,7 +121,7 @@ def list_free_numbers(program: Program, fixed: Collection[str | int]) -> dict[in
     Raises:
         ProgramError: none of the pr-atoms is of an attribute or line in `fixed`, or no number is free.
     """
-    if isinstance(fixed, str):
+    if isinstance(fixed, str) or not isinstance(fixed, Collection):
         raise ProgramError(f"expected a list of attributes and lines, not {fixed!r}")
     atoms = {i: s for i, s in enumerate(program.statements) if isinstance(s, Probability)}
     for selector in fixed:

@@ -77,6 +77,7 @@ def group_records(
         (fact,) = resolve_evidence(program, {name: value}).items()
         return fact
 
+    check_type(records, Iterable, "records", ProgramError)
     for row, record in enumerate(records, start=1):
         check_type(record, Mapping, f"record {row}", ProgramError)
         try:

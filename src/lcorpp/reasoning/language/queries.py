@@ -149,7 +149,7 @@ def _parse_formula(cursor: Cursor, and_signs: Sequence[str] = ("and", ",")) -> F
     """Parse cases joined by `or`; `and` and the comma bind tighter, parentheses tightest."""
     formula = _parse_case(cursor, and_signs)
     while cursor.accept_word("or"):
-        formula += _parse_case(cursor, and_signs)
+        formula = _check_cases(cursor, formula + _parse_case(cursor, and_signs))
     return formula
 
 
@@ -178,7 +178,11 @@ def _parse_unit(cursor: Cursor) -> Formula:
 
 def _multiply_out(cursor: Cursor, cases: Iterable[Iterable[tuple[Literal, ...]]]) -> Formula:
     """Return the disjunction of conjunctions of conjunctions."""
-    formula = tuple([tuple(chain.from_iterable(case)) for case in islice(cases, MAX_CASES + 1)])
+    some = islice(cases, MAX_CASES + 1)
+    return _check_cases(cursor, tuple([tuple(chain.from_iterable(case)) for case in some]))
+
+
+def _check_cases(cursor: Cursor, formula: Formula) -> Formula:
     if len(formula) > MAX_CASES:
         raise SourceIssue(cursor.at, f"a formula of more than {MAX_CASES} cases")
     return formula
