@@ -13,7 +13,9 @@ from collections.abc import Collection, Sequence
 
 from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram, make_full_mask
 
-SUPPORTING_KINDS = (ClauseKind.DERIVE, ClauseKind.SELECT)
+DERIVE = ClauseKind.DERIVE  # access to the members of an Enum is slow
+
+SUPPORTING_KINDS = (DERIVE, ClauseKind.SELECT)
 """The kinds of clauses that give values to terms."""
 
 ATTENDANT_KINDS = (ClauseKind.RANGE, ClauseKind.ASSIGN)
@@ -53,7 +55,6 @@ def _compute_possible_values(program: GroundProgram) -> tuple[list[int], set[int
         for term, value in program.do.items():
             possible[term] |= 1 << value
     waiting: dict[int, list[Clause]] = {}
-    derive = ClauseKind.DERIVE  # a local name: the attribute access is slow
     ready = [clause for clause in program.clauses if clause.kind in SUPPORTING_KINDS]
     while ready:
         extended: list[int] = []
@@ -67,7 +68,7 @@ def _compute_possible_values(program: GroundProgram) -> tuple[list[int], set[int
                 waiting.setdefault(missing, []).append(clause)
                 continue
             head = clause.term
-            if clause.kind is derive:
+            if clause.kind is DERIVE:
                 mask = 1 << clause.value
             else:
                 random.add(head)
@@ -98,12 +99,13 @@ def _drop_unsupported(
 def _propagate_observations(program: GroundProgram, clauses: list[Clause]) -> list[Clause]:
     """Replace rules whose head contradicts an observation by constraints, which cut worlds off earlier."""
     allowed: dict[int, int] = {}  # term -> the outcomes that agree with the observations
-    waiting = [clause for clause in clauses if clause.kind is ClauseKind.FORBID and len(clause.body) == 1]
+    # constraints have no head
+    waiting = [clause for clause in clauses if clause.term < 0 and len(clause.body) == 1]
     if not waiting:
         return clauses
     rules: dict[int, list[int]] = {}
     for i, clause in enumerate(clauses):
-        if clause.kind is ClauseKind.DERIVE:
+        if clause.kind is DERIVE:
             rules.setdefault(clause.term, []).append(i)
     replaced = list(clauses)
     while waiting:
@@ -114,13 +116,13 @@ def _propagate_observations(program: GroundProgram, clauses: list[Clause]) -> li
             continue
         for i in rules.get(term, ()):
             clause = replaced[i]
-            if clause.kind is ClauseKind.DERIVE and not allowed[term] >> clause.value & 1:
+            if clause.kind is DERIVE and not allowed[term] >> clause.value & 1:
                 replaced[i] = Clause(ClauseKind.FORBID, -1, 0, clause.body, clause.statement)
                 if len(clause.body) == 1:
                     waiting.append(replaced[i])
     result = []
     for clause in replaced:
-        if clause.kind is ClauseKind.FORBID and len(clause.body) > 1:
+        if clause.term < 0 and len(clause.body) > 1:
             # the observations alone forbid the worlds in which such a literal is true
             if any(not literal[1] & allowed.get(literal[0], -1) for literal in clause.body):
                 continue
@@ -141,7 +143,6 @@ def _compute_outcomes(
     program: GroundProgram, clauses: Sequence[Clause], possible: Sequence[int]
 ) -> list[int]:
     """Compute the possible outcomes of each term from the remaining clauses; `possible` bounds the values."""
-    derive = ClauseKind.DERIVE
     supported = [0] * len(program.values)
     certain: set[int] = set()  # terms that have a value in every world
     facts: dict[int, int] = {}
@@ -151,12 +152,12 @@ def _compute_outcomes(
             continue
         term = clause.term
         mask = 1 << clause.value
-        if kind is not derive:
+        if kind is not DERIVE:
             mask = 1 << program.do[term] if term in program.do else -1
         supported[term] |= mask
         if not clause.body:
             certain.add(term)
-            if kind is derive:  # a fact: any other value would contradict it
+            if kind is DERIVE:  # a fact: any other value would contradict it
                 facts[term] = facts.get(term, 0) | mask
     if program.do_is_fact:
         for term, value in program.do.items():
