@@ -107,9 +107,10 @@ def rooms(rows: int, columns: int) -> Case:
 
 
 def compute_reliability(doors: list[tuple[int, int]], p: float, last: int) -> float:
-    """The probability that open doors connect room 1 to the last.
+    """Compute the probability that open doors connect room 1 to the last.
 
-    Dynamic program over the partitions of the rooms that still have undecided doors.
+    Source: the frontier method, Hardy, Lucet and Limnios, IEEE Trans. Reliability 56, 2007: a state is a
+    partition of the vertices with undecided edges.
     """
     states = {frozenset([frozenset([1]), frozenset([last])]): 1.0}
     for number, (a, b) in enumerate(doors):

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind
+from lcorpp.reasoning.grounding.ground_program import ASSIGN, DERIVE, RANGE, Clause
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Probability, Selection, Statement
 from lcorpp.reasoning.language.traversal import as_selection
@@ -60,7 +60,7 @@ def list_dynamic_range(
             members = {
                 clause.value
                 for clause in clauses
-                if clause.kind is ClauseKind.RANGE
+                if clause.kind is RANGE
                 and (clause.statement, clause.instance) == (own.statement, own.instance)
             }
             possible = [value for value in possible if value in members]
@@ -79,8 +79,8 @@ def list_applicable(
     Raises:
         ConditionViolation: Condition 1 is broken.
     """
-    atoms = [clause for clause in clauses if clause.kind is ClauseKind.ASSIGN]
-    derived = any(clause.kind is ClauseKind.DERIVE for clause in clauses)
+    atoms = [clause for clause in clauses if clause.kind is ASSIGN]
+    derived = any(clause.kind is DERIVE for clause in clauses)
     if not atoms and not derived and len(selections) == 1:
         return []
     first = selections[0]

@@ -16,8 +16,7 @@ from lcorpp.notebook import html_table, join_some
 from lcorpp.reasoning.answers import QueryAnswer, Value, answer_query
 from lcorpp.reasoning.query_model import QueryModel
 from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, sample_worlds
-from lcorpp.values import Distribution, Interval
-from lcorpp.values.arrays import Z95
+from lcorpp.values import Z95, Distribution, Interval
 from lcorpp.values.distribution import format_value
 
 

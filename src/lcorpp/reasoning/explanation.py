@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from lcorpp.errors import LcorppError, ProgramError, UndefinedError, check_type
 from lcorpp.reasoning.answers import PossibleWorld, QueryAnswer
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import ASSIGN, DERIVE, SELECT, Clause, GroundProgram
 from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.reasoner import Reasoner
@@ -95,7 +95,7 @@ def _find_fired(ground: GroundProgram, values: Mapping[str, str]) -> tuple[Fired
         value = values.get(name)
         outcomes.append(len(domain) if value is None else domain.index(value))
     true = [c for c in ground.clauses if all(allowed >> outcomes[t] & 1 for t, allowed, _ in c.body)]
-    selected = {c.term for c in true if c.kind is ClauseKind.SELECT and c.term not in ground.do}
+    selected = {c.term for c in true if c.kind is SELECT and c.term not in ground.do}
     fired: dict[tuple[int, str], FiredRule] = {}
     for clause in true:
         effect = _format_effect(ground, clause, outcomes, selected)
@@ -111,10 +111,10 @@ def _format_effect(
     if clause.statement < 0 or clause.term < 0:
         return None
     name, values, outcome = ground.names[clause.term], ground.values[clause.term], outcomes[clause.term]
-    if clause.kind is ClauseKind.DERIVE:
+    if clause.kind is DERIVE:
         return f"{name}={values[clause.value]}" if clause.body else None
-    if clause.kind is ClauseKind.ASSIGN and clause.term in selected and outcome == clause.value:
+    if clause.kind is ASSIGN and clause.term in selected and outcome == clause.value:
         return f"{name}={values[clause.value]} with probability {clause.number}"
-    if clause.kind is ClauseKind.SELECT and clause.term in selected and outcome < len(values):
+    if clause.kind is SELECT and clause.term in selected and outcome < len(values):
         return f"{name} is random, here {values[outcome]}"
     return None

@@ -21,7 +21,7 @@ from lcorpp.reasoning.conditions import (
     list_dynamic_range,
 )
 from lcorpp.reasoning.enumeration.asp_translation import Condition, translate_program
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind
+from lcorpp.reasoning.grounding.ground_program import ASSIGN, DERIVE, RANGE, SELECT, Clause
 from lcorpp.reasoning.language.arithmetic import evaluate_number
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.program import Program
@@ -29,10 +29,10 @@ from lcorpp.reasoning.language.syntax import Probability
 from lcorpp.reasoning.language.traversal import list_variables
 
 KINDS = {
-    "sel": ClauseKind.SELECT,
-    "pos": ClauseKind.RANGE,
-    "pr": ClauseKind.ASSIGN,
-    "drv": ClauseKind.DERIVE,
+    "sel": SELECT,
+    "pos": RANGE,
+    "pr": ASSIGN,
+    "drv": DERIVE,
 }
 """The clauses about selected terms, by their predicate in the translation."""
 
@@ -151,7 +151,7 @@ class _WorldReader:
         """Compute the probability of each possible value of a selected term."""
         program, values = self._program, self._list_values(term)
         clauses = sorted(clauses, key=lambda clause: (clause.statement, clause.instance))
-        selections = [clause for clause in clauses if clause.kind is ClauseKind.SELECT]
+        selections = [clause for clause in clauses if clause.kind is SELECT]
         possible = list_dynamic_range(program, values, selections, clauses)
         atoms = list_applicable(program, selections, clauses)
         numbers = compute_probabilities(program, values, possible, atoms)

@@ -17,7 +17,7 @@ from scipy import sparse
 
 from lcorpp.errors import ProgramError, expected_one_of
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
-from lcorpp.reasoning.grounding.ground_program import ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import DERIVE, FORBID, GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Number, Probability
@@ -210,7 +210,7 @@ def build_number_model(
 def _derive_rejection(ground: GroundProgram) -> None:
     """Replace constraints by rules that derive `REJECTED`."""
     for i, clause in enumerate(ground.clauses):
-        if clause.kind is ClauseKind.FORBID:
-            ground.clauses[i] = replace(clause, kind=ClauseKind.DERIVE, term=len(ground.names))
+        if clause.kind is FORBID:
+            ground.clauses[i] = replace(clause, kind=DERIVE, term=len(ground.names))
     ground.names.append(REJECTED)
     ground.values.append(("true",))

@@ -34,6 +34,11 @@ class ClauseKind(Enum):
     __hash__ = object.__hash__  # Enum hashes the member's name in Python code, which is slow
 
 
+DERIVE, SELECT, RANGE, ASSIGN, FORBID = ClauseKind  # access to the members of an Enum is slow, too
+
+Atom = tuple[int, int]
+"""A term and one of its values."""
+
 GroundLiteral = tuple[int, int, bool]
 """A term, the mask of the outcomes that satisfy the literal, and whether the literal is under `not`."""
 

@@ -16,6 +16,11 @@ from fractions import Fraction
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.grounding.binding_table import BindingTable, Key, Memo, Part
 from lcorpp.reasoning.grounding.ground_program import (
+    ASSIGN,
+    DERIVE,
+    FORBID,
+    RANGE,
+    SELECT,
     Clause,
     ClauseKind,
     GroundLiteral,
@@ -124,7 +129,7 @@ class _Grounder:
         if self._contradictory and not self.result.do_is_fact:  # nor a world in which the term is selected
             names = self.result.names
             for clause in list(self.result.clauses):
-                if clause.kind is ClauseKind.SELECT and names[clause.term] in self._contradictory:
+                if clause.kind is SELECT and names[clause.term] in self._contradictory:
                     self._forbid(clause.body, clause.statement)
         if asked:
             self.result.define(
@@ -193,14 +198,14 @@ class _Grounder:
         if isinstance(rule, Fact):
             *arguments, constant = rule.values
             term = self.terms.numbers[rule.name][arguments[0] if len(arguments) == 1 else tuple(arguments)]
-            self._add(Clause(ClauseKind.DERIVE, term, self.terms.indexes[rule.name][constant], (), index))
+            self._add(Clause(DERIVE, term, self.terms.indexes[rule.name][constant], (), index))
         elif rule.head:
             table, head = self._tables.pop(index), rule.head
             numbers = self.terms.number_terms(table, head.term)
             values = self.terms.index_values(table, head.term, head.value)
-            self._emit(table, ClauseKind.DERIVE, numbers, values, rule.body, index)
+            self._emit(table, DERIVE, numbers, values, rule.body, index)
         else:
-            self._emit(self._instantiate(rule, rule.body), ClauseKind.FORBID, -1, 0, rule.body, index)
+            self._emit(self._instantiate(rule, rule.body), FORBID, -1, 0, rule.body, index)
 
     def _ground_selection(self, index: int, selection: Selection) -> None:
         """Add the clauses of a selection, and those of its dynamic range for each of its instances.
@@ -216,7 +221,7 @@ class _Grounder:
         label = table.evaluate_all(selection.label.arguments if selection.label else ())
         instances = table.evaluate_all(list(map(Variable, shared)))
         number = self.terms.number_terms(table, selection.term)
-        self._emit(table, ClauseKind.SELECT, number, 0, selection.body, index, label, instances)
+        self._emit(table, SELECT, number, 0, selection.body, index, label, instances)
         if dynamic_range:
             term_of = dict(zip(table.iterate(instances), table.iterate(number), strict=True))
             bindings = list(dict.fromkeys(table.iter_rows([table.columns[name] for name in shared])))
@@ -226,7 +231,7 @@ class _Grounder:
             instances = table.evaluate_all(list(map(Variable, shared)))
             terms = [term_of[instance] for instance in table.iterate(instances)]
             value = self.terms.index_values(table, selection.term, dynamic_range.variable)
-            self._emit(table, ClauseKind.RANGE, terms, value, condition, index, (), instances)
+            self._emit(table, RANGE, terms, value, condition, index, (), instances)
 
     def _ground_pr_atom(self, index: int, atom: Probability) -> None:
         head = get_head(atom)
@@ -237,7 +242,7 @@ class _Grounder:
         )
         label = table.evaluate_all(atom.label.arguments if atom.label else ())
         number = _evaluate_numbers(table, atom.number)
-        self._emit(table, ClauseKind.ASSIGN, *parts, atom.condition, index, label, number=number)
+        self._emit(table, ASSIGN, *parts, atom.condition, index, label, number=number)
 
     def _observe(self, formula: Formula) -> None:
         """Forbid the worlds in which a formula is false; a disjunction becomes a term of its own."""
@@ -256,7 +261,7 @@ class _Grounder:
     # clauses
 
     def _forbid(self, body: tuple[GroundLiteral, ...], statement: int = -1) -> None:
-        self._add(Clause(ClauseKind.FORBID, -1, 0, body, statement))
+        self._add(Clause(FORBID, -1, 0, body, statement))
 
     def _emit(
         self,
@@ -275,7 +280,7 @@ class _Grounder:
         bodies = table.zip([self.terms.translate(table, literal) for literal in literals])
         parts = (kind, term, value, bodies, index, label, instance, number)
         clauses: Iterable[Clause] = map(Clause, *map(table.iterate, parts))
-        if kind in (ClauseKind.DERIVE, ClauseKind.FORBID) and self._may_repeat(index, literals, table):
+        if kind in (DERIVE, FORBID) and self._may_repeat(index, literals, table):
             clauses = {(c.term, c.value, frozenset(c.body)): c for c in clauses}.values()
         self.result.clauses.extend(clauses)
 

@@ -11,14 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram, make_full_mask
+from lcorpp.reasoning.grounding.ground_program import (
+    ASSIGN,
+    DERIVE,
+    FORBID,
+    RANGE,
+    SELECT,
+    Clause,
+    GroundProgram,
+    make_full_mask,
+)
 
-DERIVE = ClauseKind.DERIVE  # access to the members of an Enum is slow
-
-SUPPORTING_KINDS = (DERIVE, ClauseKind.SELECT)
+SUPPORTING_KINDS = (DERIVE, SELECT)
 """The kinds of clauses that give values to terms."""
 
-ATTENDANT_KINDS = (ClauseKind.RANGE, ClauseKind.ASSIGN)
+ATTENDANT_KINDS = (RANGE, ASSIGN)
 """The kinds of clauses that matter only for random terms."""
 
 
@@ -117,7 +124,7 @@ def _propagate_observations(program: GroundProgram, clauses: list[Clause]) -> li
         for i in rules.get(term, ()):
             clause = replaced[i]
             if clause.kind is DERIVE and not allowed[term] >> clause.value & 1:
-                replaced[i] = Clause(ClauseKind.FORBID, -1, 0, clause.body, clause.statement)
+                replaced[i] = Clause(FORBID, -1, 0, clause.body, clause.statement)
                 if len(clause.body) == 1:
                     waiting.append(replaced[i])
     result = []
@@ -134,7 +141,7 @@ def _propagate_observations(program: GroundProgram, clauses: list[Clause]) -> li
                 ]
             )
             if len(body) < len(clause.body):
-                clause = Clause(ClauseKind.FORBID, -1, 0, body, clause.statement)
+                clause = Clause(FORBID, -1, 0, body, clause.statement)
         result.append(clause)
     return result
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import SELECT, Clause, GroundProgram
 
 
 def split_slices(
@@ -36,7 +36,7 @@ def split_slices(
             past.add(term)
             rest.extend(causes.get(term, ()))
     before: list[Clause] = []
-    step = [Clause(ClauseKind.SELECT, term, 0, ()) for term in own]
+    step = [Clause(SELECT, term, 0, ()) for term in own]
     for clause in ground.clauses:
         terms = [literal[0] for literal in clause.body]
         if clause.term in past or (clause.term < 0 and past.issuperset(terms)):

@@ -20,7 +20,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from math import log2
 
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import SELECT, Clause, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.elimination_order import eliminate
 from lcorpp.reasoning.transitions.linear_recursion import find_linear_components
@@ -102,7 +102,7 @@ def build_elimination_tree(
     for i, parent in enumerate(eliminate(component_needs, groups, sizes, ranks)):
         children[parent].append(i)
     if len(components) < len(terms):
-        random = {clause.term for clause in clauses if clause.kind is ClauseKind.SELECT} | program.do.keys()
+        random = {clause.term for clause in clauses if clause.kind is SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*linear))
     return _number_nodes(components, children, frozenset(linear))
 

@@ -3,10 +3,11 @@
     reach(q) :- reach(r), open(r, q).      reach(r) :- reach(q), open(r, q).
 
 The component {reach(...)} depends on all doors. Of the doors decided so far, only this matters: which atoms
-are true, and which would follow from which other, among the atoms that undecided doors or other rules name
-(the *frontier*). So the state keeps one bit for each frontier atom, "is true", and one for each pair,
-"follows from", closed under transitivity. If doors open both ways, these are the partitions of the frontier.
-The number of states then depends on the frontier, not on the number of doors.
+are true, and which would follow from which other, among the atoms of the *frontier*: those that undecided
+rules may still make true (heads) and those that undecided or other rules still use (bodies). So the state
+has one bit for each atom still used, "is true", and one for each pair of an atom that may become true and an
+atom still used, "follows from", closed under transitivity. If doors open both ways, these are the partitions
+of the frontier. The number of states then depends on the frontier, not on the number of doors.
 
 Source: the frontier method for network reliability, Hardy, Lucet and Limnios, IEEE Trans. Reliability 56,
 2007; closed under implication instead of partitions, as rules have a direction.
@@ -18,16 +19,13 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import accumulate
 
-from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import DERIVE, Atom, Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.transitions.closure import ALWAYS, Closure
 from lcorpp.reasoning.transitions.local_distribution import GuardedClause
-from lcorpp.reasoning.transitions.rule_templates import DERIVE, ClauseGroup, RuleTemplate
+from lcorpp.reasoning.transitions.rule_templates import ClauseGroup, RuleTemplate
 
 MAX_FRONTIER = 24
 """Components with a larger frontier are decided as a whole."""
-
-Atom = tuple[int, int]
-"""(term, value)"""
 
 Edge = tuple[Atom | None, Atom]
 """(body, head): the head follows from the body, or from nothing if the body is None."""

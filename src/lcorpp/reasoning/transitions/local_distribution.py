@@ -19,8 +19,8 @@ from lcorpp.reasoning.conditions import (
     list_applicable,
     list_dynamic_range,
 )
-from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
-from lcorpp.reasoning.transitions.rule_templates import DERIVE, SELECT, RuleTemplate
+from lcorpp.reasoning.grounding.ground_program import DERIVE, SELECT, Clause, GroundLiteral, GroundProgram
+from lcorpp.reasoning.transitions.rule_templates import RuleTemplate
 
 ONE = Fraction(1)
 

@@ -21,7 +21,15 @@ from typing import Any
 from lcorpp.errors import ProgramError
 from lcorpp.notebook import join_some
 from lcorpp.reasoning.conditions import ConditionViolation, has_dynamic_range
-from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import (
+    ASSIGN,
+    DERIVE,
+    RANGE,
+    SELECT,
+    Clause,
+    GroundLiteral,
+    GroundProgram,
+)
 from lcorpp.reasoning.questions import QUERY_TERM
 from lcorpp.reasoning.transitions.local_distribution import (
     ONE,
@@ -30,7 +38,6 @@ from lcorpp.reasoning.transitions.local_distribution import (
     ProbabilityCache,
     enumerate_outcomes,
 )
-from lcorpp.reasoning.transitions.rule_templates import ASSIGN, DERIVE, RANGE, SELECT
 from lcorpp.reasoning.transitions.stratified import Stratified
 
 LOG = logging.getLogger("lcorpp.reasoning")

@@ -8,9 +8,9 @@ outcomes if a world is listed.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from itertools import permutations
+from itertools import combinations
 
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import DERIVE, Clause, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.stratified import Stratified
 
@@ -31,16 +31,15 @@ def separate_irrelevant_rules(
         (clauses, facts, components): the other clauses, term -> value for the irrelevant facts, and the other
         irrelevant components, each after those that it depends on.
     """
-    derive = ClauseKind.DERIVE  # a local name: the attribute access is slow
     rules_of: dict[int, list[Clause]] = {}
     for clause in clauses:
-        if clause.kind is derive:
+        if clause.kind is DERIVE:
             rules_of.setdefault(clause.term, []).append(clause)
     if rules_of.keys() <= set(queried):  # usual in chains, and faster
         return clauses, {}, []
     seeds = [*program.do, *queried]
     for clause in clauses:
-        if clause.kind is not derive:
+        if clause.kind is not DERIVE:
             seeds.append(clause.term)
             seeds += [literal[0] for literal in clause.body]
     facts = {
@@ -93,13 +92,11 @@ def _has_one_model(program: GroundProgram, terms: tuple[int, ...], rules: Sequen
         return any(x[0] == rule.term and x[2] and not x[1] >> value & 1 for x in rule.body)
 
     for by_value in rules_of.values():
-        yielding = {
-            (value, other)
-            for value, other in permutations(by_value, 2)
-            if all(yields_to(rule, other) for rule in by_value[value])
-        }
-        if any((a, b) not in yielding and (b, a) not in yielding for a, b in permutations(by_value, 2)):
-            return False
-    return (
-        Stratified.from_clauses(program, terms, [(0, rule, rule.body) for rule in rules], terms) is not None
-    )
+        for value, other in combinations(by_value, 2):
+            if not (
+                all(yields_to(rule, other) for rule in by_value[value])
+                or all(yields_to(rule, value) for rule in by_value[other])
+            ):
+                return False
+    guarded = [(0, rule, rule.body) for rule in rules]
+    return Stratified.from_clauses(program, terms, guarded, terms) is not None

@@ -15,9 +15,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
-from lcorpp.reasoning.grounding.ground_program import Clause, ClauseKind, GroundLiteral, GroundProgram
-
-DERIVE, SELECT, RANGE, ASSIGN, FORBID = ClauseKind  # access to the members of an Enum is slow
+from lcorpp.reasoning.grounding.ground_program import (
+    ASSIGN,
+    DERIVE,
+    FORBID,
+    Clause,
+    GroundLiteral,
+    GroundProgram,
+)
 
 Conditions = tuple[tuple[int, int], ...]
 """(index of a term in its component, mask of the outcomes that satisfy the literal), for each literal."""

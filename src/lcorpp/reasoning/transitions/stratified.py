@@ -11,14 +11,9 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import DERIVE, Atom, Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.local_distribution import ONE, GuardedClause, Outcome
-from lcorpp.reasoning.transitions.rule_templates import DERIVE
-
-Atom = tuple[int, int]
-"""(term, value)"""
-
 
 _Rule = tuple[int, int, tuple[tuple[int, ...], ...], tuple[int, ...]]
 """A rule over numbered atoms: (head, bit, positive, negative).

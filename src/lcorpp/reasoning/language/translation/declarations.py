@@ -22,19 +22,9 @@ from lcorpp.reasoning.language.syntax import (
 from lcorpp.reasoning.language.traversal import list_literals, map_literals
 
 _RESERVED = {
-    "attributes",
-    "boolean",
-    "do",
-    "false",
-    "mod",
-    "not",
-    "obs",
-    "pr",
-    "random",
-    "sorts",
-    "statements",
-    "true",
-}
+    "attributes", "boolean", "do", "false", "mod", "not", "obs", "pr", "random", "sorts", "statements", "true"
+}  # fmt: skip
+"""Names that P-log reserves."""
 
 Position = tuple[str | int, str | int]
 """A predicate and the index of an argument (-1: its value), or the number of a statement and a variable."""
