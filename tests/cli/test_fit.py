@@ -60,7 +60,7 @@ def test_an_interrupt_writes_nothing(lcorpp, files, tmp_path, monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("lcorpp.reasoning.fitting.fit.climb", interrupt)
+    monkeypatch.setattr("lcorpp.fitting.numbers.climb", interrupt)
     ended = lcorpp("fit", *files, "-o", tmp_path / "new.plog")
     assert ended.code == 130
     assert "interrupted while fitting; nothing is written" in ended.err

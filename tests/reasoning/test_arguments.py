@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning import Enumeration, Reasoner, ask, explain, fit, parse_plog, parse_query, read_plog
+from lcorpp.fitting import fit
+from lcorpp.reasoning import Enumeration, Reasoner, ask, explain, parse_plog, parse_query, read_plog
 from lcorpp.reasoning.language.program import Program
 
 PROGRAM = parse_plog(

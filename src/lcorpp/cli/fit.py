@@ -41,8 +41,9 @@ def fit(
     from lcorpp.cli.console import show_delayed_progress
     from lcorpp.cli.output_files import check_writable
     from lcorpp.files import read_text, write_atomically
-    from lcorpp.reasoning import fit as fit_numbers, parse_plog, read_records
-    from lcorpp.reasoning.fitting.maximisation import TOLERANCE
+    from lcorpp.fitting import fit as fit_numbers, read_records
+    from lcorpp.fitting.maximisation import TOLERANCE
+    from lcorpp.reasoning import parse_plog
 
     if output is not None:
         check_writable(output)

@@ -12,8 +12,6 @@ from .estimation import (
 )
 from .explanation import Explanation as Explanation, FiredRule as FiredRule, explain as explain
 from .filtering import Filter as Filter
-from .fitting.fit import Fit as Fit, FittedNumber as FittedNumber, fit as fit
-from .fitting.records import read_records as read_records
 from .language.parser import parse_plog as parse_plog, parse_query as parse_query, read_plog as read_plog
 from .language.program import Program as Program, program_text as program_text
 from .language.signature import Attribute as Attribute

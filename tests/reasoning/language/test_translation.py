@@ -7,7 +7,8 @@ from fractions import Fraction
 import pytest
 
 from lcorpp.errors import ParseError, ProgramError, UndefinedError
-from lcorpp.reasoning import Enumeration, Reasoner, fit, parse_plog, program_text
+from lcorpp.fitting import fit
+from lcorpp.reasoning import Enumeration, Reasoner, parse_plog, program_text
 
 ANSWERS = [
     # a fact, and noisy-or of two equal facts: 1 - 1/2 * 1/2

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from lcorpp.reasoning.fitting.number_model import REJECTED, NumberModel
+from lcorpp.fitting.number_model import REJECTED, NumberModel
 from lcorpp.values import Array
 
 _Mask = npt.NDArray[np.bool_]

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError, ProgramError, UndefinedError
-from lcorpp.reasoning import Enumeration, Fit, Program, Reasoner, fit, parse_plog, read_plog
-from lcorpp.reasoning.fitting.expectation import Expectation
-from lcorpp.reasoning.fitting.number_model import NumberModel, build_number_model, list_free_numbers
+from lcorpp.fitting import Fit, fit
+from lcorpp.fitting.expectation import Expectation
+from lcorpp.fitting.number_model import NumberModel, build_number_model, list_free_numbers
+from lcorpp.reasoning import Enumeration, Program, Reasoner, parse_plog, read_plog
 from lcorpp.reasoning.language.syntax import Number, Probability
 
-PAPER = Path(__file__).parents[2] / "plog" / "lcorpp.plog"
+PAPER = Path(__file__).parents[1] / "plog" / "lcorpp.plog"
 
 PROGRAMS = {
     "chain": """
@@ -398,7 +399,7 @@ def test_long_chains_do_not_underflow() -> None:
 
 
 def test_the_example_of_the_guide() -> None:
-    page = (Path(__file__).parents[3] / "docs" / "plog.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "plog.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"^<!-- fit -->\n```py\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     names: dict[str, object] = {}
     exec(compile(block, "docs/plog.md", "exec"), names)

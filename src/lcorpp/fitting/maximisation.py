@@ -16,8 +16,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.fitting.expectation import Expectation
-from lcorpp.reasoning.fitting.number_model import Case, NumberModel
+from lcorpp.fitting.expectation import Expectation
+from lcorpp.fitting.number_model import Case, NumberModel
 from lcorpp.reasoning.language.program import Program
 from lcorpp.values import Array
 

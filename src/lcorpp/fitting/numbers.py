@@ -14,18 +14,18 @@ from fractions import Fraction
 import numpy as np
 
 from lcorpp.errors import DataError, ProgramError, UndefinedError, check_type
-from lcorpp.reasoning.fitting.expectation import Expectation
-from lcorpp.reasoning.fitting.maximisation import (
+from lcorpp.fitting.expectation import Expectation
+from lcorpp.fitting.maximisation import (
     Progress,
     climb,
     compute_prior_counts,
     count_cases,
     group_cases,
 )
-from lcorpp.reasoning.fitting.number_model import NumberModel, build_number_model, list_free_numbers
-from lcorpp.reasoning.fitting.records import group_records
-from lcorpp.reasoning.fitting.rewriting import replace_numbers
-from lcorpp.reasoning.fitting.uncertainty import compute_uncertainty
+from lcorpp.fitting.number_model import NumberModel, build_number_model, list_free_numbers
+from lcorpp.fitting.records import group_records
+from lcorpp.fitting.rewriting import replace_numbers
+from lcorpp.fitting.uncertainty import compute_uncertainty
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Number, Probability
 from lcorpp.values import Array

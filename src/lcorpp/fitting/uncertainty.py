@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import null_space
 
-from lcorpp.reasoning.fitting.expectation import Expectation
-from lcorpp.reasoning.fitting.number_model import NumberModel
+from lcorpp.fitting.expectation import Expectation
+from lcorpp.fitting.number_model import NumberModel
 from lcorpp.values import Array
 
 Z95 = 1.959964

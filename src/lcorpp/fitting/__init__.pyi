@@ -1,0 +1,2 @@
+from .numbers import Fit as Fit, FittedNumber as FittedNumber, fit as fit
+from .records import read_records as read_records

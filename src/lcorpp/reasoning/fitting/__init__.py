@@ -1,1 +1,0 @@
-"""Numbers from data: maximum-likelihood estimates of the numbers of pr-atoms."""
