@@ -155,7 +155,7 @@ def test_complete_records_give_relative_frequencies() -> None:
     result = fit(program, records)
     assert len(result.numbers) == 14
     for number in result.numbers:
-        (condition,) = number.statement.condition
+        (condition,) = number.statement.body
         own = [r for r in records if r[str(condition.term)] == str(condition.value)]
         count = sum(r[str(number.statement.term)] == str(number.statement.value) for r in own)
         assert float(number.value) == pytest.approx(count / len(own), rel=1e-5)

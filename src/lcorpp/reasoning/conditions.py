@@ -16,7 +16,6 @@ from fractions import Fraction
 from lcorpp.reasoning.grounding.ground_program import ASSIGN, DERIVE, RANGE, Clause
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Probability, Selection, Statement
-from lcorpp.reasoning.language.traversal import as_selection
 
 
 class ConditionViolation(Exception):
@@ -40,8 +39,8 @@ class ConditionViolation(Exception):
 
 def has_dynamic_range(program: Program, statement: int) -> bool:
     """Whether the selection at this index of the program has a dynamic range."""
-    selection = as_selection(program.statements[statement]) if statement >= 0 else None
-    return selection is not None and selection.range is not None
+    selection = program.statements[statement] if statement >= 0 else None
+    return isinstance(selection, Selection) and selection.range is not None
 
 
 def list_dynamic_range(
@@ -84,12 +83,12 @@ def list_applicable(
     if not atoms and not derived and len(selections) == 1:
         return []
     first = selections[0]
-    here = as_selection(program.statements[first.statement])
-    assert here is not None
+    here = program.statements[first.statement]
+    assert isinstance(here, Selection)
     is_2018 = program.semantics == "2018"
     for other in selections[1:]:
-        there = as_selection(program.statements[other.statement])
-        assert there is not None
+        there = program.statements[other.statement]
+        assert isinstance(there, Selection)
         # 2018: random(label, term, range) is an atom, so rules with the same atom are one selection
         is_same = here is there or (is_2018 and _name(here) == _name(there) and here.range == there.range)
         if not is_same or (first.instance, first.label) != (other.instance, other.label):

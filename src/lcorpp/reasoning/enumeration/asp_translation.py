@@ -30,7 +30,6 @@ from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     BodyLiteral,
     ComparisonLiteral,
-    CrRule,
     Expression,
     Intervention,
     Literal,
@@ -103,19 +102,11 @@ class _Translator:
         self._program, self._signature = program, program.signature
         self._is_2018 = program.semantics == "2018"
 
-    def translate_statement(self, index: int, statement: Statement, abducible: str = "") -> str:
-        """Translate a statement; "" if it is a declaration or a query.
-
-        Args:
-            abducible: for the rule of a cr-rule, a literal at the beginning of the body.
-        """
+    def translate_statement(self, index: int, statement: Statement) -> str:
+        """Translate a statement; "" if it is a declaration or a query."""
         match statement:
-            case Rule():
-                return self._translate_rule(index, statement, abducible)
-            case Selection():
-                return self._translate_selection(index, statement, abducible)
-            case CrRule():
-                return self._translate_cr_rule(index, statement)
+            case Rule() | Selection():
+                return self._translate_clause(index, statement)
             case Probability():
                 return self._translate_probability(index, statement)
             case Observation():
@@ -135,6 +126,18 @@ class _Translator:
             return f"do({term}). :- rnd(_,_,_,{term}), not h({term},{value})."
         return f"do({term}). h({term},{value})."
 
+    def _translate_clause(self, index: int, clause: Rule | Selection) -> str:
+        """Translate a cr-rule with one abducible per instance in its body, and minimise their number."""
+        text = abducible = ""
+        if clause.is_cr_rule:
+            abducible = f"cr({index},{_write_variables(list_variables(clause))})"
+            text = f"{{ {abducible} }} :- {self._translate_body(clause, ())}. "
+            text += f"#minimize {{ 1,{index},I : cr({index},I) }}. "
+            abducible += "; "
+        if isinstance(clause, Rule):
+            return text + self._translate_rule(index, clause, abducible)
+        return text + self._translate_selection(index, clause, abducible)
+
     def _translate_rule(self, index: int, rule: Rule, abducible: str) -> str:
         conditions = abducible + self._translate_body(rule, rule.body)
         if rule.head is None:
@@ -144,14 +147,6 @@ class _Translator:
         if self._is_2018 and rule.head.term.name in self._signature.selections:
             text += f" drv({index},i,i,{term}) :- {conditions}; selected({term})."
         return text
-
-    def _translate_cr_rule(self, index: int, rule: CrRule) -> str:
-        """Translate to the rule under one abducible per instance, and minimise the number of abducibles."""
-        inner = rule.statement
-        abducible = f"cr({index},{_write_variables(list_variables(inner))})"
-        text = f"{{ {abducible} }} :- {self._translate_body(inner, ())}. "
-        text += f"#minimize {{ 1,{index},I : cr({index},I) }}. "
-        return text + self.translate_statement(index, inner, f"{abducible}; ")
 
     def _translate_selection(self, index: int, selection: Selection, abducible: str) -> str:
         term = _write_expression(selection.term)
@@ -176,7 +171,7 @@ class _Translator:
     def _translate_probability(self, index: int, atom: Probability) -> str:
         term, label = _write_expression(atom.term), _write_tuple(atom.label.arguments if atom.label else ())
         instance = _write_variables(list_variables(atom))
-        conditions, value = self._translate_body(atom, atom.condition), _write_expression(atom.value)
+        conditions, value = self._translate_body(atom, atom.body), _write_expression(atom.value)
         return f"pr({index},{label},{instance},{term},{value}) :- {conditions}; selected({term})."
 
     def _translate_body(self, statement: Rule | Selection | Probability, body: Iterable[BodyLiteral]) -> str:

@@ -53,7 +53,7 @@ from lcorpp.reasoning.language.syntax import (
     Selection,
     Variable,
 )
-from lcorpp.reasoning.language.traversal import get_head, iter_expressions, list_expressions
+from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions
 from lcorpp.reasoning.questions import QUERY_TERM, is_joint
 
 
@@ -103,7 +103,7 @@ class _Grounder:
                     self._contradictory.add(term)
             elif isinstance(statement, Fact):
                 self._clauses[statement.name].append((index, statement))
-            elif isinstance(statement, Rule | Selection) and (head := get_head(statement)):
+            elif isinstance(statement, Rule | Selection) and (head := statement.head):
                 self._clauses[head.term.name].append((index, statement))
         self._find_atoms()
 
@@ -171,7 +171,7 @@ class _Grounder:
         for index, clause in clauses:
             if isinstance(clause, Fact):
                 rows[clause.values[:width]] = None
-            elif head := get_head(clause):
+            elif head := clause.head:
                 table = self._tables[index] = self._instantiate(clause, clause.body)
                 parts = (*head.term.arguments, head.value)[:width]
                 rows.update(dict.fromkeys(table.iter_rows(list(map(table.evaluate, parts)))))
@@ -234,15 +234,14 @@ class _Grounder:
             self._emit(table, RANGE, terms, value, condition, index, (), instances)
 
     def _ground_pr_atom(self, index: int, atom: Probability) -> None:
-        head = get_head(atom)
-        table = self._instantiate(atom, (*atom.condition, head) if head else ())
+        table = self._instantiate(atom, (*atom.body, atom.head))
         parts = (
             self.terms.number_terms(table, atom.term),
             self.terms.index_values(table, atom.term, atom.value),
         )
         label = table.evaluate_all(atom.label.arguments if atom.label else ())
         number = _evaluate_numbers(table, atom.number)
-        self._emit(table, ASSIGN, *parts, atom.condition, index, label, number=number)
+        self._emit(table, ASSIGN, *parts, atom.body, index, label, number=number)
 
     def _observe(self, formula: Formula) -> None:
         """Forbid the worlds in which a formula is false; a disjunction becomes a term of its own."""

@@ -1,6 +1,6 @@
-"""Static checks of a program: names, arities, sorts, labels, safety and sizes.
+"""Static checks of a program: names, arities, sorts and labels; `safety` checks variables and arithmetic.
 
-`conformance` checks terms and literals, `safety` variables and arithmetic.
+Every check raises SourceIssue for the first error.
 """
 
 from __future__ import annotations
@@ -8,20 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lcorpp.errors import expected_one_of
-from lcorpp.reasoning.language.arithmetic import find_variables
-from lcorpp.reasoning.language.conformance import (
-    check_formula,
-    check_intervention,
-    check_query,
-    require_selections,
-)
+from lcorpp.reasoning.language.arithmetic import canonical_text, find_variables, is_integer
 from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.issues import Place, SortMismatch, SourceIssue
-from lcorpp.reasoning.language.safety import check_variables
+from lcorpp.reasoning.language.safety import check_variables, require_integers
 from lcorpp.reasoning.language.signature import Signature, build_signature
 from lcorpp.reasoning.language.syntax import (
     Clause,
-    DynamicRange,
     Intervention,
     Literal,
     Number,
@@ -31,30 +24,74 @@ from lcorpp.reasoning.language.syntax import (
     Rule,
     Selection,
     Statement,
+    Term,
 )
-from lcorpp.reasoning.language.traversal import as_clause, get_body, get_head, list_expressions
+from lcorpp.reasoning.language.traversal import list_expressions
 
 
 def check_statements(statements: Sequence[Statement]) -> Signature:
-    """Check a program and return its signature; raise SourceIssue for the first error."""
+    """Check a program and return its signature."""
     signature = build_signature(statements)
-    labels: dict[str, Place] = {}
+    labelled: dict[str, Selection] = {}
     for statement in statements:
-        clause = as_clause(statement)
-        if isinstance(clause, Selection) and clause.label:
-            label = str(clause.label)
-            if label in labels:
-                raise SourceIssue(clause.at, f"label [{label}] is already used at {labels[label]}")
-            labels[label] = clause.at
-        if clause:
-            _check_clause(clause, signature)
-        elif isinstance(statement, Query):
-            check_query(statement, signature)
-        elif isinstance(statement, Observation):
-            check_formula(statement.formula, signature)
-        elif isinstance(statement, Intervention):
-            check_intervention(statement, signature)
+        if isinstance(statement, Selection) and statement.label:
+            first = labelled.setdefault(str(statement.label), statement)
+            if first is not statement:
+                words = f"label [{statement.label}] is already used at {first.at}"
+                raise SourceIssue(statement.at, words)
+        check_statement(statement, signature)
     return signature
+
+
+def check_statement(statement: Statement, signature: Signature) -> None:
+    """Check a statement against the declarations of a program."""
+    if isinstance(statement, Clause):
+        _check_clause(statement, signature)
+    elif isinstance(statement, Observation):
+        for literal in (literal for case in statement.formula for literal in case):
+            _check_ground_literal(literal, signature)
+    elif isinstance(statement, Intervention):
+        value = Literal(statement.term, "=", statement.value, at=statement.at)
+        _check_ground_literal(value, signature)
+        _list_selections(statement.term, statement.at, signature)
+    elif isinstance(statement, Query):
+        _check_subjects(statement, signature)
+        for part in (Observation(statement.formula), *statement.observations, *statement.interventions):
+            check_statement(part, signature)
+
+
+def _check_ground_literal(literal: Literal, signature: Signature) -> None:
+    slots = list(signature.iter_attribute_slots(literal))
+    for expression in (*literal.term.arguments, literal.value):
+        canonical_text(expression)  # raises for a variable
+    signature.check_slots(slots)
+    if literal.value is not literal.term:
+        require_integers((literal,), {}, signature)
+
+
+def _check_subjects(query: Query, signature: Signature) -> None:
+    for i, subject in enumerate(query.subjects):
+        _check_ground_literal(subject.as_literal(), signature)
+        if subject in query.subjects[:i]:
+            raise SourceIssue(subject.at, f"the query names {subject} twice; expected different attributes")
+        words = [value for value in signature.attributes[subject.name].values if not is_integer(value)]
+        if query.expression and words:
+            raise SourceIssue(
+                subject.at, f"{subject} may be {words[0]}, which is no number; E[...] expects integers"
+            )
+
+
+def _list_selections(term: Term, at: Place, signature: Signature) -> Sequence[Selection]:
+    """List the random selections of an attribute, which needs at least one."""
+    selections = signature.selections.get(term.name, ())
+    if not selections:
+        raise SourceIssue(
+            at, f"{term.name} has no random selection; expected 'random({term}).' in the program"
+        )
+    return selections
+
+
+# clauses
 
 
 def _check_clause(clause: Clause, signature: Signature) -> None:
@@ -63,8 +100,13 @@ def _check_clause(clause: Clause, signature: Signature) -> None:
     if isinstance(clause, Probability):
         _check_probability(clause, signature)
     check_variables(clause, signature)
-    if isinstance(clause, Selection) and clause.range:
-        _check_range(clause, clause.range, signature)
+    if isinstance(clause, Selection) and clause.range:  # a rule for the possible values
+        variable = clause.range.variable
+        if variable.name in find_variables(*list_expressions(clause)):
+            words = f"variable {variable} of the dynamic range is also used outside of it"
+            raise SourceIssue(variable.at, words)
+        body = (*clause.body, *clause.range.condition)
+        check_variables(Rule(Literal(clause.term, "=", variable), body, at=clause.at), signature)
 
 
 def _is_valid(fact: Fact, signature: Signature) -> bool:
@@ -76,19 +118,10 @@ def _is_valid(fact: Fact, signature: Signature) -> bool:
     return all(str(value) in signature.sorts[sort] for value, sort in zip(fact.values, sorts, strict=True))
 
 
-def _check_range(selection: Selection, dynamic_range: DynamicRange, signature: Signature) -> None:
-    """Check a dynamic range as if it were a rule for the possible values."""
-    variable = dynamic_range.variable
-    if variable.name in find_variables(*list_expressions(selection)):
-        raise SourceIssue(variable.at, f"variable {variable} of the dynamic range is also used outside of it")
-    body = (*selection.body, *dynamic_range.condition)
-    check_variables(Rule(Literal(selection.term, "=", variable), body, at=selection.at), signature)
-
-
 def _check_probability(atom: Probability, signature: Signature) -> None:
     """Check the label and the number of a pr-atom."""
     signature.get_attribute(atom.term)
-    selections = require_selections(atom.term, atom.at, signature)
+    selections = _list_selections(atom.term, atom.at, signature)
     if (label := atom.label) is not None:
         labels = [selection.label for selection in selections if selection.label]
         sizes = {len(other.arguments) for other in labels if other.name == label.name}
@@ -118,25 +151,18 @@ def drop_ill_sorted(statements: Sequence[Statement]) -> tuple[Statement, ...]:
     its sort, or if a positive body literal has a wrong number of arguments. Other contradictions to
     declarations remain errors: under `not`, in observations, interventions and queries, and in the number of
     arguments of a head.
-
-    Raises:
-        SourceIssue: a statement has another error.
     """
     signature = build_signature(statements)
-    return tuple(statement for statement in statements if _has_instances(statement, signature))
+    return tuple(s for s in statements if not isinstance(s, Clause) or _has_instances(s, signature))
 
 
-def _has_instances(statement: Statement, signature: Signature) -> bool:
-    clause = as_clause(statement)
+def _has_instances(clause: Clause, signature: Signature) -> bool:
     try:
-        if clause:
-            _check_clause(clause, signature)
+        _check_clause(clause, signature)
     except SortMismatch:
-        assert clause
-        head = get_head(clause)
-        if head:
-            signature.get_attribute(head.term)
-        literals = [part for part in (head, *get_body(clause)) if isinstance(part, Literal)]
+        if clause.head:
+            signature.get_attribute(clause.head.term)
+        literals = [part for part in (clause.head, *clause.body) if isinstance(part, Literal)]
         positive = [part for part in literals if not part.negated and not signature.is_sort(part)]
         try:
             signature.check_slots(signature.iter_body_slots(positive))

@@ -38,7 +38,7 @@ class Fact(Rule):
         return Literal(Term(self.name, tuple(arguments), at=self.at), "=", value, at=self.at)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Rule) and (self.head, self.body) == (other.head, other.body)
+        return isinstance(other, Rule) and self._list_values() == other._list_values()
 
     __hash__ = Rule.__hash__
 

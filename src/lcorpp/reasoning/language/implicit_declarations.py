@@ -24,8 +24,15 @@ from lcorpp.reasoning.language.sorts import (
     SortOperation,
     SortSet,
 )
-from lcorpp.reasoning.language.syntax import AttributeDeclaration, Expression, Literal, Statement, Variable
-from lcorpp.reasoning.language.traversal import as_clause, get_head, list_literals, map_literals
+from lcorpp.reasoning.language.syntax import (
+    AttributeDeclaration,
+    Clause,
+    Expression,
+    Literal,
+    Statement,
+    Variable,
+)
+from lcorpp.reasoning.language.traversal import list_literals, map_literals
 
 
 @dataclass
@@ -74,8 +81,8 @@ class _Inference:
                     slot[str(value)] = (*fact.head.term.arguments, fact.head.value)[i]
 
     def _collect_uses(self, statement: Statement) -> None:
-        clause, literals = as_clause(statement), list_literals(statement)
-        head = get_head(clause) if clause else None
+        literals = list_literals(statement)
+        head = statement.head if isinstance(statement, Clause) else None
         sorts = self._find_variable_sorts(literals)
         for literal in literals:
             term = literal.term

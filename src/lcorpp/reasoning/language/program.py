@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from lcorpp.errors import ProgramError
-from lcorpp.reasoning.language.checker import check_statements
-from lcorpp.reasoning.language.conformance import check_query
+from lcorpp.reasoning.language.checker import check_statement, check_statements
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.signature import Attribute, Signature
 from lcorpp.reasoning.language.sorts import SortDefinition, SortSet
-from lcorpp.reasoning.language.syntax import SEMANTICS, CrRule, Query, Semantics, Statement, Term
+from lcorpp.reasoning.language.syntax import SEMANTICS, Query, Rule, Selection, Semantics, Statement, Term
 from lcorpp.reasoning.language.traversal import map_literals
 
 SHOWN_STATEMENTS = 100
@@ -57,7 +56,7 @@ class Program:
     @property
     def has_cr_rules(self) -> bool:
         """Whether the program has cr-rules, so that an observation can create possible worlds."""
-        return any(isinstance(statement, CrRule) for statement in self.statements)
+        return any(isinstance(s, Rule | Selection) and s.is_cr_rule for s in self.statements)
 
     def is_random(self, term: Term) -> bool:
         """Whether the attribute of a term has a random selection."""
@@ -70,7 +69,7 @@ class Program:
             SourceIssue: a name or value is unknown to the program.
         """
         query = map_literals(query, self.signature.resolve_overload)
-        check_query(query, self.signature)
+        check_statement(query, self.signature)
         return query
 
     def __str__(self) -> str:

@@ -24,7 +24,6 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     syntax_node,
 )
-from lcorpp.reasoning.language.traversal import as_selection, get_body, get_head
 
 ArgumentSlot = tuple[Expression, str]
 """An expression and the sort required at its position."""
@@ -148,10 +147,9 @@ class Signature:
 
     def iter_slots(self, clause: Clause) -> Iterator[ArgumentSlot]:
         """The slots of a clause without those of a dynamic range, which has its own variables."""
-        head = get_head(clause)
-        if head:
-            yield from self.iter_attribute_slots(head)
-        yield from self.iter_body_slots(get_body(clause))
+        if clause.head:
+            yield from self.iter_attribute_slots(clause.head)
+        yield from self.iter_body_slots(clause.body)
 
     def iter_range_slots(self, selection: Selection) -> Iterator[ArgumentSlot]:
         """The slots of a dynamic range, its variable first."""
@@ -200,7 +198,7 @@ def build_signature(statements: Sequence[Statement]) -> Signature:
             if domains.setdefault(variable, domain.sort) != domain.sort:
                 raise SourceIssue(domain.at, f"variable {variable} already has the sort {domains[variable]}")
     selections: dict[str, tuple[Selection, ...]] = {}
-    for selection in filter(None, map(as_selection, statements)):
+    for selection in (s for s in statements if isinstance(s, Selection)):
         selections[selection.term.name] = (*selections.get(selection.term.name, ()), selection)
     return Signature(
         MappingProxyType({name: MappingProxyType(members) for name, members in sorts.known.items()}),

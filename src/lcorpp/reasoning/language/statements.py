@@ -33,7 +33,6 @@ from lcorpp.reasoning.language.syntax import (
     SEMANTICS,
     Body,
     BodyLiteral,
-    CrRule,
     DomainDirective,
     DynamicRange,
     Literal,
@@ -152,8 +151,7 @@ def _parse_clause(cursor: Cursor) -> Iterator[Statement]:
     if cursor.accept_word("random"):
         term, dynamic_range = _parse_selection_head(cursor)
         body, is_cr_rule = _parse_tail(cursor)
-        selection = Selection(term, dynamic_range, body, label, at=at)
-        yield CrRule(selection, at=at) if is_cr_rule else selection
+        yield Selection(term, dynamic_range, body, label, is_cr_rule, at=at)
     elif cursor.accept_word("pr"):
         yield _parse_probability(cursor, label, at)
     elif cursor.next_is(":-", *_CR_ARROWS):
@@ -162,16 +160,14 @@ def _parse_clause(cursor: Cursor) -> Iterator[Statement]:
         yield _parse_rule(cursor, parse_literal(cursor, plus_minus_is_arrow=True), label, at)
 
 
-def _parse_rule(cursor: Cursor, literal: BodyLiteral | None, label: Term | None, at: Place) -> Rule | CrRule:
+def _parse_rule(cursor: Cursor, literal: BodyLiteral | None, label: Term | None, at: Place) -> Rule:
     """Parse a rule after its head; a constraint has none."""
     head = require_assignment(literal, "the head of a rule") if literal else None
     body, is_cr_rule = _parse_tail(cursor, needs_body=head is None)
-    rule = Rule(head, body, at=head.at if head else at)
-    if is_cr_rule:
-        return CrRule(rule, label, at=at)
-    if label:
+    if label and not is_cr_rule:
+        rule = Rule(head, body)
         raise SourceIssue(at, f"only random selections, pr-atoms and cr-rules have a label, not '{rule}'")
-    return rule
+    return Rule(head, body, label, is_cr_rule, at=at)
 
 
 def _parse_tail(cursor: Cursor, *, needs_body: bool = False) -> tuple[Body, bool]:

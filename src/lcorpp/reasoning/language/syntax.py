@@ -91,6 +91,10 @@ class Term(SyntaxNode):
     def __str__(self) -> str:
         return f"{self.name}({','.join(map(str, self.arguments))})" if self.arguments else self.name
 
+    def as_literal(self) -> Literal:
+        """A literal without a value of its own: an order, whose right side is not bound to the range."""
+        return Literal(self, "<", self, at=self.at)
+
 
 @syntax_node
 class Operation(SyntaxNode):
@@ -162,14 +166,6 @@ class Statement(SyntaxNode):
 Body = tuple[BodyLiteral, ...]
 
 
-def _format_body(body: Body, sign: str = " :- ") -> str:
-    return f"{sign}{', '.join(map(str, body))}" if body else ""
-
-
-def _format_label(label: Term | None) -> str:
-    return f"[{label}] " if label else ""
-
-
 @syntax_node
 class AttributeDeclaration(Statement):
     """`name : arguments -> range.`"""
@@ -205,64 +201,74 @@ class DynamicRange(SyntaxNode):
 
 
 @syntax_node
+class Rule(Statement):
+    """`head :- body.` A rule without body is a fact, one without head a constraint.
+
+    is_cr_rule: whether the rule is consistency-restoring, `[label] head +- body.`: applied only if no
+        possible world exists.
+    """
+
+    head: Literal | None
+    body: Body = ()
+    label: Term | None = None
+    is_cr_rule: bool = False
+
+    def __str__(self) -> str:
+        return _format_clause(self, str(self.head or ""))
+
+
+@syntax_node
 class Selection(Statement):
-    """`[label] random(term : range) :- body.`"""
+    """`[label] random(term : range) :- body.`, or with `+-`, see `Rule.is_cr_rule`."""
 
     term: Term
     range: DynamicRange | None = None
     body: Body = ()
     label: Term | None = None
+    is_cr_rule: bool = False
+
+    @property
+    def head(self) -> Literal:
+        """The selected term, without a value."""
+        return self.term.as_literal()
 
     def __str__(self) -> str:
-        chosen = f" : {self.range}" if self.range else ""
-        return f"{_format_label(self.label)}random({self.term}{chosen}){_format_body(self.body)}."
+        return _format_clause(self, f"random({self.term}{f' : {self.range}' if self.range else ''})")
 
 
 @syntax_node
 class Probability(Statement):
-    """`[label] pr(term=value | condition) = number.` A number without variables is evaluated."""
+    """`[label] pr(term=value | body) = number.` A number without variables is evaluated."""
 
     term: Term
     value: Expression
     number: Expression
-    condition: Body = ()
+    body: Body = ()
     label: Term | None = None
 
-    def __str__(self) -> str:
-        number = str(self.number.value) if isinstance(self.number, Number) else str(self.number)
-        condition = _format_body(self.condition, " | ")
-        return f"{_format_label(self.label)}pr({self.term}={self.value}{condition}) = {number}."
-
-
-@syntax_node
-class Rule(Statement):
-    """`head :- body.` A rule without body is a fact, one without head a constraint."""
-
-    head: Literal | None
-    body: Body = ()
+    @property
+    def head(self) -> Literal:
+        """`term=value`."""
+        return Literal(self.term, "=", self.value, at=self.at)
 
     def __str__(self) -> str:
-        return f"{self.head or ''}{_format_body(self.body)}.".lstrip()
+        number = self.number.value if isinstance(self.number, Number) else self.number
+        condition = f" | {', '.join(map(str, self.body))}" if self.body else ""
+        return f"{_format_label(self.label)}pr({self.head}{condition}) = {number}."
 
 
 Clause = Rule | Selection | Probability
 """A statement with variables, which stands for its ground instances."""
 
 
-@syntax_node
-class CrRule(Statement):
-    """`[label] statement +- body.`: a consistency-restoring rule, applied only if no possible world exists.
+def _format_label(label: Term | None) -> str:
+    return f"[{label}] " if label else ""
 
-    statement: the rule or random selection that it adds.
-    label: the label of a rule; a selection has its own.
-    """
 
-    statement: Rule | Selection
-    label: Term | None = None
-
-    def __str__(self) -> str:
-        head, _, body = str(self.statement)[:-1].partition(":- ")
-        return f"{_format_label(self.label)}{head.rstrip()} +- {body}".strip() + "."
+def _format_clause(clause: Rule | Selection, head: str) -> str:
+    arrow = "+-" if clause.is_cr_rule else ":-" if clause.body else ""
+    text = f"{_format_label(clause.label)}{head} {arrow} {', '.join(map(str, clause.body))}"
+    return f"{text.strip()}."
 
 
 Formula = tuple[tuple[Literal, ...], ...]

@@ -11,16 +11,13 @@ from typing import Any, TypeVar
 from lcorpp.reasoning.language.arithmetic import find_variables
 from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.syntax import (
-    Body,
     BodyLiteral,
     Clause,
-    CrRule,
     DynamicRange,
     Expression,
     Literal,
     Probability,
     Rule,
-    Selection,
     Statement,
     Term,
 )
@@ -28,37 +25,6 @@ from lcorpp.reasoning.language.syntax import (
 _Node = TypeVar("_Node")
 
 Rewrite = Callable[[Literal], Literal]
-
-
-def as_clause(statement: Statement) -> Clause | None:
-    """Return the statement, or that of a cr-rule, if it is a rule, a random selection or a pr-atom."""
-    inner = statement.statement if isinstance(statement, CrRule) else statement
-    return inner if isinstance(inner, Clause) else None
-
-
-def as_selection(statement: Statement) -> Selection | None:
-    """Return the random selection of a statement, perhaps within a cr-rule, or None."""
-    clause = as_clause(statement)
-    return clause if isinstance(clause, Selection) else None
-
-
-def as_literal(term: Term) -> Literal:
-    """Return a literal without a value of its own: an order, whose right side is not bound to the range."""
-    return Literal(term, "<", term, at=term.at)
-
-
-def get_head(clause: Clause) -> Literal | None:
-    """Return the head of a rule, `term=value` of a pr-atom, or the term of a selection (`as_literal`)."""
-    if isinstance(clause, Rule):
-        return clause.head
-    if isinstance(clause, Probability):
-        return Literal(clause.term, "=", clause.value, at=clause.at)
-    return as_literal(clause.term)
-
-
-def get_body(clause: Clause) -> Body:
-    """Return the body of a rule or selection, or the condition of a pr-atom."""
-    return clause.condition if isinstance(clause, Probability) else clause.body
 
 
 def iter_expressions(body: Iterable[BodyLiteral]) -> Iterator[Expression]:
@@ -72,11 +38,12 @@ def iter_expressions(body: Iterable[BodyLiteral]) -> Iterator[Expression]:
 
 def list_expressions(clause: Clause) -> list[Expression]:
     """List the expressions of a clause without those of a dynamic range."""
-    head, label = get_head(clause), None if isinstance(clause, Rule) else clause.label
-    expressions = [*iter_expressions([head] if head else []), *(label.arguments if label else ())]
+    expressions = list(iter_expressions([clause.head] if clause.head else []))
+    if clause.label and not isinstance(clause, Rule):
+        expressions.extend(clause.label.arguments)
     if isinstance(clause, Probability):
         expressions.append(clause.number)
-    return [*expressions, *iter_expressions(get_body(clause))]
+    return [*expressions, *iter_expressions(clause.body)]
 
 
 def list_variables(clause: Clause) -> list[str]:
@@ -99,7 +66,7 @@ def list_literals(statement: Statement) -> list[Literal]:
 def map_literals(node: _Node, rewrite: Rewrite) -> _Node:
     """Return a statement, or a part of one, with each literal and each term without value rewritten.
 
-    `rewrite` gets a term without value as a literal (`as_literal`).
+    `rewrite` gets a term without value as a literal (`Term.as_literal`).
     """
     return _map_part(node, rewrite)  # type: ignore[no-any-return]  # of the type of the node
 
@@ -108,22 +75,18 @@ def _map_part(part: Any, rewrite: Rewrite) -> Any:
     if isinstance(part, Literal):
         return rewrite(part)
     if isinstance(part, Term):
-        return rewrite(as_literal(part)).term
+        return rewrite(part.as_literal()).term
     if isinstance(part, tuple):
         items = [_map_part(item, rewrite) for item in part]
         return part if all(map(is_, items, part)) else tuple(items)
-    changes = {}
-    for name in _list_mapped_fields(part.__class__):
-        old = getattr(part, name)
-        new = _map_part(old, rewrite)
-        if new is not old:
-            changes[name] = new
-    if isinstance(part, Fact) and changes:
-        return Rule(**changes, at=part.at)
-    return replace(part, **changes) if changes else part
+    parts = {name: getattr(part, name) for name in _list_mapped_fields(part.__class__)}
+    mapped = {name: _map_part(old, rewrite) for name, old in parts.items()}
+    if all(map(is_, parts.values(), mapped.values())):
+        return part
+    return Rule(**mapped, at=part.at) if isinstance(part, Fact) else replace(part, **mapped)
 
 
 @cache
 def _list_mapped_fields(kind: type[Any]) -> list[str]:
     names = [field.name for field in fields(kind)] if issubclass(kind, Statement | DynamicRange) else []
-    return [name for name in names if name not in ("at", "value", "number", "label")]
+    return [name for name in names if name not in ("at", "value", "number", "label", "is_cr_rule")]
