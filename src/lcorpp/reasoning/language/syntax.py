@@ -124,8 +124,8 @@ Expression = Number | Variable | Term | Arithmetic
 
 
 def _format_operand(expression: Expression) -> str:
-    bare = not isinstance(expression, Arithmetic) and not str(expression).startswith("-")
-    return str(expression) if bare else f"({expression})"
+    text = str(expression)
+    return f"({text})" if isinstance(expression, Arithmetic) or text.startswith("-") else text
 
 
 @syntax_node
@@ -154,9 +154,6 @@ class ComparisonLiteral(SyntaxNode):
 
 
 BodyLiteral = Literal | ComparisonLiteral
-
-
-# statements
 
 
 class Statement(SyntaxNode):
@@ -275,10 +272,6 @@ Formula = tuple[tuple[Literal, ...], ...]
 """A disjunction of conjunctions of literals."""
 
 
-def _format_formula(formula: Formula, conjunction: str) -> str:
-    return " or ".join([conjunction.join(map(str, case)) for case in formula])
-
-
 @syntax_node
 class Observation(Statement):
     """`obs(formula)`: excludes the worlds in which the formula is false."""
@@ -286,7 +279,7 @@ class Observation(Statement):
     formula: Formula
 
     def __str__(self) -> str:
-        return f"obs({_format_formula(self.formula, ' and ')})."
+        return f"obs({' or '.join([' and '.join(map(str, case)) for case in self.formula])})."
 
 
 @syntax_node
@@ -315,7 +308,7 @@ class Query(Statement):
     def __str__(self) -> str:
         asked = f"E[{self.expression}]" if self.expression else ", ".join(map(str, self.subjects))
         if not self.subjects:
-            asked = f"{{{_format_formula(self.formula, ', ')}}}"
+            asked = f"{{{' or '.join([', '.join(map(str, case)) for case in self.formula])}}}"
         return f"?{asked}{' | ' if self.conditions else ''}{', '.join(self.conditions)}."
 
     @property
