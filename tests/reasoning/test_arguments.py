@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcorpp.errors import ProgramError
+from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.fitting import fit
 from lcorpp.reasoning import Enumeration, Reasoner, ask, explain, parse_plog, parse_query, read_plog
 from lcorpp.reasoning.language.program import Program
@@ -72,6 +72,11 @@ RNG = np.random.default_rng(1)
         (lambda: ask(PROGRAM, None), "query is None; expected Query"),
         (lambda: ask(3, parse_query("b", PROGRAM)), "program is 3; expected Program"),
         (lambda: Enumeration(PROGRAM, limit="x"), "limit is 'x'; expected int"),
+        (lambda: Enumeration(PROGRAM, limit=-1), "limit is -1; expected at least 1"),
+        (lambda: Enumeration(PROGRAM, limit=0), "limit is 0; expected at least 1"),
+        (lambda: Enumeration(PROGRAM).expect("b"), "b may be x, which is no number"),
+        (lambda: Enumeration(PROGRAM).most_probable({}, 0), "expected 1 to 100000 worlds, not 0"),
+        (lambda: Enumeration(PROGRAM).ask(parse_query("b", PROGRAM), exact=1), "exact is 1; expected bool"),
         (lambda: Enumeration(PROGRAM).exact(3), "expected the name of an attribute, not 3"),
         (lambda: Enumeration(PROGRAM).exact("b", {}, 3), "do is 3; expected Mapping"),
         (lambda: Enumeration(PROGRAM).ask(None), "query is None; expected Query"),
@@ -133,6 +138,21 @@ def test_integers_and_truth_values_as_evidence(a, ok):
     assert CIRCUIT.most_probable(given)[0].values["a"] == str(a)
     assert REASONER.sample(RNG, given)["ok"] == CIRCUIT.sample(RNG, given)["ok"] == named["ok"]
     assert REASONER.posterior("a", {}, {"a": a})[str(a)] == 1
+
+
+def test_all_engines_answer_the_same_questions():
+    enumeration, given = Enumeration(PROGRAM), {"b": "x"}
+    for do in ({}, {"ok": "true"}):
+        expected = enumeration.expect("a*a - 1", given, do)
+        assert REASONER.expect("a*a - 1", given, do) == pytest.approx(expected)
+        assert enumeration.expect("a", {"a": 3}, do) == 3
+        for of in (None, "a", ["a", "ok"]):
+            first, second = (r.most_probable(given, 3, of=of, do=do) for r in (REASONER, enumeration))
+            assert [w.measure for w in first] == [w.measure for w in second]
+            assert sum(w.measure for w in enumeration.most_probable(given, 10, of=of, do=do)) == 1
+    assert enumeration.count() == REASONER.count() == len(enumeration.worlds) == 12
+    with pytest.raises(UndefinedError, match="no possible world of positive measure has a=3, b=y"):
+        enumeration.most_probable({"a": 3, "b": "y"})
 
 
 def test_a_cached_answer_for_1_is_none_for_true():

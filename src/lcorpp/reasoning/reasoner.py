@@ -9,32 +9,19 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from fractions import Fraction
 from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 from lcorpp.errors import ProgramError, TooLargeError, check_type
-from lcorpp.reasoning.answers import (
-    PossibleWorld,
-    QueryAnswer,
-    Value,
-    answer_query,
-    compute_expectation,
-    format_conditions,
-    make_no_world_error,
-    normalise_marginal,
-    rank_values,
-)
+from lcorpp.reasoning.answers import QueryAnswer
+from lcorpp.reasoning.inference import NOTHING, Facts, Inference, Subject, Worlds
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.query_model import QueryModel
 from lcorpp.reasoning.questions import is_joint
 from lcorpp.reasoning.resolve import (
-    check_count,
-    check_rng,
+    check_at_least,
     make_query,
-    resolve_evidence,
-    resolve_expectation,
     resolve_interventions,
     resolve_labels,
     resolve_query,
@@ -42,8 +29,6 @@ from lcorpp.reasoning.resolve import (
 )
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from lcorpp.reasoning.circuit.circuit import Circuit
     from lcorpp.reasoning.enumeration.reasoner import Enumeration
     from lcorpp.reasoning.filtering import Filter
@@ -59,12 +44,9 @@ CACHE_SIZE = 1000
 
 MAX_MODELS = 20
 """A reasoner keeps at most this many ground programs with their decision diagrams, which may be large."""
-Subject = str | Sequence[str]
-Facts = Mapping[str, str]
-NOTHING: Facts = {}
 
 
-class Reasoner:
+class Reasoner(Inference):
     """Answers queries of a program; `Enumeration` is the reference.
 
     Args:
@@ -79,14 +61,12 @@ class Reasoner:
 
     def __init__(self, program: Program, *, samples: int = DEFAULT_SAMPLES, seed: int = 0) -> None:
         check_type(program, Program, "program", ProgramError)
-        for name, number, lowest in (("samples", samples, 1), ("seed", seed, 0)):
-            check_type(number, int, name, ProgramError)
-            if number < lowest:
-                raise ProgramError(f"{name} is {number}; expected at least {lowest}")
+        check_at_least(samples, 1, "samples")
+        check_at_least(seed, 0, "seed")
         self.program, self.samples, self.seed = program, samples, seed
         self._circuits: dict[object, Circuit | TooLargeError] = {}
         self._answers: dict[object, Distribution] = {}
-        self.build_model = lru_cache(MAX_MODELS)(partial(QueryModel, program))
+        self._find_model = lru_cache(MAX_MODELS)(partial(QueryModel, program))
 
     def __repr__(self) -> str:
         return f"Reasoner({self.program!r})"
@@ -94,27 +74,30 @@ class Reasoner:
     def __reduce__(self) -> tuple[partial[Reasoner], tuple[Program]]:
         return partial(Reasoner, samples=self.samples, seed=self.seed), (self.program,)  # without caches
 
+    def build_model(self, query: Query, terms: tuple[str, ...] = ()) -> QueryModel:
+        """Ground the program for a query, see `QueryModel`; models are cached."""
+        return self._find_model(query, terms)
+
+    def find_worlds(self, query: Query, terms: tuple[str, ...] = ()) -> Worlds:
+        """Find the worlds that satisfy the conditions of a resolved query, see `Inference`."""
+        if self.program.has_cr_rules:
+            return self._enumeration.find_worlds(query)
+        return self.build_model(query, terms).worlds
+
     def posterior(
         self, attribute: Subject, evidence: Mapping[str, Label] = NOTHING, do: Facts = NOTHING
     ) -> Distribution:
-        """Compute the marginal of an attribute, or of several jointly, given evidence and interventions.
+        """Compute a marginal given evidence and interventions, see `Inference.posterior`.
 
         Args:
-            attribute: an attribute or a term of one, such as ``roll(d1)``; or several, such as ``["item",
-                "person"]``: the values are then tuples, ``("cup", "ann")``, of all combinations in order.
-            evidence: term -> value, or -> the likelihood of each of its values. Integers and truth values
-                may be given as such: 3 for ``3``, True for ``true``.
-            do: term -> value.
+            evidence: term -> value, or -> the likelihood of each of its values.
 
         Returns:
             An `EstimatedDistribution`, with a `ReasoningWarning`, if the program is too large to be compiled.
 
         Raises:
-            ProgramError: a name is unknown, `attribute` may have no value under the evidence, or a world
-                violates a condition of the language.
-            UndefinedError: no possible world satisfies the evidence.
-            TooLargeError: the program is too large, and the evidence soft, or too improbable for sampling;
-                or the attributes have more than 10,000 combinations of values.
+            TooLargeError: also if the program is too large, and the evidence soft, or too improbable for
+                sampling.
         """
         try:
             asked = tuple(attribute) if isinstance(attribute, list) else attribute
@@ -128,69 +111,6 @@ class Reasoner:
             if key and all(isinstance(value, str) for value in (*evidence.values(), *do.values())):
                 _store(self._answers, key, answer)
         return answer
-
-    def exact(
-        self, attribute: Subject, evidence: Facts = NOTHING, do: Facts = NOTHING
-    ) -> dict[Value, Fraction]:
-        """Compute a posterior in fractions: value -> probability, in the order of the declaration.
-
-        Raises:
-            ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: the program is too large to be compiled.
-        """
-        question = resolve_subject(self.program, attribute)
-        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
-        if self.program.has_cr_rules:
-            return self._enumeration.exact(question, facts, set_to)
-        model = self.build_model(make_query(self.program, "", {}, set_to), (question, *facts))
-        weights = model.worlds.compute_exact_weights(question, facts)
-        return normalise_marginal(self.program, question, weights, format_conditions(facts, set_to))
-
-    def expect(self, expression: str, evidence: Mapping[str, Label] = NOTHING, do: Facts = NOTHING) -> float:
-        """Compute an expectation given evidence and interventions, as `posterior`; `ask` gives fractions.
-
-        Args:
-            expression: of attributes with integer values, such as ``a*b - 2*roll(d1)``; division is exact.
-
-        Raises:
-            ProgramError: as `posterior`; or a value is no number, or the expression divides by zero.
-            UndefinedError, TooLargeError: as `posterior`.
-        """
-        query = resolve_expectation(self.program, expression)
-        return compute_expectation(query, lambda question: dict(self.posterior(question, evidence, do)))  # type: ignore[return-value]
-
-    def most_probable(
-        self, evidence: Facts = NOTHING, count: int = 1, *, of: Subject | None = None, do: Facts = NOTHING
-    ) -> tuple[PossibleWorld, ...]:
-        """Find the most probable worlds, or the most probable joint values of some attributes.
-
-        Args:
-            count: how many, at most 100,000; those of probability 0 are left out.
-            of: attributes, all others are summed out (marginal MAP); by default whole worlds.
-
-        Returns:
-            Worlds, with the values of these attributes only, and their probabilities given the evidence.
-
-        Raises:
-            ProgramError, UndefinedError, TooLargeError: as `exact`.
-        """
-        check_count(count)
-        if of is not None:
-            question = resolve_subject(self.program, [of] if isinstance(of, str) else of)
-            return rank_values(question, self.exact(question, evidence, do), count)
-        facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
-        worlds = self.list_worlds(make_query(self.program, "", facts, set_to), count)
-        if not worlds:
-            raise make_no_world_error(self.program, format_conditions(facts, set_to))
-        return worlds
-
-    def list_worlds(self, query: Query, count: int) -> tuple[PossibleWorld, ...]:
-        """List the most probable worlds under the conditions of a query, best first; see `most_probable`."""
-        check_count(count)
-        query = resolve_query(self.program, query)
-        if self.program.has_cr_rules:
-            return self._enumeration.list_worlds(query, count)
-        return self.build_model(query).worlds.most_probable({}, count)
 
     def compile(self, inputs: Sequence[str], query: str | Sequence[Subject], do: Facts = NOTHING) -> Circuit:
         """Compile the program into a circuit, a function of the evidence; see `Circuit`.
@@ -223,53 +143,17 @@ class Reasoner:
 
         return Filter(self.program, carried, inputs, query, initial=initial, window=window)
 
-    def sample(self, rng: np.random.Generator, given: Facts = NOTHING) -> dict[str, str]:
-        """Sample a possible world given evidence: term -> value. Raises the errors of `exact`."""
-        check_rng(rng)
-        if self.program.has_cr_rules:
-            return self._enumeration.sample(rng, given)
-        facts = resolve_evidence(self.program, given)
-        world = self.build_model(Query(), tuple(facts)).worlds.sample(rng, facts)
-        if world is None:
-            raise make_no_world_error(self.program, format_conditions(facts, {}))
-        return world
-
-    def count(self) -> int:
-        """Count the possible worlds of the program without listing them. Raises the errors of `exact`."""
-        if self.program.has_cr_rules:
-            return len(self._enumeration.worlds)
-        if not self.list_worlds(Query(), 1):
-            raise make_no_world_error(self.program, "")
-        return self.build_model(Query()).worlds.count()
-
     def ask(self, query: Query, *, exact: bool = False) -> QueryAnswer:
-        """Answer a query, see `parse_query`: compute a distribution, a probability or an expectation.
-
-        Args:
-            exact: whether to return fractions.
-
-        Returns:
-            A number, or value -> number; `Estimate`s if the program is too large to be compiled.
-
-        Raises:
-            ProgramError, UndefinedError: as `posterior`.
-            TooLargeError: as `posterior`; or the program is too large to be compiled, and `exact`.
-        """
-        check_type(exact, bool, "exact", ProgramError)
-        query = resolve_query(self.program, query)
-        if self.program.has_cr_rules:
-            return self._enumeration.ask(query, exact=exact)
-        model = self.build_model(query)
+        """Answer a query, see `Inference.ask`; in `Estimate`s if the program is too large to be compiled."""
         try:
-            worlds = model.worlds
+            return super().ask(query, exact=exact)
         except TooLargeError as error:
+            if exact or self.program.has_cr_rules:
+                raise
             from lcorpp.reasoning.estimation import estimate_answer  # imports numpy
 
-            if exact:
-                raise
+            model = self.build_model(resolve_query(self.program, query))
             return estimate_answer(model, error, self.samples, self.seed)
-        weigh = worlds.compute_exact_weights if exact else worlds.compute_float_weights
-        return answer_query(self.program, query, lambda question: weigh(question, {}))
 
     def _compute_posterior(
         self, attribute: Subject, evidence: Mapping[str, Label], do: Facts
@@ -281,7 +165,7 @@ class Reasoner:
             if likelihoods:
                 file = self.program.file
                 raise ProgramError(f"{file}: soft evidence has no meaning for a program with cr-rules")
-            return self._enumeration.posterior(question, facts, set_to)
+            return super().posterior(question, facts, set_to)
         names = tuple(sorted((*facts, *likelihoods)))
         key = question, names, frozenset(set_to.items())
         if key not in self._circuits:
@@ -303,7 +187,7 @@ class Reasoner:
 
     @cached_property
     def _enumeration(self) -> Enumeration:
-        from lcorpp.reasoning.enumeration.reasoner import Enumeration  # imports numpy and clingo
+        from lcorpp.reasoning.enumeration.reasoner import Enumeration  # loads clingo
 
         LOG.info("%s: a program with cr-rules is answered by enumeration", self.program.file)
         return Enumeration(self.program)

@@ -235,6 +235,13 @@ def _parse_query(program: Program, text: str, given: str) -> Query:
         raise ProgramError(f"{given!r}: {error.message}") from None
 
 
+def check_at_least(number: int, lowest: int, what: str) -> None:
+    """Check an integer argument."""
+    check_type(number, int, what, ProgramError)
+    if number < lowest:
+        raise ProgramError(f"{what} is {number}; expected at least {lowest}")
+
+
 def check_count(count: int) -> None:
     """Check a number of worlds or values."""
     check_type(count, int, "count", ProgramError)

@@ -18,8 +18,7 @@ k and j are indexes of statements. Each statement is one line, so that clingo's 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Set
-from itertools import chain, product
+from collections.abc import Iterable
 
 from lcorpp.reasoning.language.arithmetic import canonical_text, find_variables, iter_variables
 from lcorpp.reasoning.language.issues import Place
@@ -44,18 +43,9 @@ from lcorpp.reasoning.language.syntax import (
 )
 from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions, list_variables
 
-Condition = tuple[tuple[tuple[str, Set[str | None]], ...], ...]
-"""A disjunction of conjunctions of a term and the values with which it meets them; None is for no value."""
 
-
-def translate_program(
-    program: Program, do: Mapping[str, str], observed: Iterable[Condition] = ()
-) -> tuple[list[str], dict[int, Place]]:
+def translate_program(program: Program) -> tuple[list[str], dict[int, Place]]:
     """Translate the logical part of a program.
-
-    Args:
-        do: interventions besides those in the program, term -> value.
-        observed: observations besides those in the program.
 
     Returns:
         (lines of ASP text, number of a line -> place of its statement).
@@ -63,7 +53,7 @@ def translate_program(
     translator = _Translator(program)
     lines = [
         "#defined h/2. #defined rnd/4. #defined sel/4. #defined pos/5. #defined pr/5. #defined do/1."
-        " #defined selected/1. #defined drv/4.",
+        " #defined selected/1. #defined drv/4. #defined observed/1.",
         "#show h/2. #show sel/4. #show pr/5. #show drv/4.",
         "#show pos(K,L,I,T,V) : pos(K,L,I,T,V), sel(K,L,I,T).",
         "valued(T) :- h(T,_).  :- valued(T), #count { V : h(T,V) } > 1.",
@@ -77,22 +67,7 @@ def translate_program(
         if text:
             lines.append(text)
             places[len(lines)] = statement.at
-    lines.extend(translator.translate_intervention(term, value) for term, value in do.items())
-    for number, condition in enumerate(observed):
-        bodies = chain(*[product(*[_list_atoms(*part) for part in case]) for case in condition])
-        lines.append(_observe(f"q{number}", map("; ".join, bodies)))
     return lines, places
-
-
-def _list_atoms(term: str, values: Set[str | None]) -> list[str]:
-    return [f"not valued({term})" if value is None else f"h({term},{value})" for value in values]
-
-
-def _observe(name: str, conditions: Iterable[str]) -> str:
-    """Demand that one of the conditions is true."""
-    return " ".join(
-        [*(f"observed({name}) :- {condition}." for condition in conditions), f":- not observed({name})."]
-    )
 
 
 class _Translator:
@@ -110,18 +85,22 @@ class _Translator:
             case Probability():
                 return self._translate_probability(index, statement)
             case Observation():
-                cases = [
-                    chain(*[self._translate_literal(literal, i) for i, literal in enumerate(case)])
-                    for case in statement.formula
-                ]
-                return _observe(f"r{index}", map("; ".join, cases))
+                return self._translate_observation(index, statement)
             case Intervention():
-                term, value = canonical_text(statement.term), canonical_text(statement.value)
-                return self.translate_intervention(term, value)
+                return self._translate_intervention(statement)
         return ""
 
-    def translate_intervention(self, term: str, value: str) -> str:
+    def _translate_observation(self, index: int, observation: Observation) -> str:
+        """Demand that one of the cases is true."""
+        rules = [f":- not observed({index})."]
+        for case in observation.formula:
+            atoms = [atom for i, literal in enumerate(case) for atom in self._translate_literal(literal, i)]
+            rules.append(f"observed({index}) :- {'; '.join(atoms)}.")
+        return " ".join(rules)
+
+    def _translate_intervention(self, intervention: Intervention) -> str:
         """2009: the value is a fact. 2018: a selection of the term must select the value."""
+        term, value = canonical_text(intervention.term), canonical_text(intervention.value)
         if self._is_2018:
             return f"do({term}). :- rnd(_,_,_,{term}), not h({term},{value})."
         return f"do({term}). h({term},{value})."

@@ -6,7 +6,7 @@ Gelfond and Zhang, 2019, definitions 10 and 11 (abductive supports; by cardinali
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -20,7 +20,7 @@ from lcorpp.reasoning.conditions import (
     list_applicable,
     list_dynamic_range,
 )
-from lcorpp.reasoning.enumeration.asp_translation import Condition, translate_program
+from lcorpp.reasoning.enumeration.asp_translation import translate_program
 from lcorpp.reasoning.grounding.ground_program import ASSIGN, DERIVE, RANGE, SELECT, Clause
 from lcorpp.reasoning.language.arithmetic import evaluate_number
 from lcorpp.reasoning.language.issues import Place, SourceIssue
@@ -37,24 +37,20 @@ KINDS = {
 """The clauses about selected terms, by their predicate in the translation."""
 
 
-def enumerate_worlds(
-    program: Program, do: Mapping[str, str], limit: int, observed: Sequence[Condition] = ()
-) -> Iterator[tuple[dict[str, str], Fraction]]:
+def enumerate_worlds(program: Program, limit: int) -> Iterator[tuple[dict[str, str], Fraction]]:
     """Enumerate the worlds of a program: (term -> value, sorted by term; measure, not normalised).
 
     With cr-rules these are the worlds of the regular program with each of its abductive supports, the
     smallest sets of instances of cr-rules that make it consistent; duplicates are dropped.
 
     Args:
-        do: interventions besides those in the program, term -> value.
         limit: the maximum number of worlds.
-        observed: observations besides those in the program.
 
     Raises:
         ProgramError: there are more than `limit` worlds, an operation is undefined, or a world breaks a
             condition of the language.
     """
-    lines, places = translate_program(program, do, observed)
+    lines, places = translate_program(program)
     messages: list[str] = []
     options = ["--models=0", *(["--opt-mode=optN"] if program.has_cr_rules else [])]
     control: Any = clingo.Control(options, logger=lambda _, message: messages.append(message))
