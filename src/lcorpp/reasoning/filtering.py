@@ -30,7 +30,7 @@ from lcorpp.reasoning.answers import (
 from lcorpp.reasoning.circuit.compiler import build_layers
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.evidence import Codes, EncodedEvidence, EvidenceEncoder
-from lcorpp.reasoning.circuit.passes import differentiate, evaluate
+from lcorpp.reasoning.circuit.passes import differentiate
 from lcorpp.reasoning.grounding.ground_program import GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.slices import split_slices
@@ -272,8 +272,10 @@ class _Table:
         Args:
             given: (B, terms) the outcomes of the given terms, -1 for no evidence.
         """
-        totals = evaluate(self._layers, given)[:, None]
-        by_term = differentiate(self._layers, EncodedEvidence(given), self._asked)
+        logarithms = np.empty(len(given))
+        by_term = differentiate(self._layers, EncodedEvidence(given), self._asked, logarithms)
+        largest = logarithms.max()
+        totals = np.exp(logarithms - largest if largest > -np.inf else logarithms)[:, None]
         rows = [by_term[term] for term in self._asked]
         sums = [np.maximum(own.sum(axis=1, keepdims=True), _MIN_POSITIVE) for own in rows]
         return np.hstack([*[own / total * totals for own, total in zip(rows, sums, strict=True)], totals])

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from decimal import MAX_EMAX, MIN_EMIN, Context, Decimal, localcontext
+from decimal import Decimal, localcontext
 from itertools import chain
 from typing import Any
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
-from lcorpp.reasoning.circuit.matrices import MIN_WEIGHT, Groups, Layer
+from lcorpp.reasoning.circuit.matrices import MIN_WEIGHT, WIDE, Groups, Layer
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.questions import list_values
 from lcorpp.reasoning.resolve import resolve_inputs, resolve_interventions, resolve_queries
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
-
-WIDE = Context(prec=25, Emin=MIN_EMIN, Emax=MAX_EMAX)
-"""The context of decimal numbers, which do not underflow."""
 
 
 def compile_program(

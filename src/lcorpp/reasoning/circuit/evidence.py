@@ -67,20 +67,22 @@ class EncodedEvidence:
         numbers[distinct] = np.arange(len(distinct))
         return rows[distinct], numbers[keys]
 
-    def weigh(self, variable: int, outcomes: Codes) -> Array | None:
-        """(n, B) Return the weights of n outcomes of a term; None if no row has evidence about it."""
+    def weigh(self, variable: int, outcomes: Codes) -> Any:
+        """(n, B) Return the weights of n outcomes of a term; None if no row has evidence about it.
+
+        Without likelihoods the weights are truth values.
+        """
         if not 0 <= variable < self.codes.shape[1]:
             return None
         codes = self.codes[:, variable]
-        weights: Array | None = None
         if variable in self.weights:
-            weights = self.weights[variable].T[outcomes][:, codes]
-        elif self._bounds[1][variable] >= 0:
-            is_outcome = codes == outcomes[:, None]
-            if self._bounds[0][variable] < 0:
-                is_outcome |= codes < 0
-            weights = is_outcome.astype(np.float64)
-        return weights
+            weights: Array = self.weights[variable].T[outcomes][:, codes]
+            return weights
+        lowest, highest = self._bounds
+        if highest[variable] < 0:
+            return None
+        is_outcome = codes == outcomes[:, None]
+        return is_outcome | (codes < 0) if lowest[variable] < 0 else is_outcome
 
     @cached_property
     def _bounds(self) -> tuple[list[int], list[int]]:

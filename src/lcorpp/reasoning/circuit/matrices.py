@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
+from decimal import MAX_EMAX, MIN_EMIN, Context
 from functools import cached_property
 
 import numpy as np
@@ -31,7 +31,10 @@ MAX_DENSE_ENTRIES = 4096
 """Matrices with at most this many entries, zeros included, are dense, which is faster."""
 
 MIN_WEIGHT = 1e-150
-"""Matrices with smaller weights have separate exponents."""
+"""Matrices with smaller weights have decimal numbers: products of two such numbers underflow."""
+
+WIDE = Context(prec=18, Emin=MIN_EMIN, Emax=MAX_EMAX)
+"""The context of decimal numbers, which do not underflow."""
 
 
 class Groups:
@@ -66,11 +69,11 @@ class Matrix:
     """A non-negative sparse matrix.
 
     rows, columns: the row and the column of each entry, sorted by row.
-    weights: (entries,) positive, to be multiplied by ``2**exponents`` if these are given.
+    weights: (entries,) positive; decimal numbers if floating point would lose digits.
     """
 
-    def __init__(self, rows: Groups, columns: Groups, weights: Array, exponents: Index | None = None) -> None:
-        self.rows, self.columns, self.weights, self.exponents = rows, columns, weights, exponents
+    def __init__(self, rows: Groups, columns: Groups, weights: Array) -> None:
+        self.rows, self.columns, self.weights = rows, columns, weights
 
     def __repr__(self) -> str:
         return f"Matrix({self.rows.size} x {self.columns.size}, {len(self.weights)} entries)"
@@ -78,17 +81,17 @@ class Matrix:
     @cached_property
     def transposed(self) -> Matrix:
         """The transposed matrix."""
-        return Matrix(self.columns, self.rows, self.weights, self.exponents)
+        return Matrix(self.columns, self.rows, self.weights)
 
     @cached_property
     def smallest(self) -> float:
-        """The smallest weight, 0 if floating point cannot represent the weights."""
-        return float(self.weights.min(initial=1.0)) if self.exponents is None else 0.0
+        """The smallest weight, 0 for decimal numbers."""
+        return 0.0 if self.weights.dtype == object else float(self.weights.min(initial=1.0))
 
     @cached_property
     def dense(self) -> Array | None:
-        """The matrix as an array if it is small."""
-        if self.rows.size * self.columns.size > MAX_DENSE_ENTRIES:
+        """The matrix as an array if it is small, and in floating point."""
+        if self.rows.size * self.columns.size > MAX_DENSE_ENTRIES or self.weights.dtype == object:
             return None
         dense = np.zeros((self.rows.size, self.columns.size))
         dense[self.rows.keys, self.columns.keys] = self.weights
@@ -126,6 +129,7 @@ class Layer:
             shape: the number of outputs, outcomes and inputs.
         """
         keys = sorted([key for key, weight in entries.items() if weight])
+        weights = [entries[key] for key in keys]
         pairs = sorted({(i, outcome) for _, outcome, i in keys})
         column_of = {pair: column for column, pair in enumerate(pairs)}
         return cls(
@@ -136,16 +140,6 @@ class Layer:
             Matrix(
                 Groups([output for output, _, _ in keys], shape[0]),
                 Groups([column_of[i, outcome] for _, outcome, i in keys], len(pairs)),
-                *_split_exponents([entries[key] for key in keys]),
+                np.array(weights, np.float64 if min(weights, default=1) >= MIN_WEIGHT else object),
             ),
         )
-
-
-def _split_exponents(numbers: Sequence[float]) -> tuple[Array, Index | None]:
-    """Convert numbers to floating point, if some are tiny with separate exponents."""
-    if min(numbers, default=1) >= MIN_WEIGHT:
-        return np.array(numbers, dtype=np.float64), None
-    fractions = [Fraction(number) for number in numbers]
-    exponents = [n.numerator.bit_length() - n.denominator.bit_length() for n in fractions]
-    weights = [float(n / Fraction(2) ** e) for n, e in zip(fractions, exponents, strict=True)]
-    return np.array(weights), np.array(exponents, dtype=np.intp)

@@ -3,9 +3,9 @@
 The file is a numpy archive (.npz). Its entry `circuit` is JSON: format and version, the program's text,
 inputs, queries and interventions, and for each layer its variable (key `label`), shape (outputs, inputs),
 outcomes and the layers before it (key `sources`). The entries `<layer>/<outcome>`, or `<layer>/every` without
-outcomes, are tables of output, input, weight and, for weights below the range of floating point, an exponent
-of 2; `<layer>/from/<source>` are the nodes that are its inputs. Version 1 had a chain of layers, applied the
-other way round, and a last row `ending`.
+outcomes, are tables of output, input and weight, as text if weights are below the range of floating point
+(earlier files have an exponent of 2 as a fourth column); `<layer>/from/<source>` are the nodes that are its
+inputs. Version 1 had a chain of layers, applied the other way round, and a last row `ending`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
-from fractions import Fraction
-from math import inf
+from decimal import Decimal, localcontext
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,7 @@ from lcorpp.files import read_bytes, write_atomically
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.compiler import compile_program
 from lcorpp.reasoning.circuit.decision_diagram import MAX_ARCS
-from lcorpp.reasoning.circuit.matrices import Groups, Layer
+from lcorpp.reasoning.circuit.matrices import WIDE, Groups, Layer
 from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.language.program import Program, program_text
 from lcorpp.reasoning.questions import list_values
@@ -38,8 +37,8 @@ from lcorpp.reasoning.resolve import resolve_interventions, resolve_subject
 
 FORMAT, VERSION = "lcorpp circuit", 2
 
-MAX_EXPONENT = 10_000_000
-"""Weights with larger or smaller exponents of 2 are not read."""
+MAX_WEIGHT = 1e100
+"""Larger weights are not read; those of probabilities are at most 1."""
 
 DECODING_ERRORS = (
     *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError),
@@ -61,8 +60,8 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
         arrays |= {f"{number}/from/{source}": nodes.keys for source, nodes in layer.sources}
         matrix, pairs = layer.matrix, layer.matrix.columns.keys
         columns: list[npt.NDArray[Any]] = [matrix.rows.keys, layer.inputs.keys[pairs], matrix.weights]
-        if matrix.exponents is not None:
-            columns.append(matrix.exponents)
+        if matrix.weights.dtype == object:  # decimal numbers
+            columns = [column.astype(str) for column in columns]
         table = np.stack(columns, axis=1)
         own = layer.outcomes.keys[pairs]
         outcomes = [] if layer.variable < 0 else np.unique(own).tolist()
@@ -114,7 +113,8 @@ def load_circuit(path: str | Path) -> Circuit:
             head["layers"], arrays = _reverse_chain(head["layers"], arrays)
         program = _parse_program(head)
         query = head["queries"][0] if head["single"] else head["queries"]
-        layers, has_zeros = _read_layers(head, arrays, program)
+        with localcontext(WIDE):
+            layers, has_zeros = _read_layers(head, arrays, program)
         if has_zeros:  # an earlier lcorpp may have lost tiny weights
             return compile_program(program, head["inputs"], query, head["do"])
         return Circuit(program, head["inputs"], query, head["do"], layers)
@@ -175,11 +175,13 @@ def _read_layers(head: Mapping[str, Any], arrays: _Arrays, program: Program) -> 
         for outcome in own["outcomes"] or ["every"]:
             for output, start, weight, *exponent in arrays[f"{number}/{outcome}"].tolist():
                 key = int(output), 0 if outcome == "every" else int(outcome), int(start)
+                if isinstance(weight, str) or exponent:
+                    weight = Decimal(weight) * Decimal(2) ** int(*exponent)
                 inside = all(0 <= i < size for i, size in zip(key, shape, strict=True))
-                if not (inside and 0 <= weight < inf and all(abs(e) <= MAX_EXPONENT for e in exponent)):
+                if not (inside and 0 <= weight < MAX_WEIGHT):
                     raise DataError(f"a matrix has entries outside of {shape}, or that are no weights")
                 has_zeros |= not weight
-                entries[key] = Fraction(weight) * Fraction(2) ** int(*exponent) if exponent else weight
+                entries[key] = weight
         sources = []
         for source in own["sources"]:
             nodes = arrays[f"{number}/from/{source}"].astype(np.intp)
