@@ -37,6 +37,14 @@ def test_writes_a_file_and_fixes_numbers(lcorpp, files, tmp_path):
     assert lcorpp("fit", *files, "--fix", "4").out == PROGRAM.replace("0.5", "0.666667")
 
 
+def test_random_starts(lcorpp, files):
+    ended = lcorpp("fit", *files, "--starts", "3", "--seed", "7")
+    assert ended.code == 0, ended.err
+    assert ended.out == lcorpp("fit", *files).out
+    assert "the best of 3 starts" in ended.err
+    assert lcorpp("fit", *files, "--starts", "0").code == 2
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
@@ -44,7 +52,8 @@ def test_writes_a_file_and_fixes_numbers(lcorpp, files, tmp_path):
         ("p,p\n", ":1: two columns are named p"),
         ("p,q\ntrue\n", ":2: 1 cells; expected 2"),
         ("p\n", "there are no records"),
-        ("x\n1\n", "record 1: 'x'"),
+        ("x\n1\n", "coins.csv:2: 'x'"),
+        ("p,q\ntrue,?\n\ntrue,no\n", "coins.csv:4: 'no' is not a value of q"),
         ('p\n"true\n', "not CSV"),
     ],
 )

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError, ProgramError, UndefinedError
-from lcorpp.fitting import Fit, fit
+from lcorpp.fitting import Fit, fit, read_records
 from lcorpp.fitting.expectation import Expectation
+from lcorpp.fitting.maximisation import draw_start
 from lcorpp.fitting.number_model import NumberModel, build_number_model, list_free_numbers
 from lcorpp.reasoning import Enumeration, Program, Reasoner, parse_plog, read_plog
 from lcorpp.reasoning.language.syntax import Number, Probability
@@ -230,6 +231,43 @@ def test_a_symmetric_mixture_is_not_identifiable() -> None:
     assert log_likelihood(result.program, [{"b": "true"}]) == pytest.approx(log(0.6), abs=1e-5)
 
 
+def test_random_starts_leave_a_saddle_point() -> None:
+    """Two hidden classes with equal numbers stay equal; random starts find different ones."""
+
+    def build_mixture(numbers: Sequence[float]) -> Program:
+        text = (
+            "n = {1..4}. #domain n(I). c : boolean. x : n -> boolean. random(c). random(x(I)). pr(c) = 0.5."
+        )
+        for i in range(4):
+            text += f" pr(x({i + 1}) | c) = {numbers[i]}. pr(x({i + 1}) | c=false) = {numbers[4 + i]}."
+        return parse_plog(text)
+
+    truth = build_mixture([0.9, 0.8, 0.5, 0.5, 0.5, 0.5, 0.1, 0.8])
+    records = [{t: v for t, v in r.items() if t != "c"} for r in draw(truth, 2000, 8)]
+    program = build_mixture([0.5] * 8)
+    stuck, found = fit(program, records), fit(program, records, starts=3, seed=1)
+    assert "starts" not in str(stuck)
+    assert "iterations, the best of 3 starts\n" in str(found)
+    assert stuck.log_likelihood < log_likelihood(truth, records) < found.log_likelihood
+    assert found.log_likelihood == pytest.approx(log_likelihood(found.program, records), abs=1e-3)
+    assert found.n_undetermined == 0
+    again, other = (fit(program, records, starts=3, seed=seed) for seed in (1, 2))
+    assert str(again) == str(found)
+    assert other.log_likelihood == pytest.approx(found.log_likelihood, abs=1e-5)
+    near = fit(truth, records, starts=4)  # its names are kept: a start with other names is as likely
+    assert [x.value for x in near.numbers] == [x.value for x in fit(truth, records).numbers]
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_random_starts_are_distributions(name: str) -> None:
+    model = build(parse_plog(PROGRAMS[name]), ())
+    rest = [case.rest for case in model.cases if case.is_full]
+    for seed in range(20):
+        values = model.evaluate(draw_start(model, np.random.default_rng(seed)))
+        assert np.flatnonzero(values == 0).tolist() == sorted(rest)
+        assert values.max() < 1
+
+
 def test_numbers_of_cases_that_no_record_meets_stay() -> None:
     program = parse_plog("a, b : boolean. random(a). random(b). pr(b | a) = 0.9. pr(b | a=false) = 0.2.")
     result = fit(program, [{"a": "true", "b": "true"}, {"a": "true", "b": "false"}])
@@ -358,6 +396,18 @@ def test_records_of_other_types() -> None:
         fit(program, [{"a": "1", "a ": "2"}])
 
 
+def test_records_of_a_file_are_named_by_their_lines(tmp_path: Path) -> None:
+    program = parse_plog("a : boolean. random(a). pr(a) = 0.5. b : boolean. b :- a.")
+    file = tmp_path / "records.csv"
+    file.write_text("a,b\ntrue,true\n\n?,true\nfalse,true\n")
+    assert list(read_records(file))[1] == {"b": "true"}
+    with pytest.raises(UndefinedError, match=r"records\.csv:5 is in no possible world"):
+        fit(program, read_records(file))
+    file.write_text("a,b\ntrue,2\n")
+    with pytest.raises(ProgramError, match=r"records\.csv:2: '2' is not a value of b"):
+        fit(program, read_records(file))
+
+
 def test_bad_options() -> None:
     with pytest.raises(ProgramError, match="expected Program"):
         fit("a.plog", [{}])  # type: ignore[arg-type]
@@ -367,6 +417,10 @@ def test_bad_options() -> None:
             fit(program, [{"a": "true"}], prior=prior)
     with pytest.raises(ProgramError, match="'b' is neither an attribute with pr-atoms nor the line of one"):
         fit(program, [{"a": "true"}], fixed=["b"])
+    with pytest.raises(ProgramError, match="starts is 0; expected at least 1"):
+        fit(program, [{"a": "true"}], starts=0)
+    with pytest.raises(ProgramError, match="seed is -1; expected at least 0"):
+        fit(program, [{"a": "true"}], seed=-1)
     with pytest.raises(ProgramError, match="expected a list"):
         fit(program, [{"a": "true"}], fixed="a")
 

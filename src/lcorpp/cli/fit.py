@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from lcorpp.cli import options
 from lcorpp.errors import FileError
 
 
@@ -32,6 +33,11 @@ def fit(
         float,
         typer.Option("--prior", metavar="N", help="The program's numbers count as N records in each case."),
     ] = 0.0,
+    starts: Annotated[
+        int,
+        typer.Option(min=1, help="Searches, all but the first from random numbers; the best is kept."),
+    ] = 1,
+    seed: options.SeedOption = 0,
 ) -> None:
     """Estimate the numbers of pr-atoms from records.
 
@@ -59,6 +65,8 @@ def fit(
                 read_records(data),
                 fixed=fixed,
                 prior=prior,
+                starts=starts,
+                seed=seed,
                 # steps shrink by a nearly constant factor
                 progress=lambda n, change: advance(log(max(change, TOLERANCE), TOLERANCE), f"{n} steps"),
             )

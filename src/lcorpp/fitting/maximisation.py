@@ -12,6 +12,7 @@ algorithm", Scandinavian Journal of Statistics 35(2), 2008.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -103,48 +104,64 @@ def _maximise_one(model: NumberModel, rests: list[int], parameters: Array, i: in
     return low
 
 
+def draw_start(model: NumberModel, rng: np.random.Generator) -> Array:
+    """Draw parameters for which no form is 0; the shares of the values of a case are evenly distributed."""
+    drawn = np.full(len(model.start), np.inf)
+    for case in model.cases:
+        n = len(case.parameters)
+        shares = rng.dirichlet(np.ones(n + (not case.is_full)))[:n]
+        bounds = float(case.bound) * shares / case.multiplicities
+        drawn[case.parameters] = np.minimum(drawn[case.parameters], bounds)
+    return np.where(np.isinf(drawn), model.start, drawn)
+
+
+class Ascent(NamedTuple):
+    """The end of an ascent: the objective there, and whether the parameters do not change any more."""
+
+    parameters: Array
+    objective: float
+    n_steps: int
+    converged: bool
+
+
 def climb(
     model: NumberModel,
     groups: Sequence[Group],
     expectation: Expectation,
     prior: Array,
+    start: Array,
     progress: Progress | None = None,
-) -> tuple[Array, int, bool]:
-    """Climb from the numbers of the program to a maximum of the likelihood, or with a prior of the posterior.
+) -> Ascent:
+    """Climb to a maximum of the log likelihood, or with a prior of the log posterior.
 
     Args:
         prior: (f,) pseudo-counts of the forms.
-
-    Returns:
-        The parameters, the number of steps, and whether they do not change any more.
     """
     used = prior > 0
-    n_steps = 0
 
-    def step(parameters: Array) -> tuple[Array, float]:
-        """Return the parameters after a step, and the objective before it."""
-        nonlocal n_steps
-        n_steps += 1
+    def expect(parameters: Array) -> tuple[Array, float]:
+        """Return the expected counts of the forms, and the objective."""
         values = model.evaluate(parameters)
         expected = expectation.compute(values)
         objective = expected.log_likelihood + float(prior[used] @ np.log(values[used]))
-        counts = expected.counts @ expected.repeats + prior
-        return maximise(model, groups, parameters, counts), objective
+        return expected.counts @ expected.repeats + prior, objective
 
-    start = following = model.start
+    n_steps, following, converged = 0, start, False
     reached, longest = -np.inf, 4.0
-    while n_steps < MAX_STEPS:
-        first, objective = step(start)
+    while n_steps < MAX_STEPS and not converged:
+        counts, objective = expect(start)
+        n_steps += 1
         if objective < reached:  # the leap went too far
             start, reached, longest = following, -np.inf, max(longest / 4, 1.0)
             continue
-        following, _ = step(first)
+        first = maximise(model, groups, start, counts)
+        following = maximise(model, groups, first, expect(first)[0])
+        n_steps += 1
         change, last_change = first - start, following - first
         largest = float(np.abs(last_change).max())
         if progress is not None:
             progress(n_steps, largest)
-        if largest < TOLERANCE:
-            return following, n_steps, True
+        converged = largest < TOLERANCE
         reached, curvature = objective, last_change - change
         length = float(np.linalg.norm(change)) / (float(np.linalg.norm(curvature)) + TOLERANCE**2)
         length = min(max(length, 1.0), longest)
@@ -153,7 +170,7 @@ def climb(
         values, falls = model.evaluate(following), -model.coefficients @ leap
         falls[values == 0] = 0.0
         start = following + leap * min(1.0, 0.9 / (falls / np.maximum(values, TOLERANCE)).max(initial=0.9))
-    return following, n_steps, False
+    return Ascent(following, expect(following)[1], n_steps, converged)
 
 
 def count_cases(model: NumberModel, values: Array, counts: Array) -> Array:

@@ -20,6 +20,7 @@ from lcorpp.fitting.maximisation import (
     climb,
     compute_prior_counts,
     count_cases,
+    draw_start,
     group_cases,
 )
 from lcorpp.fitting.number_model import NumberModel, build_number_model, list_free_numbers
@@ -28,12 +29,16 @@ from lcorpp.fitting.rewriting import replace_numbers
 from lcorpp.fitting.uncertainty import compute_uncertainty
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Number, Probability
+from lcorpp.reasoning.resolve import check_at_least
 from lcorpp.values import Array
 
 LOG = logging.getLogger(__name__)
 
 SIGNIFICANT_DIGITS = 6
 """Fitted numbers have this many digits."""
+
+MIN_GAIN = 1e-6
+"""A random start is kept only if its log likelihood is larger than that of the others by this much."""
 
 _MAX_PRIOR = 1e100
 _MAX_EXCLUDED = 1e-9
@@ -80,8 +85,9 @@ class Fit:
     n_records: the number of records.
     log_likelihood: of the records, at the numbers before rounding.
     n_undetermined: the number of independent directions in which the records do not determine the numbers.
-    iterations: the number of iterations.
+    iterations: the number of iterations from the start that was kept.
     converged: whether the numbers did not change any more.
+    starts: the number of starts.
     """
 
     program: Program
@@ -91,6 +97,7 @@ class Fit:
     n_undetermined: int
     iterations: int
     converged: bool
+    starts: int
 
     def rewrite(self, text: str) -> str:
         """Replace the numbers in the text of the program; comments and layout remain.
@@ -116,7 +123,8 @@ class Fit:
     def __str__(self) -> str:
         lines = [
             f"{self.n_records} records, log likelihood {self.log_likelihood:.6f},"
-            f" {self.iterations} iterations{'' if self.converged else ' (not converged)'}",
+            f" {self.iterations} iterations{'' if self.converged else ' (not converged)'}"
+            f"{f', the best of {self.starts} starts' if self.starts > 1 else ''}",
             *map(str, self.numbers),
         ]
         if self.n_undetermined:
@@ -133,11 +141,13 @@ def fit(
     *,
     fixed: Collection[str | int] = (),
     prior: float = 0.0,
+    starts: int = 1,
+    seed: int = 0,
     progress: Progress | None = None,
 ) -> Fit:
     """Fit the numbers of pr-atoms to records: maximise their likelihood, or the posterior with a prior.
 
-    The search begins at the numbers of the program. The numbers 0 and 1, and those computed from variables,
+    The numbers 0 and 1, and those computed from variables,
     are fixed.
 
     Args:
@@ -145,13 +155,17 @@ def fit(
         fixed: attributes and lines of the program whose pr-atoms keep their numbers.
         prior: the pseudo-counts of each case: the program's numbers count as this many records in which the
             pr-atoms apply.
-        progress: is called with the number of steps so far, and the largest change of a number in the last.
+        starts: the number of searches: one from the numbers of the program, others from random ones. The most
+            likely result is kept, of equal ones the first.
+        seed: of the random numbers.
+        progress: is called with the number of steps of a search so far, and the largest change of a number
+            in the last.
 
     Raises:
         DataError: there are no records, or `prior` is negative or beyond 1e100.
         ProgramError: a name is unknown, no number is free, the program has cr-rules, its rules exclude
-            worlds (two values of a term, an empty dynamic range), or a world violates a condition of the
-            language.
+            worlds (two values of a term, an empty dynamic range), a world violates a condition of the
+            language, or `starts` or `seed` is too small.
         UndefinedError: a record is impossible.
         TooLargeError: the program is too large to be compiled.
     """
@@ -159,10 +173,12 @@ def fit(
     check_type(prior, (int, float), "prior", DataError)
     if not 0 <= prior <= _MAX_PRIOR:
         raise DataError(f"expected a number of pseudo-counts from 0 to {_MAX_PRIOR:g}, not {prior}")
+    check_at_least(starts, 1, "starts")
+    check_at_least(seed, 0, "seed")
     if program.has_cr_rules:
         raise ProgramError(f"{program.file}: the numbers of a program with cr-rules cannot be fitted")
     free = list_free_numbers(program, fixed)
-    distinct, rows, repeats = group_records(program, records)
+    distinct, places, repeats = group_records(program, records)
     model = build_number_model(program, free, {name for record in distinct for name in record})
     groups = group_cases(program, model)
     expectation, prior_counts = Expectation(model, distinct, repeats), compute_prior_counts(model, prior)
@@ -177,11 +193,16 @@ def fit(
     impossible = np.flatnonzero(np.isinf(log_p[:-2]))
     if len(impossible):
         raise UndefinedError(
-            f"{program.file}: record {rows[impossible[0]]} is in no possible world of positive measure"
+            f"{program.file}: {places[impossible[0]]} is in no possible world of positive measure"
         )
-    parameters, iterations, converged = climb(model, groups, expectation, prior_counts, progress)
-    if not converged:
-        LOG.warning("%s: the numbers still change after %d iterations", program.file, iterations)
+    rng = np.random.default_rng(seed)
+    best = climb(model, groups, expectation, prior_counts, model.start, progress)
+    for _ in range(starts - 1):
+        other = climb(model, groups, expectation, prior_counts, draw_start(model, rng), progress)
+        best = other if other.objective > best.objective + MIN_GAIN else best
+    if not best.converged:
+        LOG.warning("%s: the numbers still change after %d iterations", program.file, best.n_steps)
+    parameters = best.parameters
     values = model.evaluate(parameters)
     expected = expectation.compute(values)
     cases = count_cases(model, values, expected.counts @ expected.repeats)
@@ -200,8 +221,9 @@ def fit(
         int(repeats.sum()),
         expected.log_likelihood,
         n_undetermined,
-        iterations,
-        converged,
+        best.n_steps,
+        best.converged,
+        starts,
     )
 
 

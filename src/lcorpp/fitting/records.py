@@ -21,14 +21,17 @@ MISSING = ("", "?")
 """Cells that are not observed."""
 
 
-def read_records(path: str | Path) -> Iterator[dict[str, str]]:
+class Record(dict[str, str]):
+    """A record of a file, term -> value; `place` is its file and line."""
+
+    place: str
+
+
+def read_records(path: str | Path) -> Iterator[Record]:
     """Read records from a CSV file, one at a time.
 
     The header names terms, such as ``time`` or ``"roll(d1)"``. A cell is a value; an empty cell and ``?`` are
     not observed.
-
-    Yields:
-        term -> value for each row.
 
     Raises:
         FileError: the file cannot be read.
@@ -40,16 +43,17 @@ def read_records(path: str | Path) -> Iterator[dict[str, str]]:
             names = [name.strip() for name in next(reader, [])]
             if not names or not all(names):
                 raise DataError(f"{path}:1: expected a header with the name of a term for each column")
-            repeated = next((name for name in names if names.count(name) > 1), None)
-            if repeated is not None:
-                raise DataError(f"{path}:1: two columns are named {repeated}")
+            if repeated := [name for name, count in Counter(names).items() if count > 1]:
+                raise DataError(f"{path}:1: two columns are named {repeated[0]}")
             for row in reader:
                 if not row and len(names) > 1:
                     continue  # an empty line
-                cells = [cell.strip() for cell in row or [""]]
+                cells, place = [cell.strip() for cell in row or [""]], f"{path}:{reader.line_num}"
                 if len(cells) != len(names):
-                    raise DataError(f"{path}:{reader.line_num}: {len(cells)} cells; expected {len(names)}")
-                yield {name: cell for name, cell in zip(names, cells, strict=True) if cell not in MISSING}
+                    raise DataError(f"{place}: {len(cells)} cells; expected {len(names)}")
+                record = Record(pair for pair in zip(names, cells, strict=True) if pair[1] not in MISSING)
+                record.place = place
+                yield record
         except csv.Error as error:
             raise DataError(f"{path}:{reader.line_num}: not CSV: {error}") from None
         except UnicodeDecodeError:
@@ -58,18 +62,18 @@ def read_records(path: str | Path) -> Iterator[dict[str, str]]:
 
 def group_records(
     program: Program, records: Iterable[Mapping[str, str]]
-) -> tuple[list[dict[str, str]], list[int], Array]:
+) -> tuple[list[dict[str, str]], list[str], Array]:
     """Group equal records.
 
     Returns:
-        (distinct, rows, repeats): the distinct records with canonical names, the number of the first of each,
-        from 1, and how often each occurs.
+        (distinct, places, repeats): the distinct records with canonical names, the place of the first of
+        each, such as ``record 1`` or its file and line, and how often each occurs.
 
     Raises:
         DataError: there are no records.
         ProgramError: a term or value is unknown, or a term has two values.
     """
-    rows: dict[frozenset[tuple[str, str]], int] = {}
+    places: dict[frozenset[tuple[str, str]], str] = {}
     repeats: Counter[frozenset[tuple[str, str]]] = Counter()
 
     @cache
@@ -79,19 +83,18 @@ def group_records(
 
     check_type(records, Iterable, "records", ProgramError)
     for row, record in enumerate(records, start=1):
-        check_type(record, Mapping, f"record {row}", ProgramError)
+        place = record.place if isinstance(record, Record) else f"record {row}"
+        check_type(record, Mapping, place, ProgramError)
         try:
             facts = frozenset([resolve(name, name_value(value)) for name, value in record.items()])
             if len(facts) < len(record) or len(dict(facts)) < len(facts):  # two names of a term
                 facts = frozenset(resolve_evidence(program, record).items())
         except TypeError:  # an unhashable value
-            raise ProgramError(
-                f"record {row}: expected a mapping from terms to values, not {record!r}"
-            ) from None
+            raise ProgramError(f"{place}: expected a mapping from terms to values, not {record!r}") from None
         except ProgramError as error:
-            raise ProgramError(f"record {row}: {error}") from None
-        rows.setdefault(facts, row)
+            raise ProgramError(f"{place}: {error}") from None
+        places.setdefault(facts, place)
         repeats[facts] += 1
-    if not rows:
+    if not places:
         raise DataError("there are no records")
-    return list(map(dict, rows)), list(rows.values()), np.array([float(repeats[facts]) for facts in rows])
+    return list(map(dict, places)), list(places.values()), np.array([float(repeats[f]) for f in places])
