@@ -27,8 +27,9 @@ from lcorpp.reasoning.grounding.ground_program import (
     GroundProgram,
     make_full_mask,
 )
+from lcorpp.reasoning.grounding.path_rules import stage_clauses
 from lcorpp.reasoning.grounding.relation import Relation, split_record
-from lcorpp.reasoning.grounding.rule_instantiator import Atoms, RuleInstantiator
+from lcorpp.reasoning.grounding.rule_instantiator import Atoms, RuleInstantiator, Source
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.grounding.term_table import TermTable
 from lcorpp.reasoning.language.arithmetic import (
@@ -168,18 +169,32 @@ class _Grounder:
             isinstance(clause, Rule) and not self._list_uncertain(clause.body) for _, clause in clauses
         )
         width = arity + is_certain
-        for index, clause in clauses:
-            if isinstance(clause, Fact):
-                rows[clause.values[:width]] = None
-            elif head := clause.head:
-                table = self._tables[index] = self._instantiate(clause, clause.body)
-                parts = (*head.term.arguments, head.value)[:width]
-                rows.update(dict.fromkeys(table.iter_rows(list(map(table.evaluate, parts)))))
+        paths, stages = stage_clauses(clauses, self.signature)
+        for stage in stages:
+            steps = Relation.from_rows(rows, arity) if paths else None
+            for index, clause in stage:
+                if isinstance(clause, Fact):
+                    rows[clause.values[:width]] = None
+                else:
+                    sources = [(paths[index].step, steps)] if steps and index in paths else ()
+                    rows.update(self._instantiate_heads(index, clause, width, sources))
         return Atoms(Relation.from_rows(rows, width), arity, is_certain)
 
-    def _instantiate(self, statement: Rule | Selection | Probability, body: Body) -> BindingTable:
+    def _instantiate_heads(
+        self, index: int, clause: Rule | Selection, width: int, sources: Iterable[Source] = ()
+    ) -> dict[tuple[Value, ...], None]:
+        """Instantiate a rule or selection; return the heads: arguments, followed by the value or not."""
+        head = get_head(clause)
+        assert head
+        table = self._tables[index] = self._instantiate(clause, clause.body, sources)
+        parts = (*head.term.arguments, head.value)[:width]
+        return dict.fromkeys(table.iter_rows(list(map(table.evaluate, parts))))
+
+    def _instantiate(
+        self, statement: Rule | Selection | Probability, body: Body, sources: Iterable[Source] = ()
+    ) -> BindingTable:
         slots, scope = self.signature.iter_slots(statement), list_expressions(statement)
-        return self._instantiator.instantiate(slots, scope, body, statement.at)
+        return self._instantiator.instantiate(slots, scope, body, statement.at, sources=sources)
 
     def _list_uncertain(self, body: Body) -> list[Literal]:
         """List the literals that become literals of clauses: those of neither sorts nor facts."""

@@ -50,8 +50,12 @@ class Atoms:
         return {row[:-1]: row[-1] for row in zip(*self.relation.columns, strict=True)}
 
 
+Source = tuple[Sequence[Expression], Relation]
+"""Patterns, and the relation of which their values are a row."""
+
+
 class _Source(NamedTuple):
-    """Patterns of which the rows of a relation are instances, and the test whether they are."""
+    """A source, and the test whether the values are a row."""
 
     patterns: Sequence[Expression]
     relation: Relation
@@ -81,6 +85,7 @@ class RuleInstantiator:
         at: Place,
         bound: Sequence[str] = (),
         bindings: Sequence[tuple[Value, ...]] = ((),),
+        sources: Iterable[Source] = (),
     ) -> BindingTable:
         """Return the bindings of a statement's variables.
 
@@ -92,8 +97,11 @@ class RuleInstantiator:
             at: the place of the statement.
             bound: variables that the caller binds.
             bindings: their values.
+            sources: further conditions.
         """
         join = _Join(BindingTable(at, bound, bindings))
+        for patterns, relation in sources:
+            join.add_source(patterns, relation)
         variables = find_variables(*scope)
         domains = [(Variable(x), sort) for x, sort in self.signature.domains.items() if x in variables]
         distinct = {(str(expression), sort): expression for expression, sort in (*domains, *slots)}

@@ -1,10 +1,10 @@
 """Compilation, step 1: simplify a ground program without changing its worlds.
 
-1. Drop the clauses whose positive literals no clause can satisfy (least fixed point over all clauses), and
-   the pr-atoms and dynamic ranges of terms without a selection.
-2. Turn rules that contradict an observation into constraints, which cut worlds off earlier.
-3. Compute the possible outcomes of each term; drop literals that are true for all of them and clauses with a
-   literal that is true for none; repeat until nothing changes.
+1. Turn rules that contradict an observation into constraints, which cut worlds off earlier.
+2. Compute the possible outcomes of each term: the values that the clauses derive or select if each literal is
+   true that may be (a least fixed point), and no value unless a clause without body gives one.
+3. Drop literals that are true for all possible outcomes, clauses with a literal that is true for none, and
+   the pr-atoms and dynamic ranges of terms without a selection. Repeat 2 and 3 until nothing changes.
 """
 
 from __future__ import annotations
@@ -22,12 +22,6 @@ from lcorpp.reasoning.grounding.ground_program import (
     make_full_mask,
 )
 
-SUPPORTING_KINDS = (DERIVE, SELECT)
-"""The kinds of clauses that give values to terms."""
-
-ATTENDANT_KINDS = (RANGE, ASSIGN)
-"""The kinds of clauses that matter only for random terms."""
-
 
 def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
     """Simplify a ground program.
@@ -36,71 +30,54 @@ def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
         (clauses, outcomes): outcomes[t] is the mask of the possible outcomes of term t, with bit i for value
         i and the next bit for no value.
     """
-    possible, random = _compute_possible_values(program)
-    clauses = _propagate_observations(program, _drop_unsupported(program.clauses, possible, random))
-    outcomes = _compute_outcomes(program, clauses, possible)
-    narrowed: list[int] | None = None
-    while narrowed != outcomes:
-        outcomes = narrowed or outcomes
-        shorter = _drop_decided_literals(clauses, outcomes)
+    clauses = _propagate_observations(program, program.clauses)
+    while True:
+        outcomes, random = _compute_outcomes(program, clauses)
+        shorter = _drop_decided(clauses, outcomes, random)
         if shorter is None:
-            break
+            return clauses, outcomes
         clauses = shorter
-        narrowed = _compute_outcomes(program, clauses, outcomes)
-    return clauses, outcomes
 
 
-def _compute_possible_values(program: GroundProgram) -> tuple[list[int], set[int]]:
-    """Compute the mask of the values that each term may have in some world: the least fixed point.
-
-    Returns:
-        (masks, terms): the second are those that may be selected at random.
-    """
-    possible = [0] * len(program.values)
+def _compute_outcomes(program: GroundProgram, clauses: Sequence[Clause]) -> tuple[list[int], set[int]]:
+    """Compute the mask of the possible outcomes of each term, and the terms that may be selected."""
+    possible = [0] * len(program.values)  # term -> mask of values, without literals that need another
     random: set[int] = set()
+    facts: dict[int, int] = {}  # term -> mask of the values that it has in every world, 0 if any
     if program.do_is_fact:
         for term, value in program.do.items():
-            possible[term] |= 1 << value
-    waiting: dict[int, list[Clause]] = {}
-    ready = [clause for clause in program.clauses if clause.kind in SUPPORTING_KINDS]
+            possible[term] = facts[term] = 1 << value
+    waiting: dict[int, list[Clause]] = {}  # term of a literal -> clauses that need another value of it
+    ready: Sequence[Clause] = clauses
     while ready:
         extended: list[int] = []
         for clause in ready:
-            missing = -1
+            kind = clause.kind
+            if kind is not DERIVE and kind is not SELECT:
+                continue
             for term, allowed, negated in clause.body:
                 if not negated and not allowed & possible[term]:
-                    missing = term
+                    waiting.setdefault(term, []).append(clause)
                     break
-            if missing >= 0:
-                waiting.setdefault(missing, []).append(clause)
-                continue
-            head = clause.term
-            if clause.kind is DERIVE:
-                mask = 1 << clause.value
             else:
-                random.add(head)
-                mask = 1 << program.do[head] if head in program.do else (1 << len(program.values[head])) - 1
-            if mask & ~possible[head]:
-                possible[head] |= mask
-                extended.append(head)
+                head = clause.term
+                if kind is DERIVE:
+                    mask = 1 << clause.value
+                else:
+                    random.add(head)
+                    mask = (
+                        1 << program.do[head] if head in program.do else (1 << len(program.values[head])) - 1
+                    )
+                if not clause.body:
+                    facts[head] = facts.get(head, 0) | (mask if kind is DERIVE else 0)
+                if mask & ~possible[head]:
+                    possible[head] |= mask
+                    extended.append(head)
         ready = [clause for term in extended for clause in waiting.pop(term, ())]
-    return possible, random
-
-
-def _drop_unsupported(
-    clauses: Sequence[Clause], possible: Sequence[int], random: Collection[int]
-) -> list[Clause]:
-    """Drop idle clauses and those with a positive literal that needs an impossible value."""
-    kept: list[Clause] = []
-    for clause in clauses:
-        if clause.term not in random and clause.kind in ATTENDANT_KINDS:
-            continue
-        for term, allowed, negated in clause.body:
-            if not negated and not allowed & possible[term]:
-                break
-        else:
-            kept.append(clause)
-    return kept
+    outcomes = [mask | 1 << len(values) for mask, values in zip(possible, program.values, strict=True)]
+    for term, mask in facts.items():
+        outcomes[term] = mask or possible[term]  # another value than a fact would contradict it
+    return outcomes, random
 
 
 def _propagate_observations(program: GroundProgram, clauses: list[Clause]) -> list[Clause]:
@@ -146,46 +123,15 @@ def _propagate_observations(program: GroundProgram, clauses: list[Clause]) -> li
     return result
 
 
-def _compute_outcomes(
-    program: GroundProgram, clauses: Sequence[Clause], possible: Sequence[int]
-) -> list[int]:
-    """Compute the possible outcomes of each term from the remaining clauses; `possible` bounds the values."""
-    supported = [0] * len(program.values)
-    certain: set[int] = set()  # terms that have a value in every world
-    facts: dict[int, int] = {}
-    for clause in clauses:
-        kind = clause.kind
-        if kind not in SUPPORTING_KINDS:
-            continue
-        term = clause.term
-        mask = 1 << clause.value
-        if kind is not DERIVE:
-            mask = 1 << program.do[term] if term in program.do else -1
-        supported[term] |= mask
-        if not clause.body:
-            certain.add(term)
-            if kind is DERIVE:  # a fact: any other value would contradict it
-                facts[term] = facts.get(term, 0) | mask
-    if program.do_is_fact:
-        for term, value in program.do.items():
-            supported[term] = 1 << value
-            certain.add(term)
-    for term, mask in facts.items():
-        supported[term] = mask
-    result = []
-    for term, values in enumerate(program.values):
-        no_value = 1 << len(values)
-        mask = supported[term] & possible[term] & (no_value - 1)
-        result.append(mask if term in certain else mask | no_value)
-    return result
-
-
-def _drop_decided_literals(clauses: Sequence[Clause], outcomes: Sequence[int]) -> list[Clause] | None:
-    """Drop literals that are always true and clauses with one that is never true; None if nothing changes."""
+def _drop_decided(
+    clauses: Sequence[Clause], outcomes: Sequence[int], random: Collection[int]
+) -> list[Clause] | None:
+    """Drop literals that are always true, clauses with one that is never true or without effect; or None."""
     kept: list[Clause] = []
     changed = False
     for clause in clauses:
-        drop = shorten = False
+        shorten = False
+        drop = (clause.kind is RANGE or clause.kind is ASSIGN) and clause.term not in random
         for term, allowed, _ in clause.body:
             possible = outcomes[term]
             satisfying = allowed & possible
