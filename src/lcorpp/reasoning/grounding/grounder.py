@@ -88,7 +88,6 @@ class _Grounder:
         self.program, self.signature = program, program.signature
         self.result = GroundProgram(program)
         self.terms = TermTable(self.result)
-        self._add = self.result.clauses.append
         self._do = dict(do)
         self._contradictory: set[str] = set()  # terms that interventions set to two values
         self._instantiator = RuleInstantiator(self.signature)
@@ -112,8 +111,8 @@ class _Grounder:
         """Add the clauses of all statements and of a query."""
         for term, value in self._do.items():
             name, arguments = _split_term(term)
-            number = self.terms.numbers[name][arguments[0] if len(arguments) == 1 else arguments]
-            self.result.do[number] = self.signature.attributes[name].values.index(value)
+            number = self.terms.number_term(name, arguments)
+            self.result.do[number] = self.terms.indexes[name][as_value(value)]
         if self._contradictory and self.result.do_is_fact:  # no world satisfies both interventions
             self._forbid(())
         for index, statement in enumerate(self.program.statements):
@@ -152,11 +151,10 @@ class _Grounder:
             name: [x for _, clause in clauses for x in clause.body if isinstance(x, Literal)]
             for name, clauses in self._clauses.items()
         }
+        facts_first = sorted(literals, key=lambda name: len(literals[name]) > 0)
         needs = {
             name: [x.term.name for x in literals[name] if not x.negated and x.term.name in literals]
-            for name in sorted(
-                literals, key=lambda name: len(literals[name]) > 0
-            )  # those with facts only first
+            for name in facts_first
         }
         for component in find_strongly_connected_components(needs):
             self._instantiator.atoms.update([(name, self._instantiate_all(name)) for name in component])
@@ -171,24 +169,16 @@ class _Grounder:
         width = arity + is_certain
         paths, stages = stage_clauses(clauses, self.signature)
         for stage in stages:
-            steps = Relation.from_rows(rows, arity) if paths else None
+            steps = Relation.from_rows(rows if paths else (), arity)
             for index, clause in stage:
                 if isinstance(clause, Fact):
                     rows[clause.values[:width]] = None
-                else:
-                    sources = [(paths[index].step, steps)] if steps and index in paths else ()
-                    rows.update(self._instantiate_heads(index, clause, width, sources))
+                elif head := clause.head:
+                    sources = [(paths[index].step, steps)] if index in paths else ()
+                    table = self._tables[index] = self._instantiate(clause, clause.body, sources)
+                    parts = (*head.term.arguments, head.value)[:width]
+                    rows.update(dict.fromkeys(table.iter_rows(list(map(table.evaluate, parts)))))
         return Atoms(Relation.from_rows(rows, width), arity, is_certain)
-
-    def _instantiate_heads(
-        self, index: int, clause: Rule | Selection, width: int, sources: Iterable[Source] = ()
-    ) -> dict[tuple[Value, ...], None]:
-        """Instantiate a rule or selection; return the heads: arguments, followed by the value or not."""
-        head = get_head(clause)
-        assert head
-        table = self._tables[index] = self._instantiate(clause, clause.body, sources)
-        parts = (*head.term.arguments, head.value)[:width]
-        return dict.fromkeys(table.iter_rows(list(map(table.evaluate, parts))))
 
     def _instantiate(
         self, statement: Rule | Selection | Probability, body: Body, sources: Iterable[Source] = ()
@@ -211,9 +201,9 @@ class _Grounder:
 
     def _ground_rule(self, index: int, rule: Rule) -> None:
         if isinstance(rule, Fact):
-            *arguments, constant = rule.values
-            term = self.terms.numbers[rule.name][arguments[0] if len(arguments) == 1 else tuple(arguments)]
-            self._add(Clause(DERIVE, term, self.terms.indexes[rule.name][constant], (), index))
+            term = self.terms.number_term(rule.name, rule.values[:-1])
+            value = self.terms.indexes[rule.name][rule.values[-1]]
+            self.result.clauses.append(Clause(DERIVE, term, value, (), index))
         elif rule.head:
             table, head = self._tables.pop(index), rule.head
             numbers = self.terms.number_terms(table, head.term)
@@ -250,13 +240,11 @@ class _Grounder:
 
     def _ground_pr_atom(self, index: int, atom: Probability) -> None:
         table = self._instantiate(atom, (*atom.body, atom.head))
-        parts = (
-            self.terms.number_terms(table, atom.term),
-            self.terms.index_values(table, atom.term, atom.value),
-        )
+        term = self.terms.number_terms(table, atom.term)
+        value = self.terms.index_values(table, atom.term, atom.value)
         label = table.evaluate_all(atom.label.arguments if atom.label else ())
         number = _evaluate_numbers(table, atom.number)
-        self._emit(table, ASSIGN, *parts, atom.body, index, label, number=number)
+        self._emit(table, ASSIGN, term, value, atom.body, index, label, number=number)
 
     def _observe(self, formula: Formula) -> None:
         """Forbid the worlds in which a formula is false; a disjunction becomes a term of its own."""
@@ -275,7 +263,7 @@ class _Grounder:
     # clauses
 
     def _forbid(self, body: tuple[GroundLiteral, ...], statement: int = -1) -> None:
-        self._add(Clause(FORBID, -1, 0, body, statement))
+        self.result.clauses.append(Clause(FORBID, -1, 0, body, statement))
 
     def _emit(
         self,

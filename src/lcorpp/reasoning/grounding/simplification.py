@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from lcorpp.reasoning.grounding.ground_program import (
     ASSIGN,
@@ -19,7 +19,6 @@ from lcorpp.reasoning.grounding.ground_program import (
     SELECT,
     Clause,
     GroundProgram,
-    make_full_mask,
 )
 
 
@@ -30,13 +29,14 @@ def simplify(program: GroundProgram) -> tuple[list[Clause], list[int]]:
         (clauses, outcomes): outcomes[t] is the mask of the possible outcomes of term t, with bit i for value
         i and the next bit for no value.
     """
-    clauses = _propagate_observations(program, program.clauses)
-    while True:
-        outcomes, random = _compute_outcomes(program, clauses)
-        shorter = _drop_decided(clauses, outcomes, random)
+    clauses, observed = _propagate_observations(program.clauses)
+    before: object = None
+    while (decided := _compute_outcomes(program, clauses)) != before:
+        shorter = _drop_decided(clauses, *decided, observed)
         if shorter is None:
-            return clauses, outcomes
-        clauses = shorter
+            break
+        clauses, before = shorter, decided
+    return clauses, decided[0]
 
 
 def _compute_outcomes(program: GroundProgram, clauses: Sequence[Clause]) -> tuple[list[int], set[int]]:
@@ -61,13 +61,11 @@ def _compute_outcomes(program: GroundProgram, clauses: Sequence[Clause]) -> tupl
                     break
             else:
                 head = clause.term
-                if kind is DERIVE:
-                    mask = 1 << clause.value
-                else:
+                mask = 1 << clause.value
+                if kind is SELECT:
                     random.add(head)
-                    mask = (
-                        1 << program.do[head] if head in program.do else (1 << len(program.values[head])) - 1
-                    )
+                    n_values = len(program.values[head])
+                    mask = 1 << program.do[head] if head in program.do else (1 << n_values) - 1
                 if not clause.body:
                     facts[head] = facts.get(head, 0) | (mask if kind is DERIVE else 0)
                 if mask & ~possible[head]:
@@ -80,71 +78,64 @@ def _compute_outcomes(program: GroundProgram, clauses: Sequence[Clause]) -> tupl
     return outcomes, random
 
 
-def _propagate_observations(program: GroundProgram, clauses: list[Clause]) -> list[Clause]:
-    """Replace rules whose head contradicts an observation by constraints, which cut worlds off earlier."""
-    allowed: dict[int, int] = {}  # term -> the outcomes that agree with the observations
+def _propagate_observations(clauses: list[Clause]) -> tuple[list[Clause], dict[int, int]]:
+    """Replace rules whose head contradicts an observation by constraints.
+
+    Returns:
+        (clauses, observed): term -> the mask of the outcomes that agree with the observations.
+    """
+    observed: dict[int, int] = {}
     # constraints have no head
     waiting = [clause for clause in clauses if clause.term < 0 and len(clause.body) == 1]
-    if not waiting:
-        return clauses
     rules: dict[int, list[int]] = {}
-    for i, clause in enumerate(clauses):
+    for i, clause in enumerate(clauses) if waiting else ():
         if clause.kind is DERIVE:
             rules.setdefault(clause.term, []).append(i)
     replaced = list(clauses)
     while waiting:
         term, forbidden, _ = waiting.pop().body[0]
-        before = allowed.get(term, -1)
-        allowed[term] = before & ~forbidden
-        if allowed[term] == before:
+        before = observed.get(term, -1)
+        observed[term] = before & ~forbidden
+        if observed[term] == before:
             continue
         for i in rules.get(term, ()):
             clause = replaced[i]
-            if clause.kind is DERIVE and not allowed[term] >> clause.value & 1:
+            if clause.kind is DERIVE and not observed[term] >> clause.value & 1:
                 replaced[i] = Clause(FORBID, -1, 0, clause.body, clause.statement)
                 if len(clause.body) == 1:
                     waiting.append(replaced[i])
-    result = []
-    for clause in replaced:
-        if clause.term < 0 and len(clause.body) > 1:
-            # the observations alone forbid the worlds in which such a literal is true
-            if any(not literal[1] & allowed.get(literal[0], -1) for literal in clause.body):
-                continue
-            body = tuple(
-                [
-                    x
-                    for x in clause.body
-                    if allowed.get(x[0], -1) & make_full_mask(len(program.values[x[0]])) & ~x[1]
-                ]
-            )
-            if len(body) < len(clause.body):
-                clause = Clause(FORBID, -1, 0, body, clause.statement)
-        result.append(clause)
-    return result
+    return replaced, observed
 
 
 def _drop_decided(
-    clauses: Sequence[Clause], outcomes: Sequence[int], random: Collection[int]
+    clauses: Sequence[Clause], outcomes: Sequence[int], random: Collection[int], observed: Mapping[int, int]
 ) -> list[Clause] | None:
-    """Drop literals that are always true, clauses with one that is never true or without effect; or None."""
+    """Drop what has no effect; None if nothing changes.
+
+    A constraint of several literals forbids only worlds that agree with the observations; those of one
+    literal, which forbid the others, stay.
+    """
+    agreeing = list(outcomes)
+    for term, mask in observed.items():
+        agreeing[term] &= mask
     kept: list[Clause] = []
     changed = False
     for clause in clauses:
+        possible = agreeing if clause.term < 0 and len(clause.body) > 1 else outcomes
         shorten = False
         drop = (clause.kind is RANGE or clause.kind is ASSIGN) and clause.term not in random
         for term, allowed, _ in clause.body:
-            possible = outcomes[term]
-            satisfying = allowed & possible
+            satisfying = allowed & possible[term]
             if not satisfying:
                 drop = True
                 break
-            if satisfying == possible:
+            if satisfying == possible[term]:
                 shorten = True
         if drop:
             changed = True
             continue
         if shorten:
-            body = tuple([x for x in clause.body if outcomes[x[0]] & ~x[1]])
+            body = tuple([x for x in clause.body if possible[x[0]] & ~x[1]])
             clause = Clause(
                 clause.kind, clause.term, clause.value, body,
                 clause.statement, clause.label, clause.instance, clause.number,

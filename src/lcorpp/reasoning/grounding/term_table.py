@@ -41,6 +41,10 @@ class TermTable:
         self._values.append(self._attributes[attribute].values)
         return len(self._names) - 1
 
+    def number_term(self, attribute: str, arguments: tuple[Value, ...]) -> int:
+        """Return the number of one term."""
+        return self.numbers[attribute][arguments[0] if len(arguments) == 1 else arguments]
+
     def number_terms(self, table: BindingTable, term: Term) -> Part[int]:
         """Return the number of a term in each binding."""
         return table.look_up(self.numbers[term.name], *map(table.evaluate, term.arguments))
