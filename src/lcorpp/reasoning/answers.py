@@ -14,7 +14,7 @@ from lcorpp.reasoning.language.arithmetic import evaluate_number
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
-from lcorpp.reasoning.questions import list_questions, list_summands, list_terms, list_values
+from lcorpp.reasoning.questions import QUERY_TERM, list_questions, list_summands, list_terms, list_values
 
 if TYPE_CHECKING:
     from lcorpp.values import Label
@@ -61,7 +61,9 @@ def normalise_marginal(
     conditions: str,
     divide: Callable[[Any, Any], Any] = truediv,
 ) -> dict[Value, Any]:
-    """Return the distribution of a term: value -> probability in the order of the declaration.
+    """Return the distribution of a question: value -> probability in the order of the declaration.
+
+    That of `QUERY_TERM` has the value "true" alone.
 
     Args:
         weights: value -> weight; "" is the weight of having no value.
@@ -75,10 +77,10 @@ def normalise_marginal(
     total = sum(weights.values())
     if not total:
         raise make_no_world_error(program, conditions)
-    if weights.get(""):
+    if weights.get("") and term != QUERY_TERM:
         raise make_no_value_error(program, term, divide(weights[""], total))
-    zero = 0 * total
-    return {value: divide(weights.get(value, zero), total) for value in list_values(program, term)}
+    values = ("true",) if term == QUERY_TERM else list_values(program, term)
+    return {value: divide(weights.get(value, 0 * total), total) for value in values}
 
 
 def answer_query(
@@ -98,19 +100,15 @@ def answer_query(
         ProgramError, UndefinedError: as `normalise_marginal`; or the number has no value.
     """
     conditions = f" has {', '.join(query.conditions)}" if query.conditions else ""
+
+    def find_marginal(question: str) -> dict[Value, Any]:
+        return normalise_marginal(program, question, weigh(question), conditions, divide)
+
     if query.expression:
-        return compute_expectation(
-            query, lambda term: normalise_marginal(program, term, weigh(term), conditions, divide)
-        )
+        return compute_expectation(query, find_marginal)
     (question,) = list_questions(query)
-    weights = weigh(question)
-    if query.subjects:
-        return normalise_marginal(program, question, weights, conditions, divide)
-    total = sum(weights.values())
-    if not total:
-        raise make_no_world_error(program, conditions)
-    number: Numeric = divide(weights.get("true", 0 * total), total)
-    return number
+    marginal = find_marginal(question)
+    return marginal if query.subjects else marginal["true"]
 
 
 def compute_expectation(query: Query, find_marginal: Callable[[str], Mapping[Value, Numeric]]) -> Numeric:

@@ -53,17 +53,13 @@ def list_dynamic_range(
         selections: its selections whose bodies are true.
         clauses: all clauses about the term whose bodies are true.
     """
-    possible = list(range(len(values)))
-    for own in selections:
-        if has_dynamic_range(program, own.statement):
-            members = {
-                clause.value
-                for clause in clauses
-                if clause.kind is RANGE
-                and (clause.statement, clause.instance) == (own.statement, own.instance)
-            }
-            possible = [value for value in possible if value in members]
-    return possible
+    dynamic = [own for own in selections if has_dynamic_range(program, own.statement)]
+    members = {(c.statement, c.instance, c.value) for c in clauses if dynamic and c.kind is RANGE}
+    return [
+        value
+        for value in range(len(values))
+        if all((own.statement, own.instance, value) in members for own in dynamic)
+    ]
 
 
 def list_applicable(
@@ -134,8 +130,7 @@ def compute_probabilities(
         value, number = atom.value, atom.number
         assert number is not None
         if not 0 <= number <= 1:
-            message = f"the probability {number} is not between 0 and 1"
-            raise ConditionViolation(atom.statement, message)
+            raise ConditionViolation(atom.statement, f"the probability {number} is not between 0 and 1")
         if value in atom_of:
             other = atom_of[value].statement
             raise ConditionViolation(

@@ -54,13 +54,20 @@ def _resolve_names(program: Program, names: Sequence[str]) -> tuple[Term, ...]:
     return query.subjects
 
 
-def resolve_terms(program: Program, name: str) -> list[str]:
-    """List the terms that a name denotes: one, or all terms of an attribute named without its arguments.
+def resolve_inputs(program: Program, inputs: Iterable[str]) -> list[str]:
+    """List the terms that evidence may name, each once; an attribute without its arguments is all its terms.
 
     Raises:
         ProgramError: the program has no such term.
-        TooLargeError: the attribute has more than `MAX_INPUTS` terms.
+        TooLargeError: an attribute has more than `MAX_INPUTS` terms.
     """
+    check_type(inputs, Iterable, "inputs", ProgramError)
+    if isinstance(inputs, str):
+        raise ProgramError(f"inputs is {inputs!r}; expected a sequence of terms, such as [{inputs!r}]")
+    return list(dict.fromkeys(term for name in inputs for term in _list_terms(program, name)))
+
+
+def _list_terms(program: Program, name: str) -> list[str]:
     attribute = program.attributes.get(name) if isinstance(name, str) else None
     if attribute is None or not attribute.arguments:
         return [canonical_text(resolve_term(program, name))]
@@ -72,18 +79,6 @@ def resolve_terms(program: Program, name: str) -> list[str]:
             " so name those that are needed"
         )
     return [f"{name}({','.join(arguments)})" for arguments in product(*sorts)]
-
-
-def resolve_inputs(program: Program, inputs: Iterable[str]) -> list[str]:
-    """List the terms that evidence may name, see `resolve_terms`, each once.
-
-    Raises:
-        ProgramError, TooLargeError: as `resolve_terms`.
-    """
-    check_type(inputs, Iterable, "inputs", ProgramError)
-    if isinstance(inputs, str):
-        raise ProgramError(f"inputs is {inputs!r}; expected a sequence of terms, such as [{inputs!r}]")
-    return list(dict.fromkeys(term for name in inputs for term in resolve_terms(program, name)))
 
 
 def resolve_subject(program: Program, attribute: str | Sequence[str]) -> str:

@@ -86,8 +86,8 @@ class _Translator:
                 return self._translate_probability(index, statement)
             case Observation():
                 return self._translate_observation(index, statement)
-            case Intervention():
-                return self._translate_intervention(statement)
+            case Intervention(term=term, value=value):
+                return self._translate_intervention(canonical_text(term), canonical_text(value))
         return ""
 
     def _translate_observation(self, index: int, observation: Observation) -> str:
@@ -98,9 +98,8 @@ class _Translator:
             rules.append(f"observed({index}) :- {'; '.join(atoms)}.")
         return " ".join(rules)
 
-    def _translate_intervention(self, intervention: Intervention) -> str:
+    def _translate_intervention(self, term: str, value: str) -> str:
         """2009: the value is a fact. 2018: a selection of the term must select the value."""
-        term, value = canonical_text(intervention.term), canonical_text(intervention.value)
         if self._is_2018:
             return f"do({term}). :- rnd(_,_,_,{term}), not h({term},{value})."
         return f"do({term}). h({term},{value})."

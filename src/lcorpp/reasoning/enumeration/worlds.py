@@ -27,13 +27,9 @@ from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Probability
 from lcorpp.reasoning.language.traversal import list_variables
+from lcorpp.reasoning.questions import list_values
 
-KINDS = {
-    "sel": SELECT,
-    "pos": RANGE,
-    "pr": ASSIGN,
-    "drv": DERIVE,
-}
+KINDS = {"sel": SELECT, "pos": RANGE, "pr": ASSIGN, "drv": DERIVE}
 """The clauses about selected terms, by their predicate in the translation."""
 
 
@@ -72,10 +68,9 @@ def enumerate_worlds(program: Program, limit: int) -> Iterator[tuple[dict[str, s
                 )
             symbols = model.symbols(shown=True)
             if program.has_cr_rules:  # two supports may have the same world
-                key = frozenset(symbols)
-                if key in known:
+                if frozenset(symbols) in known:
                     continue
-                known.add(key)
+                known.add(frozenset(symbols))
             yield reader.read(symbols)
 
 
@@ -140,18 +135,15 @@ class _WorldReader:
                 number = evaluate_number(atom.number, bindings)
             except SourceIssue as issue:
                 raise ProgramError(str(issue)) from None
-        outcome = self._list_values(term).index(value[0]) if value else -1
+        outcome = list_values(self._program, term).index(value[0]) if value else -1
         return term, Clause(KINDS[name], -1, outcome, (), index, label, (instance,), number)
 
     def _distribute(self, term: str, clauses: Iterable[Clause]) -> dict[str, Fraction]:
         """Compute the probability of each possible value of a selected term."""
-        program, values = self._program, self._list_values(term)
+        program, values = self._program, list_values(self._program, term)
         clauses = sorted(clauses, key=lambda clause: (clause.statement, clause.instance))
         selections = [clause for clause in clauses if clause.kind is SELECT]
         possible = list_dynamic_range(program, values, selections, clauses)
         atoms = list_applicable(program, selections, clauses)
         numbers = compute_probabilities(program, values, possible, atoms)
         return {values[i]: number for i, number in zip(possible, numbers, strict=True)}
-
-    def _list_values(self, term: str) -> tuple[str, ...]:
-        return self._program.attributes[term.partition("(")[0]].values
