@@ -11,15 +11,16 @@ algorithm", Scandinavian Journal of Statistics 35(2), 2008.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from lcorpp.errors import ProgramError
 from lcorpp.fitting.expectation import Expectation
 from lcorpp.fitting.number_model import Case, NumberModel
-from lcorpp.reasoning.language.program import Program
 from lcorpp.values import Array
 
 MAX_STEPS = 10_000
@@ -31,59 +32,68 @@ TOLERANCE = 1e-9
 BISECTIONS = 60
 """Enough to halve an interval down to the precision of floating point."""
 
-Group = Sequence[Case]
-"""Cases that share parameters."""
-
 Progress = Callable[[int, float], None]
 """Callback with the number of steps, and the largest change of a number in the last one."""
 
 
-def group_cases(program: Program, model: NumberModel) -> list[Group]:
-    """Group the cases by the parameters that they share.
+class Objective:
+    """The log likelihood of records as a function of the parameters, with a prior the log posterior.
+
+    Args:
+        strength: the pseudo-counts of each case, spread in proportion to the program's numbers.
+
+    prior: (f,) the pseudo-counts of the forms.
 
     Raises:
-        ProgramError: the numbers of a group sum to 1 in one case, and occur in other sums too.
+        ProgramError: numbers sum to 1 in one case, and occur in other sums too.
     """
-    groups: list[tuple[set[int], list[Case]]] = []
-    for case in model.cases:
-        joined = set(case.parameters.tolist()), [case]
-        for group in [group for group in groups if group[0] & joined[0]]:
-            groups.remove(group)
-            joined = joined[0] | group[0], group[1] + joined[1]
-        groups.append(joined)
-    for parameters, cases in groups:
+
+    def __init__(self, model: NumberModel, expectation: Expectation, strength: float) -> None:
+        self.model, self.expectation, self._groups = model, expectation, _group_cases(model)
+        values, self.prior = model.evaluate(model.start), np.zeros(len(model.constants))
+        for case in model.cases:
+            self.prior[case.parameters] += strength * case.multiplicities * values[case.parameters]
+            self.prior[case.rest] += strength * values[case.rest]
+
+    def evaluate(self, parameters: Array) -> tuple[float, Array]:
+        """Return the objective, and the expected counts (f,) of the forms."""
+        values, used = self.model.evaluate(parameters), self.prior > 0
+        expected = self.expectation.compute(values)
+        objective = expected.log_likelihood + float(self.prior[used] @ np.log(values[used]))
+        return objective, expected.counts @ expected.repeats + self.prior
+
+    def maximise(self, parameters: Array, counts: Array) -> Array:
+        """Return the parameters that maximise ``counts @ log(forms)``; unchanged where all counts are 0."""
+        best = parameters.copy()
+        for group in self._groups:
+            if len(group) == 1:
+                (case,) = group
+                own = counts[case.parameters]
+                total = own.sum() + counts[case.rest]
+                if total > 0:
+                    best[case.parameters] = float(case.bound) * own / (case.multiplicities * total)
+            else:
+                for i in np.unique(np.concatenate([case.parameters for case in group])):
+                    best[i] = _maximise_one(self.model, [case.rest for case in group], best, i, counts)
+        return best
+
+
+def _group_cases(model: NumberModel) -> list[list[Case]]:
+    """Group the cases by the parameters that they share."""
+    numbers = sparse.csr_array(model.coefficients[[case.rest for case in model.cases]] != 0, dtype=float)
+    n_groups, group_of = connected_components(numbers @ numbers.T)
+    groups: list[list[Case]] = [[] for _ in range(n_groups)]
+    for case, group in zip(model.cases, group_of, strict=True):
+        groups[group].append(case)
+    program = model.diagram.system.program.source
+    for cases in groups:
         if len(cases) > 1 and any(case.is_full for case in cases):
-            lines = sorted(program.statements[model.statements[i]].at.line for i in parameters)
+            lines = {program.statements[model.statements[i]].at.line for c in cases for i in c.parameters}
             raise ProgramError(
-                f"{program.file}: the numbers at lines {', '.join(map(str, lines))} sum to 1 in some worlds"
-                " and occur in other sums too, so they cannot be fitted; fix all but one of them"
+                f"{program.file}: the numbers at lines {', '.join(map(str, sorted(lines)))} sum to 1 in some"
+                " worlds and occur in other sums too, so they cannot be fitted; fix all but one of them"
             )
-    return [cases for _, cases in groups]
-
-
-def compute_prior_counts(model: NumberModel, strength: float) -> Array:
-    """Spread `strength` pseudo-counts over the forms of each case, in proportion to the program's numbers."""
-    counts, values = np.zeros(len(model.constants)), model.evaluate(model.start)
-    for case in model.cases:
-        counts[case.parameters] += strength * case.multiplicities * values[case.parameters]
-        counts[case.rest] += strength * values[case.rest]
-    return counts
-
-
-def maximise(model: NumberModel, groups: Sequence[Group], parameters: Array, counts: Array) -> Array:
-    """Return the parameters that maximise ``counts @ log(forms)``; unchanged where all counts are 0."""
-    best = parameters.copy()
-    for group in groups:
-        if len(group) == 1:
-            (case,) = group
-            own = counts[case.parameters]
-            total = own.sum() + counts[case.rest]
-            if total > 0:
-                best[case.parameters] = float(case.bound) * own / (case.multiplicities * total)
-        else:
-            for i in np.unique(np.concatenate([case.parameters for case in group])):
-                best[i] = _maximise_one(model, [case.rest for case in group], best, i, counts)
-    return best
+    return groups
 
 
 def _maximise_one(model: NumberModel, rests: list[int], parameters: Array, i: int, counts: Array) -> float:
@@ -124,45 +134,25 @@ class Ascent(NamedTuple):
     converged: bool
 
 
-def climb(
-    model: NumberModel,
-    groups: Sequence[Group],
-    expectation: Expectation,
-    prior: Array,
-    start: Array,
-    progress: Progress | None = None,
-) -> Ascent:
-    """Climb to a maximum of the log likelihood, or with a prior of the log posterior.
-
-    Args:
-        prior: (f,) pseudo-counts of the forms.
-    """
-    used = prior > 0
-
-    def expect(parameters: Array) -> tuple[Array, float]:
-        """Return the expected counts of the forms, and the objective."""
-        values = model.evaluate(parameters)
-        expected = expectation.compute(values)
-        objective = expected.log_likelihood + float(prior[used] @ np.log(values[used]))
-        return expected.counts @ expected.repeats + prior, objective
-
-    n_steps, following, converged = 0, start, False
+def climb(objective: Objective, start: Array, progress: Progress | None = None) -> Ascent:
+    """Climb to a maximum of the objective."""
+    model, n_steps, following, converged = objective.model, 0, start, False
     reached, longest = -np.inf, 4.0
     while n_steps < MAX_STEPS and not converged:
-        counts, objective = expect(start)
+        value, counts = objective.evaluate(start)
         n_steps += 1
-        if objective < reached:  # the leap went too far
+        if value < reached:  # the leap went too far
             start, reached, longest = following, -np.inf, max(longest / 4, 1.0)
             continue
-        first = maximise(model, groups, start, counts)
-        following = maximise(model, groups, first, expect(first)[0])
+        first = objective.maximise(start, counts)
+        following = objective.maximise(first, objective.evaluate(first)[1])
         n_steps += 1
         change, last_change = first - start, following - first
         largest = float(np.abs(last_change).max())
         if progress is not None:
             progress(n_steps, largest)
         converged = largest < TOLERANCE
-        reached, curvature = objective, last_change - change
+        reached, curvature = value, last_change - change
         length = float(np.linalg.norm(change)) / (float(np.linalg.norm(curvature)) + TOLERANCE**2)
         length = min(max(length, 1.0), longest)
         longest = max(longest, 3 * length)
@@ -170,7 +160,7 @@ def climb(
         values, falls = model.evaluate(following), -model.coefficients @ leap
         falls[values == 0] = 0.0
         start = following + leap * min(1.0, 0.9 / (falls / np.maximum(values, TOLERANCE)).max(initial=0.9))
-    return Ascent(following, expect(following)[1], n_steps, converged)
+    return Ascent(following, objective.evaluate(following)[0], n_steps, converged)
 
 
 def count_cases(model: NumberModel, values: Array, counts: Array) -> Array:

@@ -15,14 +15,7 @@ import numpy as np
 
 from lcorpp.errors import DataError, ProgramError, UndefinedError, check_type
 from lcorpp.fitting.expectation import Expectation
-from lcorpp.fitting.maximisation import (
-    Progress,
-    climb,
-    compute_prior_counts,
-    count_cases,
-    draw_start,
-    group_cases,
-)
+from lcorpp.fitting.maximisation import Objective, Progress, climb, count_cases, draw_start
 from lcorpp.fitting.number_model import NumberModel, build_number_model, list_free_numbers
 from lcorpp.fitting.records import group_records
 from lcorpp.fitting.rewriting import replace_numbers
@@ -180,8 +173,8 @@ def fit(
     free = list_free_numbers(program, fixed)
     distinct, places, repeats = group_records(program, records)
     model = build_number_model(program, free, {name for record in distinct for name in record})
-    groups = group_cases(program, model)
-    expectation, prior_counts = Expectation(model, distinct, repeats), compute_prior_counts(model, prior)
+    expectation = Expectation(model, distinct, repeats)
+    objective = Objective(model, expectation, prior)
     log_p = expectation.compute(model.evaluate(model.start)).log_p
     excluded = 1 - np.exp(log_p[-2:]).sum()
     if abs(excluded) > _MAX_EXCLUDED:
@@ -196,27 +189,25 @@ def fit(
             f"{program.file}: {places[impossible[0]]} is in no possible world of positive measure"
         )
     rng = np.random.default_rng(seed)
-    best = climb(model, groups, expectation, prior_counts, model.start, progress)
+    best = climb(objective, model.start, progress)
     for _ in range(starts - 1):
-        other = climb(model, groups, expectation, prior_counts, draw_start(model, rng), progress)
+        other = climb(objective, draw_start(model, rng), progress)
         best = other if other.objective > best.objective + MIN_GAIN else best
     if not best.converged:
         LOG.warning("%s: the numbers still change after %d iterations", program.file, best.n_steps)
-    parameters = best.parameters
-    values = model.evaluate(parameters)
+    values = model.evaluate(best.parameters)
     expected = expectation.compute(values)
     cases = count_cases(model, values, expected.counts @ expected.repeats)
-    intervals, n_undetermined = compute_uncertainty(model, expectation, prior_counts, parameters)
-    statements = list(program.statements)
-    numbers = []
-    rounded = _round(model, parameters)
-    for i, (index, old) in enumerate(free.items()):
-        statement = statements[index]
-        assert isinstance(statement, Probability)
-        statements[index] = new = replace(statement, number=Number(rounded[i], at=statement.number.at))
-        numbers.append(FittedNumber(new, old, intervals[i], float(cases[i])))
+    intervals, n_undetermined = compute_uncertainty(objective, best.parameters)
+    statements, numbers = list(program.statements), []
+    for i, number in enumerate(_round(model, best.parameters)):
+        index = model.statements[i]
+        atom = statements[index]
+        assert isinstance(atom, Probability)
+        statements[index] = new = replace(atom, number=Number(number, at=atom.number.at))
+        numbers.append(FittedNumber(new, free[index], intervals[i], float(cases[i])))
     return Fit(
-        Program(program.file, tuple(statements), program.semantics),
+        replace(program, statements=tuple(statements)),
         tuple(numbers),
         int(repeats.sum()),
         expected.log_likelihood,

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import null_space
 
-from lcorpp.fitting.expectation import Expectation
+from lcorpp.fitting.maximisation import Objective
 from lcorpp.fitting.number_model import NumberModel
 from lcorpp.values import Array
 
@@ -36,17 +36,15 @@ DIFFERENCE = 1e-6
 
 
 def compute_uncertainty(
-    model: NumberModel, expectation: Expectation, prior: Array, parameters: Array
+    objective: Objective, parameters: Array
 ) -> tuple[list[tuple[float, float] | None], int]:
-    """Compute intervals at a maximum of the likelihood.
-
-    Args:
-        prior: (f,) pseudo-counts of the forms.
+    """Compute intervals at a maximum of the objective.
 
     Returns:
         The 95 % interval of each parameter, None if it is not identifiable; and the number of independent
         directions in which the data do not determine the parameters.
     """
+    model, expectation, prior = objective.model, objective.expectation, objective.prior
     is_inside = (parameters > BOUNDARY) & (parameters < 1 - BOUNDARY)
     scale = np.sqrt(parameters * (1 - parameters)) * is_inside
     sums = _list_fixed_sums(model, parameters)
