@@ -73,9 +73,15 @@ class Expectation:
 
     def __init__(self, model: NumberModel, records: Sequence[Mapping[str, str]], repeats: Array) -> None:
         self._model, self._repeats, diagram = model, repeats, model.diagram
-        tree, sizes = diagram.system.tree, diagram.sizes
+        system, tree, sizes = diagram.system, diagram.system.tree, diagram.sizes
         evidence = [*[{**record, REJECTED: ""} for record in (*records, {})], {REJECTED: "true"}]
-        self._possible, codes = self._encode(evidence)
+        codes: dict[int, _Codes] = {}  # term -> its outcome in each record, -1 if it is not observed
+        for i, record in enumerate(evidence):
+            for name, value in record.items():
+                term = system.term_numbers[name]
+                values = system.program.values[term]
+                own = codes.setdefault(term, np.full(len(evidence), -1))
+                own[i] = values.index(value) if value else len(values)
         self._steps: list[_Step] = []
         for arcs, size, children, terms in zip(diagram.arcs, sizes, tree.children, tree.order, strict=True):
             outcomes = np.array(arcs.outcomes, dtype=np.intp)
@@ -91,21 +97,8 @@ class Expectation:
             by_source, by_form = _make_sum(arcs.sources, size), model.factors[:, outcomes]
             self._steps.append(_Step(np.array(arcs.sources), outcomes, agrees, branches, by_source, by_form))
         n_arcs = sum([len(step.outcomes) for step in self._steps])
-        size = max(1, MAX_CELLS // max(n_arcs, 1))
-        self._batches = [slice(start, start + size) for start in range(0, len(evidence), size)]
-
-    def _encode(self, evidence: Sequence[Mapping[str, str]]) -> tuple[_Mask, dict[int, _Codes]]:
-        """Return which records are possible so far, and term -> its outcome in each, -1 if not observed."""
-        system = self._model.diagram.system
-        possible = np.full(len(evidence), self._model.diagram.has_worlds)
-        codes: dict[int, _Codes] = {}
-        for i, record in enumerate(evidence):
-            for name, value in record.items():
-                term = system.term_numbers[name]
-                values = system.program.values[term]
-                own = codes.setdefault(term, np.full(len(evidence), -1))
-                own[i] = values.index(value) if value else len(values)
-        return possible, codes
+        n, size = len(evidence), max(1, MAX_CELLS // max(n_arcs, 1))
+        self._batches = [slice(start, min(start + size, n)) for start in range(0, n, size)]
 
     def compute(self, values: Array) -> Expected:
         """Compute the expected counts, given the values of the forms (f,)."""
@@ -119,10 +112,9 @@ class Expectation:
 
     def _compute_batch(self, weights: Array, batch: slice) -> tuple[Array, Array]:
         """Return the log probability (n,) and the expected counts (f, n) of n records."""
-        possible, roots = self._possible[batch], self._model.diagram.system.tree.roots
-        n = len(possible)
+        diagram, n = self._model.diagram, batch.stop - batch.start
         counts = np.zeros((len(self._model.constants), n))
-        if not possible.any():
+        if not diagram.has_worlds:
             return np.full(n, -np.inf), counts
         below: dict[int, Array] = {}  # step -> (nodes, n), scaled
         products: dict[int, Array] = {}  # step -> (arcs, n)
@@ -138,8 +130,7 @@ class Expectation:
             log_p += np.log(scale)
             scale[scale == 0] = 1.0
             below[number], products[number] = sums / scale, product
-        log_p[~possible] = -np.inf
-        above = {root: below[root] > 0 for root in roots}
+        above = {root: below[root] > 0 for root in diagram.system.tree.roots}
         for number, step in enumerate(self._steps):
             flow = above.pop(number)[step.sources] * products[number]
             total = flow.sum(axis=0)  # each world has one arc of each step
