@@ -208,58 +208,39 @@ class _Expander:
 
 def _prune(diagram: DecisionDiagram) -> None:
     """Drop nodes without a world and arcs to them, bottom up; then nodes that no arc reaches any more."""
-    children, roots = diagram.system.tree.children, diagram.system.tree.roots
-    numbers: list[list[int] | None] = [None] * len(diagram.arcs)  # node -> new number, -1 if dropped
-    shared: dict[int, tuple[Arcs, int]] = {}  # id of arcs -> (arcs, number of their sources)
-    for step in range(len(diagram.arcs) - 1, -1, -1):
-        if any(numbers[child] for child in children[step]):
-            _renumber_targets(diagram, step, numbers)
-        arcs = diagram.arcs[step]
-        if id(arcs) not in shared:
-            shared[id(arcs)] = arcs, len(set(arcs.sources))  # with the arcs, so that the id stays theirs
-        if shared[id(arcs)][1] < diagram.sizes[step]:
-            numbers[step] = _keep(diagram, step, set(arcs.sources))
-    if not diagram.has_worlds:
-        for step, arcs in enumerate(diagram.arcs):
-            diagram.arcs[step], diagram.sizes[step] = Arcs([], tuple([[] for _ in arcs.targets]), []), 0
-    elif any(numbers) and any(len(own) > 1 for own in children):  # without branches all nodes stay reachable
-        is_first = set(roots)
-        reached: dict[int, set[int]] = {}
-        numbers = [None] * len(diagram.arcs)
-        for step, own in enumerate(children):
-            if step not in is_first:
-                numbers[step] = _keep(diagram, step, reached.pop(step))
-            for child, targets in zip(own, diagram.arcs[step].targets, strict=True):
-                reached[child] = set(targets)
-        for step in range(len(children)):
-            if any(numbers[child] for child in children[step]):
-                _renumber_targets(diagram, step, numbers)
-
-
-def _renumber_targets(diagram: DecisionDiagram, step: int, numbers: Sequence[list[int] | None]) -> None:
-    """Drop the arcs of a step to dropped nodes, and renumber the targets of the others."""
-    own = [numbers[child] for child in diagram.system.tree.children[step]]
-    sources, targets, outcomes = diagram.arcs[step]
-    renumbered = [
-        branch if new is None else [new[target] for target in branch]
-        for branch, new in zip(targets, own, strict=True)
-    ]
-    kept = [i for i, arc in enumerate(zip(*renumbered, strict=True)) if min(arc) >= 0]
-    diagram.arcs[step] = Arcs(sources, tuple(renumbered), outcomes).select(kept)
-
-
-def _keep(diagram: DecisionDiagram, step: int, nodes: set[int]) -> list[int] | None:
-    """Drop the other nodes of a step with their arcs; return the new numbers, None if all are kept."""
-    if len(nodes) == diagram.sizes[step]:
-        return None
-    numbers = [-1] * diagram.sizes[step]
-    for number, node in enumerate(sorted(nodes)):
-        numbers[node] = number
-    arcs = diagram.arcs[step]
-    arcs = arcs.select([i for i, source in enumerate(arcs.sources) if numbers[source] >= 0])
-    diagram.arcs[step] = arcs._replace(sources=[numbers[source] for source in arcs.sources])
-    diagram.sizes[step] = len(nodes)
-    return numbers
+    children, arcs_of, sizes = diagram.system.tree.children, diagram.arcs, diagram.sizes
+    sources_of: list[set[int] | None] = [None] * len(arcs_of)  # the nodes with a world, None for all
+    shared: dict[
+        int, tuple[Arcs, set[int]]
+    ] = {}  # id of arcs -> (arcs, so that the id stays theirs; sources)
+    for step in range(len(arcs_of) - 1, -1, -1):
+        arcs = arcs_of[step]
+        for branch, child in enumerate(children[step]):
+            if (nodes := sources_of[child]) is not None:
+                targets = arcs.targets[branch]
+                arcs = arcs.select([i for i, target in enumerate(targets) if target in nodes])
+        arcs_of[step] = arcs
+        _, sources = shared.get(id(arcs)) or shared.setdefault(id(arcs), (arcs, set(arcs.sources)))
+        if len(sources) < sizes[step]:
+            sources_of[step] = sources
+    if not all(arcs_of[root].sources for root in diagram.system.tree.roots):
+        arcs_of[:] = [Arcs([], tuple([[] for _ in own]), []) for own in children]
+        sizes[:] = [0] * len(sizes)
+    numbers_of: dict[int, dict[int, int]] = {}  # step -> node that is reached -> its new number
+    for step, own in enumerate(children):
+        arcs = arcs_of[step]
+        if step in numbers_of:
+            numbers = numbers_of[step]
+            arcs = arcs.select([i for i, source in enumerate(arcs.sources) if source in numbers])
+            arcs = arcs._replace(sources=[numbers[source] for source in arcs.sources])
+        for branch, child in enumerate(own):
+            reached = set(arcs.targets[branch])
+            if len(reached) < sizes[child]:
+                sizes[child] = len(reached)
+                numbers = numbers_of[child] = {node: number for number, node in enumerate(sorted(reached))}
+                new = [numbers[target] for target in arcs.targets[branch]]
+                arcs = arcs._replace(targets=(*arcs.targets[:branch], new, *arcs.targets[branch + 1 :]))
+        arcs_of[step] = arcs
 
 
 def _make_error(diagram: DecisionDiagram, step: int, arc: int, violation: ConditionViolation) -> ProgramError:
