@@ -12,7 +12,7 @@ heaps; Huang and Chiang, "Better k-best parsing", IWPT 2005, for the reduction o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from heapq import heappop, heappush
@@ -71,14 +71,14 @@ class BestPaths:
 
     Args:
         children, roots: the first steps of the branches of each step, and the first steps of the diagram.
-        choices: for each step: node -> its arcs.
+        choices: the arcs of each node of each step.
     """
 
     def __init__(
         self,
         children: Sequence[Sequence[int]],
         roots: Sequence[int],
-        choices: Sequence[Mapping[int, Sequence[Choice]]],
+        choices: Sequence[Sequence[Sequence[Choice]]],
     ) -> None:
         self._children, self._choices = children, choices
         self._cells: dict[tuple[int, int, _Cell | None], _Cell] = {}

@@ -7,6 +7,7 @@ for an arc the nodes of the branches to which it leads (AND).
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import UserDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property, partial
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
 
     from lcorpp.reasoning.circuit.best_paths import Choice, Track
 
-    _Sampler = list[dict[int, tuple[list[float], list[Choice]]]]
-    """For each step: node -> (cumulative probabilities of its arcs, arcs)"""
+    _Sampler = list[list[tuple[list[float], list[Choice]]]]
+    """For each node of each step: (cumulative probabilities of its arcs, arcs)"""
 
 SAMPLER_CACHE_SIZE = 100
 """The tables to sample from are cached for at most this many sets of evidence."""
@@ -120,35 +121,39 @@ class WorldQueries:
         diagram = self.diagram
         if not diagram.has_worlds:
             return {}
+
+        def rescale(step: int, numbers: list[Any]) -> None:
+            largest = (
+                max(numbers, default=0.0) if scale and (len(tree.children[step]) > 1 or not step % 8) else 0
+            )
+            if 0 < largest < MIN_WEIGHT:
+                numbers[:] = [number / largest for number in numbers]
+
         tree, program = diagram.system.tree, diagram.system.program
-        queried = diagram.system.term_numbers.get(query)
-        step_of_query, index = self._position_of[queried] if queried is not None else (-1, 0)
-        path: list[int] = tree.find_path(step_of_query) if queried is not None else []
+        queried = diagram.system.term_numbers.get(query, -1)
+        step_of_query, index = self._position_of.get(queried, (-1, 0))
+        path = tree.find_path(step_of_query) if queried >= 0 else []
         sums: dict[int, list[Any]] = {}  # step -> node -> sum over the partial worlds of its subtree
-        on_path = set(path)
-        for step in range(len(arcs_of) - 1, -1, -1):
-            if step not in on_path:
-                sums[step] = own_sums = [0] * diagram.sizes[step]
-                factors = self._multiply_branches(arcs_of[step], tree.children[step], weights[step], sums)
-                for source, factor in zip(arcs_of[step].sources, factors, strict=True):
-                    own_sums[source] += factor
-                if scale and (len(tree.children[step]) > 1 or not step % 8):
-                    _rescale(sums[step])
-        others = [sums[root][0] for root in tree.roots if root not in on_path]
+        for step in sorted(set(range(len(arcs_of))).difference(path), reverse=True):
+            sums[step] = own_sums = [0] * diagram.sizes[step]
+            factors = self._multiply_branches(arcs_of[step], tree.children[step], weights[step], sums)
+            for source, factor in zip(arcs_of[step].sources, factors, strict=True):
+                own_sums[source] += factor
+            rescale(step, own_sums)
+        others = [sums[root][0] for root in tree.roots if root in sums]
         above: list[Any] = [float(all(others)) if scale else prod(others)]  # node -> sum over the rest
-        if queried is None:
+        if queried < 0:
             return {"": above[0]} if above[0] else {}
         for step, following in zip(path, (*path[1:], -1), strict=True):
             arcs, own = arcs_of[step], tree.children[step]
-            factors = self._multiply_branches(arcs, own, weights[step], sums, skipped=following)
+            factors = self._multiply_branches(arcs, own, weights[step], sums)
             if following >= 0:
                 below: list[Any] = [0] * diagram.sizes[following]
                 targets = arcs.targets[own.index(following)]
                 for source, target, factor in zip(arcs.sources, targets, factors, strict=True):
                     below[target] += above[source] * factor
                 above = below
-                if scale and (len(own) > 1 or not step % 8):
-                    _rescale(above)
+                rescale(step, above)
         names, result = program.values[queried], dict[Value, Any]()
         for source, label, factor in zip(arcs.sources, arcs.outcomes, factors, strict=True):
             if above[source] * factor:
@@ -157,22 +162,14 @@ class WorldQueries:
                 result[name] = result.get(name, 0) + above[source] * factor
         return result
 
+    @staticmethod
     def _multiply_branches(
-        self,
-        arcs: Arcs,
-        children: Sequence[int],
-        weights: _Weights,
-        sums: Mapping[int, Sequence[Any]],
-        skipped: int = -1,
+        arcs: Arcs, children: Sequence[int], weights: _Weights, sums: Mapping[int, Sequence[Any]]
     ) -> Iterator[Any]:
-        """Multiply the weight of each arc by the sums of the nodes to which it leads.
-
-        Args:
-            children: the first step of each branch. skipped: one of them that is left out.
-        """
+        """Multiply the weight of each arc by those sums of nodes to which it leads that are known."""
         factors = map(weights.__getitem__, arcs.outcomes)
         for child, targets in zip(children, arcs.targets, strict=True):
-            if child != skipped:
+            if child in sums:
                 factors = map(mul, factors, map(sums[child].__getitem__, targets))
         return factors
 
@@ -188,7 +185,7 @@ class WorldQueries:
         from lcorpp.reasoning.circuit.best_paths import BestPaths  # rarely needed
 
         tree, outcomes = self.diagram.system.tree, self.diagram.outcomes
-        choices = self._list_choices(arcs_of, weights, max)
+        choices = self._list_choices(arcs_of, weights, partial(max, default=0))
         paths = BestPaths(tree.children, tree.roots, choices)
         first = prod([max(choices[root][0])[0] for root in tree.roots])
 
@@ -214,7 +211,7 @@ class WorldQueries:
             self._samplers[key] = self._build_sampler(given)
         sampler = self._samplers[key]
         tree = self.diagram.system.tree
-        if any(0 not in sampler[root] for root in tree.roots):
+        if not all(sampler[root] and sampler[root][0][1] for root in tree.roots):
             return None
         nodes, outcomes = dict.fromkeys(tree.roots, 0), []
         uniform = rng.random(len(sampler)).tolist()
@@ -228,61 +225,39 @@ class WorldQueries:
     def _build_sampler(self, given: Mapping[str, str]) -> _Sampler:
         arcs_of = self._list_arcs(given)
         sampler: _Sampler = []
-        for choices in self._list_choices(arcs_of, self._find_integers(arcs_of)[0], sum):
-            sums = {node: list(accumulate([weight for weight, _, _ in own])) for node, own in choices.items()}
-            sampler.append({n: ([s / sums[n][-1] for s in sums[n]], own) for n, own in choices.items()})
+        for nodes in self._list_choices(arcs_of, self._find_integers(arcs_of)[0], sum):
+            sums = [list(accumulate([weight for weight, _, _ in choices])) for choices in nodes]
+            sampler.append([([s / own[-1] for s in own], c) for own, c in zip(sums, nodes, strict=True)])
         return sampler
 
     def _list_choices(
         self,
         arcs_of: Sequence[Arcs],
-        weights: Sequence[Mapping[int, int]],
+        weights: Sequence[_Weights],
         combine: Callable[[Iterable[int]], int],
-    ) -> list[dict[int, list[Choice]]]:
-        """List the arcs of the nodes of each step, with the combined weights of the partial worlds behind."""
-        tree = self.diagram.system.tree
-        choices: list[dict[int, list[Choice]]] = [{} for _ in arcs_of]
-        below: dict[int, dict[int, int]] = {}  # step -> node -> combined weight
+    ) -> list[list[list[Choice]]]:
+        """List the arcs of each node of each step, with the combined weights of the partial worlds behind."""
+        choices: list[list[list[Choice]]] = [[[] for _ in range(size)] for size in self.diagram.sizes]
+        combined: dict[int, list[int]] = {}  # step -> node -> combined weight
         for step in range(len(arcs_of) - 1, -1, -1):
-            factors = [below.pop(child) for child in tree.children[step]]
-            for source, targets, outcome in iterate_arcs(arcs_of[step]):
-                weight = weights[step][outcome]
-                for own, target in zip(factors, targets, strict=True):
-                    weight *= own.get(target, 0)
+            children = self.diagram.system.tree.children[step]
+            products = self._multiply_branches(arcs_of[step], children, weights[step], combined)
+            for (source, targets, outcome), weight in zip(iterate_arcs(arcs_of[step]), products, strict=True):
                 if weight:
-                    choices[step].setdefault(source, []).append((weight, targets, outcome))
-            below[step] = {node: combine([w for w, _, _ in own]) for node, own in choices[step].items()}
+                    choices[step][source].append((weight, targets, outcome))
+            combined[step] = [combine([weight for weight, _, _ in own]) for own in choices[step]]
         return choices
 
 
-class _LazyValues(Mapping[str, str]):
+class _LazyValues(UserDict[str, str]):
     """The terms and values of a world, decoded when they are needed."""
 
     def __init__(self, decode: Callable[[], dict[str, str]]) -> None:
         self._decode = decode
 
     @cached_property
-    def _values(self) -> dict[str, str]:
+    def data(self) -> dict[str, str]:  # type: ignore[override]
         return self._decode()
 
-    def __getitem__(self, term: str) -> str:
-        return self._values[term]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
-
-    def __repr__(self) -> str:
-        return repr(self._values)
-
     def __reduce__(self) -> tuple[type[dict[str, str]], tuple[dict[str, str]]]:
-        return dict, (self._values,)  # the diagram stays behind
-
-
-def _rescale(weights: list[float]) -> None:
-    """Scale tiny weights up together: only their ratios matter."""
-    largest = max(weights, default=0.0)
-    if 0 < largest < MIN_WEIGHT:
-        weights[:] = [weight / largest for weight in weights]
+        return dict, (self.data,)  # the diagram stays behind
