@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -64,8 +65,7 @@ class Circuit:
         inputs: Sequence[str],
         query: str | Sequence[str],
         do: Mapping[str, str],
-        layers: Sequence[Layer],
-        world_queries: WorldQueries | None = None,
+        layers: Sequence[Layer] = (),
     ) -> None:
         self.program, self.do = program, dict(do)
         self.inputs = tuple(inputs)
@@ -74,12 +74,11 @@ class Circuit:
         self.single = isinstance(query, str)
         names = dict.fromkeys((*self.inputs, *self.queries))
         self.values = {name: list_values(program, name) for name in names}
-        self.layers = tuple(layers)
+        self.layers = layers
         self._variables = {name: i for i, name in enumerate(names)}
         # by the values of all inputs, None for not observed; with the number of observed inputs
         self._answers: dict[tuple[object, ...], tuple[int, Answer]] = {}
         self._max_cached = min(CACHE_SIZE, 100 * CACHE_SIZE // (len(self.inputs) + 1))  # by length of keys
-        self._world_queries = world_queries
 
     def __repr__(self) -> str:
         given, queries = join_some(self.inputs) or "nothing", join_some(self.queries) or "nothing"
@@ -179,14 +178,11 @@ class Circuit:
 
     # worlds
 
-    @property
+    @cached_property
     def world_queries(self) -> WorldQueries:
         """Queries about whole worlds; a loaded circuit expands its program when it first needs them."""
-        if self._world_queries is None:
-            ground = ground_program(self.program, self.do, queried=self.queries)
-            system = build_transition_system(ground, (*self.inputs, *self.queries))
-            self._world_queries = WorldQueries(build_decision_diagram(system))
-        return self._world_queries
+        ground = ground_program(self.program, self.do, queried=self.queries)
+        return WorldQueries(build_decision_diagram(build_transition_system(ground, self._variables)))
 
     def exact(self, evidence: Mapping[str, str]) -> dict[str, Fraction] | dict[str, dict[str, Fraction]]:
         """Compute the same as a call with one evidence in fractions: value -> probability, for each query.

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal, localcontext
 from itertools import chain
 from typing import Any
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.circuit.circuit import Circuit
-from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
+from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram
 from lcorpp.reasoning.circuit.matrices import MIN_WEIGHT, WIDE, Groups, Layer
-from lcorpp.reasoning.circuit.world_queries import WorldQueries
-from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.questions import list_values
 from lcorpp.reasoning.resolve import resolve_inputs, resolve_interventions, resolve_queries
-from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 
 def compile_program(
@@ -44,15 +40,12 @@ def compile_program(
             " ask for one posterior at a time"
         )
     do = resolve_interventions(program, do)
-    observed = dict.fromkeys((*names, *queries))
-    ground = ground_program(program, do, queried=queries)
-    diagram = build_decision_diagram(build_transition_system(ground, observed))
-    layers = build_layers(diagram, list(observed))
-    query = queries[0] if isinstance(query, str) else queries
-    return Circuit(program, names, query, do, layers, WorldQueries(diagram))
+    circuit = Circuit(program, names, queries[0] if isinstance(query, str) else queries, do)
+    circuit.layers = build_layers(circuit.world_queries.diagram, dict.fromkeys((*names, *queries)))
+    return circuit
 
 
-def build_layers(diagram: DecisionDiagram, names: Sequence[str]) -> list[Layer]:
+def build_layers(diagram: DecisionDiagram, names: Iterable[str]) -> list[Layer]:
     """Build the layers for the observed terms, each after its sources; the last one has one output."""
     try:
         return _LayerBuilder(diagram, names, diagram.compute_weights(), MIN_WEIGHT).build()
@@ -93,9 +86,9 @@ class _LayerBuilder:
     """
 
     def __init__(
-        self, diagram: DecisionDiagram, names: Sequence[str], weights: Sequence[float], min_weight: float
+        self, diagram: DecisionDiagram, names: Iterable[str], weights: Sequence[float], min_weight: float
     ) -> None:
-        self._diagram, self._names, self._weights, self._min_weight = diagram, names, weights, min_weight
+        self._diagram, self._weights, self._min_weight = diagram, weights, min_weight
         numbers = diagram.system.term_numbers
         self._variables = {numbers[name]: i for i, name in enumerate(names)}
         self._layers: list[Layer] = []
@@ -106,38 +99,32 @@ class _LayerBuilder:
         Raises:
             _UnderflowError: a weight may be lost.
         """
-        diagram, children = self._diagram, self._diagram.system.tree.children
-        tops: list[_Part | list[float]] = []
-        for i, name in enumerate(self._names) if not diagram.has_worlds else ():
-            size = len(list_values(diagram.system.program.source, name)) + 1
-            tops.append(self._append(i, _Part((), (), 1), (1, size, 1), {}))
+        children = self._diagram.system.tree.children
         parts: dict[int, _Part | list[float]] = {}
-        for step in range(len(children) - 1, -1, -1) if diagram.has_worlds else ():
+        for step in range(len(children) - 1, -1, -1):
             parts[step] = self._sum_step(step, [parts.pop(child) for child in children[step]])
-        tops += parts.values()  # of the roots
-        (weight,), varying = self._multiply_numbers([1], [[0]] * len(tops), tops)
-        (row,), part = self._join(varying, 1)
-        part.rows = [{start: factor * weight for start, factor in row.items()}]
+        (weight,), part = self._multiply([1], [[0]] * len(parts), parts.values())  # of the roots
+        part.rows = [{start: factor * weight for start, factor in part.rows[0].items()}]
         self._append_product(part)
         return self._layers
 
     def _sum_step(self, step: int, children: Sequence[_Part | list[float]]) -> _Part | list[float]:
         """Return the nodes of a step, given those of its branches: numbers if none has observed terms."""
         diagram = self._diagram
-        terms, arcs, n_nodes = diagram.system.tree.order[step], diagram.arcs[step], diagram.sizes[step]
+        terms, arcs = diagram.system.tree.order[step], diagram.arcs[step]
+        n_nodes = diagram.sizes[step] or 1  # one node without arcs if there is no world
         weights = [self._weights[outcome] for outcome in arcs.outcomes]
         if not all(weights):  # pr-atoms of probability 0
             kept = [i for i, weight in enumerate(weights) if weight]
             weights, arcs = [weights[i] for i in kept], arcs.select(kept)
-        weights, varying = self._multiply_numbers(weights, arcs.targets, children)
+        weights, part = self._multiply(weights, arcs.targets, children)
         observed = [i for i, term in enumerate(terms) if term in self._variables]
-        if not observed and not varying:
+        if not observed and not part.sources:
             numbers: list[float] = [0] * n_nodes
             for source, weight in zip(arcs.sources, weights, strict=True):
                 numbers[source] += weight
             self._check(numbers)
             return numbers
-        rows, part = self._join(varying, len(weights))
         nodes: Sequence[int] = arcs.sources
         index_of: dict[Any, int] = {}  # (node, outcome of each observed term) -> index of a sum
         if observed:
@@ -146,7 +133,7 @@ class _LayerBuilder:
             index_of = {key: index for index, key in enumerate(dict.fromkeys(keys))}
             nodes = [index_of[key] for key in keys]
         sums: list[dict[int, float]] = [{} for _ in range(len(index_of) or n_nodes)]
-        for node, weight, row in zip(nodes, weights, rows, strict=True):
+        for node, weight, row in zip(nodes, weights, part.rows, strict=True):
             total = sums[node]
             for start, factor in row.items():
                 if start in total:
@@ -164,49 +151,40 @@ class _LayerBuilder:
             return self._append_product(part)
         return part
 
-    def _multiply_numbers(
+    def _multiply(
         self,
         weights: list[float],
-        targets: Sequence[Sequence[int]],
-        branches: Sequence[_Part | list[float]],
-    ) -> tuple[list[float], list[tuple[Sequence[int], _Part]]]:
-        """Multiply the weights of arcs by those nodes to which they lead that are numbers.
+        targets: Iterable[Sequence[int]],
+        branches: Iterable[_Part | list[float]],
+    ) -> tuple[list[float], _Part]:
+        """Multiply the weights of arcs by the nodes to which they lead, those with observed terms apart.
 
         Args:
             targets: for each branch the node of each arc.
 
         Returns:
-            (weights, others): the products; and the targets and nodes of the other branches.
+            The weights times the numbers; and the product of the other nodes, with a row for each arc.
         """
-        others: list[tuple[Sequence[int], _Part]] = []
+        varying: list[tuple[Sequence[int], _Part]] = []
         for own, branch in zip(targets, branches, strict=True):
             if isinstance(branch, _Part):
-                others.append((own, branch))
+                varying.append((own, branch))
             else:
                 weights = [weight * branch[target] for weight, target in zip(weights, own, strict=True)]
                 self._check(weights)
-        return weights, others
-
-    def _join(
-        self, branches: Sequence[tuple[Sequence[int], _Part]], n_arcs: int
-    ) -> tuple[Sequence[Mapping[int, float]], _Part]:
-        """Return the product of the branches for each arc, input -> weight, and a part with these inputs."""
-        if not branches:
-            return [{0: 1}] * n_arcs, _Part((), (), 1)
-        if len(branches) == 1:
-            ((own, branch),) = branches
-            part = _Part((), branch.sources, branch.n_inputs, branch.n_arcs, branch.lowest)
-            return [branch.rows[target] for target in own], part
-        layers = [self._append_product(branch).sources[0] for _, branch in branches]
-        targets = list(zip(*[own for own, _ in branches], strict=True))
-        places = {
-            nodes: i for i, nodes in enumerate(dict.fromkeys(targets))
-        }  # nodes of the branches -> input
+        if not varying:
+            return weights, _Part([{0: 1}] * len(weights), (), 1)
+        if len(varying) == 1:
+            ((own, part),) = varying
+            return weights, replace(part, rows=[part.rows[target] for target in own])
+        layers = [self._append_product(branch).sources[0] for _, branch in varying]
+        joint = list(zip(*[own for own, _ in varying], strict=True))  # the node of each branch, for each arc
+        numbers = {nodes: number for number, nodes in enumerate(dict.fromkeys(joint))}
         sources = [
-            (layer, Groups([nodes[i] for nodes in places], outputs.size))
+            (layer, Groups([nodes[i] for nodes in numbers], outputs.size))
             for i, (layer, outputs) in enumerate(layers)
         ]
-        return [{places[nodes]: 1} for nodes in targets], _Part((), sources, len(places))
+        return weights, _Part([{numbers[nodes]: 1} for nodes in joint], sources, len(numbers))
 
     def _append_product(self, part: _Part) -> _Part:
         """Append a layer whose outputs are the nodes of a part, unless it has them already; return them."""
