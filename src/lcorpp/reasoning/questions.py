@@ -49,7 +49,7 @@ def list_values(program: Program, question: str) -> tuple[Any, ...]:
     Raises:
         TooLargeError: a joint has more than `MAX_JOINT_VALUES`.
     """
-    ranges = [program.attributes[term.partition("(")[0]].values for term in list_terms(question)]
+    ranges = [program.signature.find_attribute(term).values for term in list_terms(question)]
     if not is_joint(question):
         return ranges[0]
     size = prod(map(len, ranges))

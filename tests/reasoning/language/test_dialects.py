@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
 from fractions import Fraction
 
 import pytest
 
 from lcorpp.errors import LcorppError, ParseError, ProgramError
-from lcorpp.reasoning import Enumeration, Program, ask, parse_plog, parse_query, program_text
+from lcorpp.reasoning import Enumeration, Program, Reasoner, ask, parse_plog, parse_query, program_text
 
 
 def members(sort: str, before: str = "") -> tuple[str, ...]:
@@ -154,7 +155,7 @@ def test_undeclared_attributes_of_plog_1() -> None:
     assert (declared["more"].arguments, declared["more"].range) == (("n", "n"), "boolean")
     assert (declared["first"].arguments, declared["first"].range) == (("who",), "n")
     assert declared["big"].arguments == ()
-    assert declared["big_1"].arguments == ("n",)
+    assert declared["big/1"].arguments == ("n",)
     assert program.signature.sorts[declared["likes"].arguments[0]].keys() == {"cat"}
     assert probability(program, "?{big}") == Fraction(1, 3)
     assert probability(program, "?{big(3)}") == 1
@@ -164,6 +165,35 @@ def test_undeclared_attributes_of_plog_1() -> None:
         parse_plog(text + " q(W) :- f(W) = 1, gib.")
     with pytest.raises(ProgramError, match="'p' is not declared"):  # only programs with #domain leave it out
         parse_plog("p.")
+
+
+def test_attributes_with_different_numbers_of_arguments_share_a_name() -> None:
+    program = parse_plog("""s = {a, b}. pair : s. pair : s -> s. pair : s, s -> boolean.
+        random(pair). random(pair(X)) :- pair = X. pair(X,Y) :- pair(X) = Y.""")
+    assert parse_plog(program_text(program)) == program
+    assert repr(program.attributes["pair/2"]) == "<Attribute pair : s, s -> boolean, 2 values>"
+    reasoner = Reasoner(program)
+    for text, answer in [("?{pair(a,b)} | obs(pair=a)", "1/2"), ("?{pair(a,b)} | do(pair=b)", "0")]:
+        query = parse_query(text, program)
+        assert reasoner.ask(query, exact=True) == probability(program, text) == Fraction(answer)
+    assert reasoner.exact("pair", {"pair(a,b)": "true"}) == {"a": 1, "b": 0}
+    assert repr(reasoner.compile(["pair"], "pair(a,b)")).startswith("Circuit(<text>: pair(a,b) given pair;")
+    (world,) = reasoner.most_probable({"pair(a,b)": "true"})
+    assert repr(world) == "PossibleWorld(1: {pair=a, pair(a)=b, pair(a,b)=true})"
+    for text, words in [
+        ("pair(a,c).", "'c' is not a member of the sort s"),
+        ("pair(a,a,a).", "pair has 0 arguments, not 3; expected pair"),
+        ("pair(a,b) = a.", "'a' is not a member of the sort boolean"),
+        (
+            "pr(pair(a,b)) = 1/2.",
+            "pair has no random selection; expected 'random(pair(a,b)).' in the program",
+        ),
+        ("pair(X,b) :- pair(X,Y), Y < b.", "the order in Y<b needs integers, but b is none"),
+        ("pair : s -> s.", "pair is declared twice"),
+        ("q.", "'q' is not declared; expected one of pair"),
+    ]:
+        with pytest.raises(ProgramError, match=re.escape(words) + "($|;)"):
+            parse_plog(program_text(program) + text)
 
 
 def test_formulas_of_plog_1_queries() -> None:

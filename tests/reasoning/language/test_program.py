@@ -96,7 +96,7 @@ def test_constants_and_overloads_in_facts():
         "#const k = 2. n = {1..3}. #domain n(X). p(k). p(1, k). q(k) = k. q(1) = 3. p(X) :- q(X) = X."
     )
     assert [str(rule) for rule in program.statements if isinstance(rule, Rule)][:4] == [
-        "p(2)=true.", "p_2(1,2)=true.", "q(2)=2.", "q(1)=3.",
+        "p(2)=true.", "p(1,2)=true.", "q(2)=2.", "q(1)=3.",
     ]  # fmt: skip
 
 

@@ -102,7 +102,7 @@ class EvidenceEncoder:
 
     def __init__(self, program: Program, names: Sequence[str]) -> None:
         self._program, self.names = program, tuple(names)
-        self.values = {name: program.attributes[name.partition("(")[0]].values for name in self.names}
+        self.values = {name: program.signature.find_attribute(name).values for name in self.names}
         self.codes = {n: {v: i for i, v in enumerate(self.values[n])} for n in self.names}
         self.columns = {name: i for i, name in enumerate(self.names)}
 

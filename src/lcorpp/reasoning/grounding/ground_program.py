@@ -127,5 +127,5 @@ class GroundProgram:
         if not missing:
             return self, numbers
         numbers.update((name, len(self.names) + i) for i, name in enumerate(missing))
-        ranges = [self.source.attributes[name.partition("(")[0]].values for name in missing]
+        ranges = [self.source.signature.find_attribute(name).values for name in missing]
         return replace(self, names=[*self.names, *missing], values=[*self.values, *ranges]), numbers

@@ -28,7 +28,7 @@ from lcorpp.reasoning.grounding.ground_program import (
     make_full_mask,
 )
 from lcorpp.reasoning.grounding.path_rules import stage_clauses
-from lcorpp.reasoning.grounding.relation import Relation, split_record
+from lcorpp.reasoning.grounding.relation import Relation
 from lcorpp.reasoning.grounding.rule_instantiator import Atoms, RuleInstantiator, Source
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.grounding.term_table import TermTable
@@ -38,6 +38,7 @@ from lcorpp.reasoning.language.arithmetic import (
     canonical_text,
     evaluate_number,
     find_variables,
+    split_record,
 )
 from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.issues import SourceIssue
@@ -110,7 +111,7 @@ class _Grounder:
     def run(self, observed: Iterable[Formula], asked: Formula, queried: Iterable[str]) -> GroundProgram:
         """Add the clauses of all statements and of a query."""
         for term, value in self._do.items():
-            name, arguments = _split_term(term)
+            name, arguments = self._split_term(term)
             number = self.terms.number_term(name, arguments)
             self.result.do[number] = self.terms.indexes[name][as_value(value)]
         if self._contradictory and self.result.do_is_fact:  # no world satisfies both interventions
@@ -162,7 +163,9 @@ class _Grounder:
     def _instantiate_all(self, name: str) -> Atoms:
         """Instantiate the rules and selections of an attribute, and return its atoms."""
         clauses, arity = self._clauses[name], len(self.signature.attributes[name].arguments)
-        rows = dict.fromkeys(arguments for other, arguments in map(_split_term, self._do) if other == name)
+        rows = dict.fromkeys(
+            arguments for other, arguments in map(self._split_term, self._do) if other == name
+        )
         is_certain = not rows and all(
             isinstance(clause, Rule) and not self._list_uncertain(clause.body) for _, clause in clauses
         )
@@ -262,6 +265,10 @@ class _Grounder:
 
     # clauses
 
+    def _split_term(self, term: str) -> tuple[str, tuple[Value, ...]]:
+        """Split a ground term into its attribute and its arguments."""
+        return self.signature.find_attribute(term).name, tuple(map(as_value, split_record(term)[1]))
+
     def _forbid(self, body: tuple[GroundLiteral, ...], statement: int = -1) -> None:
         self.result.clauses.append(Clause(FORBID, -1, 0, body, statement))
 
@@ -292,12 +299,6 @@ class _Grounder:
         kinds = {(literal.term.name, literal.relation, literal.negated) for literal in literals}
         used = find_variables(*iter_expressions([*literals, head] if head else literals))
         return len(kinds) < len(literals) or not table.columns.keys() <= used
-
-
-def _split_term(term: str) -> tuple[str, tuple[Value, ...]]:
-    """Split a ground term into its attribute and its arguments."""
-    name, arguments = split_record(term)
-    return name, tuple(map(as_value, arguments))
 
 
 def _evaluate_numbers(table: BindingTable, number: Expression) -> Part[Fraction]:

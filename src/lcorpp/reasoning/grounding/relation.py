@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 
 from lcorpp.reasoning.grounding.binding_table import Key, Memo
-from lcorpp.reasoning.language.arithmetic import Value, as_value, canonical_text
+from lcorpp.reasoning.language.arithmetic import Value, as_value, canonical_text, split_record
 from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Term, Variable
 
 
@@ -59,23 +59,6 @@ class Relation:
             if all(map(_match, patterns, row, [values] * len(patterns))):
                 matches.append(tuple([values[name] for name in names]))
         return list(map(Variable, names)), Relation.from_rows(matches, len(names))
-
-
-def split_record(value: str) -> tuple[str, tuple[str, ...]]:
-    """Split a record into name and arguments: ``f(1,g(a))`` gives ``("f", ("1", "g(a)"))``."""
-    name, bracket, rest = value.partition("(")
-    if not bracket:
-        return value, ()
-    arguments, depth, begin = [], 0, 0
-    for end, letter in enumerate(rest):
-        if letter == "(":
-            depth += 1
-        elif letter == ")" and depth:
-            depth -= 1
-        elif letter in ",)" and not depth:
-            arguments.append(rest[begin:end])
-            begin = end + 1
-    return name, tuple(arguments)
 
 
 def list_matched_variables(patterns: Iterable[Expression]) -> list[str]:

@@ -37,7 +37,7 @@ class TermTable:
 
     def _add(self, attribute: str, key: Key) -> int:
         inner = ",".join(map(str, key)) if isinstance(key, tuple) else key
-        self._names.append(attribute if key == () else f"{attribute}({inner})")
+        self._names.append(f"{attribute}({inner})" if key != () else attribute)
         self._values.append(self._attributes[attribute].values)
         return len(self._names) - 1
 

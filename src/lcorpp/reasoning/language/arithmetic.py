@@ -127,6 +127,23 @@ def as_value(text: str) -> Value:
     return int(text) if is_integer(text) else text
 
 
+def split_record(value: str) -> tuple[str, tuple[str, ...]]:
+    """Split a record into name and arguments: ``f(1,g(a))`` gives ``("f", ("1", "g(a)"))``."""
+    name, bracket, rest = value.partition("(")
+    if not bracket:
+        return value, ()
+    arguments, depth, begin = [], 0, 0
+    for end, letter in enumerate(rest):
+        if letter == "(":
+            depth += 1
+        elif letter == ")" and depth:
+            depth -= 1
+        elif letter in ",)" and not depth:
+            arguments.append(rest[begin:end])
+            begin = end + 1
+    return name, tuple(arguments)
+
+
 def compare_values(left: Value, relation: str, right: Value) -> bool:
     """Whether a relation holds between values. `<`, `<=`, `>` and `>=` are false unless both are integers.
 

@@ -1,10 +1,10 @@
 """Desugaring: rewrite constructs of the dialects into plain statements.
 
-plog 1.0, recognised by `#domain`: missing declarations are inferred, see `implicit_declarations`.
+plog 1.0, recognised by `#domain`: missing declarations are inferred, see `inference`.
 plog 2.0: `?c.` of a boolean c asks for the probability of `c=true`.
 both dialects: a body literal `obs(a, v, true)` is true if the program contains the observation `obs(a=v).`
     It becomes the boolean attribute `observed_a(v, true)`, with a fact for each observation of the program.
-    Observations of a query do not count.
+    Observations of a query do not count. Attributes that share a name are distinguished, see `overloads`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.overloads import resolve_overloads
 from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortSet
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
@@ -42,12 +43,12 @@ def desugar(statements: Sequence[Statement], semantics: Semantics) -> tuple[Stat
         SourceIssue: a body contains `do(...)` or an invalid `obs(...)`.
     """
     if any(isinstance(statement, DomainDirective) for statement in statements):
-        from lcorpp.reasoning.language.implicit_declarations import infer_declarations  # rarely needed
+        from lcorpp.reasoning.language.inference import Inference  # rarely needed
 
-        statements = infer_declarations(statements)
+        statements = Inference(statements).declare(statements)
     if semantics == "2018":
         statements = _rewrite_boolean_queries(statements)
-    return tuple(_rewrite_body_observations(statements))
+    return tuple(resolve_overloads(_rewrite_body_observations(statements)))
 
 
 def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statement]:
@@ -71,7 +72,7 @@ def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statem
 
 def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Statement]:
     """Replace each `obs(...)` in a body by an attribute, and add its declaration and facts."""
-    observed: dict[str, Term] = {}  # the attributes in `obs(...)` of bodies, and their first occurrence
+    observed: dict[tuple[str, int], Term] = {}  # the attributes in `obs(...)` of bodies, their first terms
 
     def rewrite(literal: Literal) -> Literal:
         if literal.term.name == "do":
@@ -80,7 +81,7 @@ def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Stat
             return literal
         match literal.term.arguments:
             case (Term() as term, *rest) if len(rest) <= 2:
-                observed.setdefault(term.name, term)
+                observed.setdefault((term.name, len(term.arguments)), term)
                 return replace(literal, term=_make_observed_term(term, *rest))
         raise SourceIssue(
             literal.at, f"expected obs(attribute, value) or obs(attribute, value, true), not {literal.term}"
@@ -89,9 +90,9 @@ def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Stat
     rewritten = [s if isinstance(s, Fact) else map_literals(s, rewrite) for s in statements]
     if not observed:
         return statements
-    declared = {s.name: s for s in statements if isinstance(s, AttributeDeclaration)}
-    for name, term in observed.items():
-        attribute = declared.get(name)
+    declared = {(s.name, len(s.arguments)): s for s in statements if isinstance(s, AttributeDeclaration)}
+    for (name, count), term in observed.items():
+        attribute = declared.get((name, count))
         if attribute is None:
             raise SourceIssue(
                 term.at, f"{name!r} is not declared; expected an attribute in obs(attribute, value)"
@@ -101,7 +102,8 @@ def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Stat
     for statement in statements:
         if isinstance(statement, Observation) and len(statement.formula) == len(statement.formula[0]) == 1:
             literal, at = statement.formula[0][0], statement.at
-            if literal.term.name in observed and not literal.negated and literal.relation in ("=", "!="):
+            key = literal.term.name, len(literal.term.arguments)
+            if key in observed and not literal.negated and literal.relation in ("=", "!="):
                 polarity = TRUE if literal.relation == "=" else FALSE
                 term = _make_observed_term(literal.term, literal.value, polarity)
                 rewritten.append(Rule(Literal(term, "=", TRUE, at=at), at=at))

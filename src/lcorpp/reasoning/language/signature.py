@@ -9,7 +9,7 @@ from functools import cached_property
 from types import MappingProxyType
 
 from lcorpp.errors import expected_one_of
-from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer, iter_variables
+from lcorpp.reasoning.language.arithmetic import canonical_text, is_integer, iter_variables, split_record
 from lcorpp.reasoning.language.issues import Place, SortMismatch, SourceIssue
 from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortTable
 from lcorpp.reasoning.language.syntax import (
@@ -90,12 +90,15 @@ class Signature:
         return self._common_counts[key]
 
     def resolve_overload(self, literal: Literal) -> Literal:
-        """Return the literal with the mangled name (`mangle_name`) of its attribute if that is overloaded."""
-        term, count = literal.term, len(literal.term.arguments)
-        attribute, mangled = self.attributes.get(term.name), mangle_name(term.name, count)
-        if attribute and len(attribute.arguments) != count and mangled in self.attributes:
-            return replace(literal, term=replace(term, name=mangled))
-        return literal
+        """Return the literal with the internal name of its attribute if that is an overload."""
+        term = literal.term
+        attribute = self.attributes.get(f"{term.name}/{len(term.arguments)}")
+        return replace(literal, term=replace(term, name=attribute.name)) if attribute else literal
+
+    def find_attribute(self, term: str) -> Attribute:
+        """Return the attribute of a ground term of the program, given as text."""
+        name, arguments = split_record(term)
+        return self.attributes.get(f"{name}/{len(arguments)}") or self.attributes[name]
 
     def is_sort(self, literal: Literal) -> bool:
         """Whether the literal is a sort membership `s(X)`; attributes take precedence over sorts."""
@@ -111,7 +114,9 @@ class Signature:
         attribute = self.attributes.get(term.name)
         if attribute is None:
             what = "is a sort, not an attribute" if term.name in self.sorts else "is not declared"
-            raise SourceIssue(term.at, f"{term.name!r} {what}; {expected_one_of(list(self.attributes))}")
+            raise SourceIssue(
+                term.at, f"{term.name!r} {what}; {expected_one_of(dict.fromkeys(map(str, self.attributes)))}"
+            )
         if len(term.arguments) != len(attribute.arguments):
             shape = f"{term.name}({', '.join(attribute.arguments)})" if attribute.arguments else term.name
             raise SortMismatch(
@@ -167,11 +172,6 @@ class Signature:
                     raise SortMismatch(
                         expression.at, f"{value!r} is not a member of the sort {sort}; {known}"
                     )
-
-
-def mangle_name(name: str, count: int) -> str:
-    """Return the internal name of an overload: `pair(a,b)` is `pair_2(a,b)` if `pair(a)` exists, too."""
-    return f"{name}_{count}"
 
 
 def build_signature(statements: Sequence[Statement]) -> Signature:

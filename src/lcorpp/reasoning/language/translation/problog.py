@@ -24,12 +24,16 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, product
 from math import prod
+from typing import Any
 
 from lcorpp.reasoning.language.arithmetic import evaluate_number, find_variables
 from lcorpp.reasoning.language.expressions import is_bare_term, parse_literal, parse_sum, require_value
+from lcorpp.reasoning.language.inference import Inference
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.lexer import END, Cursor
+from lcorpp.reasoning.language.overloads import resolve_overloads
 from lcorpp.reasoning.language.syntax import (
+    Arithmetic,
     Body,
     BodyLiteral,
     Expression,
@@ -44,7 +48,6 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     Variable,
 )
-from lcorpp.reasoning.language.translation.declarations import SharedSorts, declare
 from lcorpp.reasoning.language.traversal import iter_expressions, list_literals
 
 MAX_INSTANCES = 10_000
@@ -56,6 +59,11 @@ _SIGNS = {"=<": "<=", "\\==": " !=", "\\=": "!=", "=\\=": " !=", "=:=": " ==", "
 _SIGN = re.compile("|".join(map(re.escape, sorted(_SIGNS, key=len, reverse=True))))  # longest first
 
 _COMMENT = re.compile(r"%[^\r\n]*|/\*.*?\*/", re.DOTALL)
+
+_RESERVED = {
+    "attributes", "boolean", "do", "false", "mod", "not", "obs", "pr", "random", "sorts", "statements", "true"
+}  # fmt: skip
+"""Names that P-log reserves; a predicate gets an apostrophe, which ProbLog's names do not have."""
 
 _UNSUPPORTED = {
     "[": "a list",
@@ -115,8 +123,10 @@ def translate_problog(cursor: Cursor) -> tuple[Statement, ...]:
     uncertain = _find_uncertain(clauses, questions)
     plain = _find_plain(clauses, uncertain)
     statements = list(chain.from_iterable(_translate(clause, uncertain, plain) for clause in clauses))
-    sorts = SharedSorts([*statements, *questions])
-    return declare([*statements, *chain.from_iterable(_instantiate(q, sorts) for q in questions)], sorts)
+    inference = Inference([*statements, *questions])
+    inference.add_missing(Term("none"))  # of predicates that are always false
+    instances = chain.from_iterable(_instantiate(question, inference) for question in questions)
+    return tuple(resolve_overloads([*inference.declare([]), *statements, *instances]))
 
 
 # reading
@@ -160,8 +170,12 @@ def _parse_head(reader: Cursor) -> tuple[Fraction | None, Literal]:
 def _make_atom(expression: Expression) -> Literal:
     if not isinstance(expression, Term):
         raise SourceIssue(expression.at, f"expected an atom, not {expression}")
-    name = f"{expression.name}/{len(expression.arguments)}"
-    return Literal(replace(expression, name=name), "=", Term("true", at=expression.at), at=expression.at)
+    for argument in expression.arguments:
+        if isinstance(argument, Arithmetic) or (isinstance(argument, Term) and argument.arguments):
+            raise SourceIssue(argument.at, f"the compound term {argument} is not translated")
+    if expression.name in _RESERVED:
+        expression = replace(expression, name=f"{expression.name}'")
+    return Literal(expression, "=", Term("true", at=expression.at), at=expression.at)
 
 
 def _parse_condition(reader: Cursor) -> BodyLiteral:
@@ -197,17 +211,17 @@ def _parse_question(reader: Cursor) -> Query | Observation:
 
 def _find_uncertain(clauses: Sequence[_Clause], questions: Iterable[Query | Observation]) -> set[str]:
     """Return the predicates that depend on chance; check that all predicates have clauses."""
-    heads = [(clause, head.term.name) for clause in clauses for _, head in clause.heads]
+    heads = [(clause, _predicate(head)) for clause in clauses for _, head in clause.heads]
     defined = {name for _, name in heads}
     asked = (literal for question in questions for literal in list_literals(question))
     for literal in chain(*(_literals(clause.body) for clause in clauses), asked):
-        if literal.term.name not in defined:
+        if _predicate(literal) not in defined:
             words = "has no clause; builtin and library predicates are not translated"
-            raise SourceIssue(literal.at, f"{literal.term.name} {words}")
+            raise SourceIssue(literal.at, f"{_predicate(literal)} {words}")
     users: dict[str, set[str]] = {}  # predicate -> the heads of clauses that use it
     for clause, name in heads:
         for part in _literals(clause.body):
-            users.setdefault(part.term.name, set()).add(name)
+            users.setdefault(_predicate(part), set()).add(name)
     reached = [name for clause, name in heads if clause.is_random]
     uncertain: set[str] = set()
     while reached:
@@ -215,6 +229,10 @@ def _find_uncertain(clauses: Sequence[_Clause], questions: Iterable[Query | Obse
             uncertain.add(name)
             reached.extend(users.get(name, ()))
     return uncertain
+
+
+def _predicate(literal: Literal) -> str:
+    return f"{literal.term.name}/{len(literal.term.arguments)}"
 
 
 def _literals(body: Body) -> Iterator[Literal]:
@@ -226,12 +244,12 @@ def _find_plain(clauses: Sequence[_Clause], uncertain: set[str]) -> set[str]:
     by_name: dict[str, list[_Clause]] = {}
     for clause in clauses:
         for _, head in clause.heads:
-            by_name.setdefault(head.term.name, []).append(clause)
+            by_name.setdefault(_predicate(head), []).append(clause)
     plain = set()
     for name, group in by_name.items():
         terms = {clause.heads[0][1].term for clause in group}
         facts = len(terms) == len(group) and not any(clause.body for clause in group)
-        certain = all(part.term.name not in uncertain for part in _literals(group[0].body))
+        certain = all(_predicate(part) not in uncertain for part in _literals(group[0].body))
         rule = len(group) == 1 and certain and group[0].variables <= find_variables(*terms)
         if (facts or rule) and all(clause.is_random and len(clause.heads) == 1 for clause in group):
             plain.add(name)
@@ -245,14 +263,14 @@ def _translate(clause: _Clause, uncertain: set[str], plain: set[str]) -> Iterato
         return
     numbers = [Number(probability or Fraction(0), at=at) for probability, _ in heads]
     term = heads[0][1].term
-    if term.name in plain:
+    if _predicate(heads[0][1]) in plain:
         yield Selection(term, None, clause.body, at=at)
         yield Probability(term, Term("true", at=at), numbers[0], at=at)
         return
     variables = tuple(Variable(name, at=at) for name in sorted(clause.variables))
-    choice = Term(f"choice_{at.line}/{at.column}", variables, at=at)
+    choice = Term(f"choice'{at.line}_{at.column}", variables, at=at)
     parts = clause.body
-    certain = [p for p in parts if not isinstance(p, Literal) or p.term.name not in uncertain]
+    certain = [p for p in parts if not isinstance(p, Literal) or _predicate(p) not in uncertain]
     yield Selection(choice, None, tuple(certain), at=at)
     for index, number in enumerate(numbers, start=1):
         value = Number(Fraction(index), at=at)
@@ -263,7 +281,7 @@ def _translate(clause: _Clause, uncertain: set[str], plain: set[str]) -> Iterato
         yield Probability(choice, Number(Fraction(0), at=at), Number(rest, at=at), at=at)
 
 
-def _instantiate(question: Query | Observation, sorts: SharedSorts) -> Iterator[Query | Observation]:
+def _instantiate(question: Query | Observation, inference: Inference) -> Iterator[Query | Observation]:
     """Iterate over the instances of a query with variables."""
     (literal,) = list_literals(question)
     arguments = literal.term.arguments
@@ -274,7 +292,8 @@ def _instantiate(question: Query | Observation, sorts: SharedSorts) -> Iterator[
     if isinstance(question, Observation):
         raise SourceIssue(question.at, f"evidence with the variable {names[0]} is not translated")
     positions = {e.name: index for index, e in enumerate(arguments) if isinstance(e, Variable)}
-    members = [list(sorts.members((literal.term.name, positions[name])).values()) for name in names]
+    attribute = (literal.term.name, len(arguments))
+    members: list[list[Any]] = [list(inference.get_uses(attribute, positions[n]).values()) for n in names]
     if (count := prod(map(len, members))) > MAX_INSTANCES:
         raise SourceIssue(question.at, f"the query has {count} instances; expected at most {MAX_INSTANCES}")
     for values in product(*members):
