@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TypeGuard, TypeVar
 
 from lcorpp.reasoning.language.arithmetic import evaluate_integer
 from lcorpp.reasoning.language.expressions import (
@@ -17,13 +16,10 @@ from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.lexer import HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
 from lcorpp.reasoning.language.sorts import (
     Condition,
-    Connective,
     Interval,
     RecordSort,
     SortDefinition,
     SortExpression,
-    SortName,
-    SortOperation,
     SortSet,
     list_comparisons,
 )
@@ -31,18 +27,11 @@ from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     ComparisonLiteral,
     Expression,
-    Literal,
+    Operation,
     Statement,
     Term,
     Variable,
 )
-
-_Tree = TypeVar("_Tree", SortExpression, Condition)
-
-
-def is_name(expression: Expression | Literal) -> TypeGuard[Term]:
-    """Whether an expression is a name without arguments."""
-    return isinstance(expression, Term) and not expression.arguments
 
 
 def parse_sort(cursor: Cursor, name: str, at: Place) -> SortDefinition:
@@ -52,13 +41,6 @@ def parse_sort(cursor: Cursor, name: str, at: Place) -> SortDefinition:
     sort = _parse_sort_expression(cursor)
     cursor.expect(".")
     return SortDefinition(name, sort, at=at)
-
-
-def require_name(expression: Expression | Literal, what: str) -> Term:
-    """Return the name; raise SourceIssue for another expression."""
-    if is_name(expression):
-        return expression
-    raise SourceIssue(expression.at, f"expected the name of {what}")
 
 
 def parse_attributes(cursor: Cursor, term: Term) -> Iterator[Statement]:
@@ -82,8 +64,8 @@ def parse_attributes(cursor: Cursor, term: Term) -> Iterator[Statement]:
     cursor.expect(".")
     names: list[str] = []
     for place, sort in enumerate(sorts, 1):
-        if isinstance(sort, SortName):
-            names.append(sort.name)
+        if isinstance(sort, Term):
+            names.append(sort.name[1:])
         else:
             cursor.uses_plog2 = True
             names.append(f"{term.name}_sort_{place}")
@@ -95,7 +77,7 @@ def parse_attributes(cursor: Cursor, term: Term) -> Iterator[Statement]:
 def _parse_attribute_sort(cursor: Cursor) -> SortExpression:
     at = cursor.at
     if cursor.kind == NAME and cursor.second_kind not in ("(", ".."):
-        return SortName(cursor.take(), at=at)
+        return Term(f"#{cursor.take()}", at=at)
     return _parse_sort_expression(cursor)
 
 
@@ -104,17 +86,13 @@ def _parse_attribute_sort(cursor: Cursor) -> SortExpression:
 
 def _parse_sort_expression(cursor: Cursor) -> SortExpression:
     """Parse a sort expression. `*` binds more tightly than `+` and `-`."""
-    return parse_chain(cursor, ("+", "-"), _parse_intersection, SortOperation)
-
-
-def _parse_intersection(cursor: Cursor) -> SortExpression:
-    return parse_chain(cursor, ("*",), _parse_simple_sort, SortOperation)
+    return parse_chain(cursor, {"+": 1, "-": 1, "*": 2}, _parse_simple_sort, Operation)
 
 
 def _parse_simple_sort(cursor: Cursor) -> SortExpression:
     at = cursor.at
     if cursor.next_is(HASH_NAME):
-        return SortName(parse_sort_name(cursor), at=at)
+        return Term(f"#{parse_sort_name(cursor)}", at=at)
     if cursor.accept("{"):
         elements = cursor.parse_list(_parse_element)
         cursor.expect("}")
@@ -188,11 +166,7 @@ def _parse_part(cursor: Cursor) -> tuple[SortExpression, str | None]:
 
 def _parse_condition(cursor: Cursor) -> Condition:
     """Parse the condition of a record. `&` binds more tightly than `|`."""
-    return parse_chain(cursor, ("|",), _parse_conjunction, Connective)
-
-
-def _parse_conjunction(cursor: Cursor) -> Condition:
-    return parse_chain(cursor, ("&",), _parse_comparison, Connective)
+    return parse_chain(cursor, {"|": 1, "&": 2}, _parse_comparison, Operation)
 
 
 def _parse_comparison(cursor: Cursor) -> Condition:

@@ -5,14 +5,22 @@ Terms, values and literals share their first tokens: a literal is a sum with an 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
 from typing import TypeVar
 
 from lcorpp.reasoning.language.issues import Place, SourceIssue
-from lcorpp.reasoning.language.lexer import DECIMAL, INTEGER, MAX_DEPTH, NAME, VARIABLE, Cursor
+from lcorpp.reasoning.language.lexer import (
+    DECIMAL,
+    INTEGER,
+    MAX_DEPTH,
+    NAME,
+    VARIABLE,
+    Cursor,
+    make_depth_error,
+)
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     Body,
@@ -56,15 +64,28 @@ def require_value(expression: Expression | Literal) -> Expression:
 
 def parse_chain(
     cursor: Cursor,
-    operators: Iterable[str],
+    strengths: Mapping[str, int],
     parse_operand: Callable[[Cursor], _Node],
     make_node: Callable[..., _Node],
+    least: int = 1,
 ) -> _Node:
-    """Parse operands joined by operators that associate to the left."""
+    """Parse operands joined by operators that associate to the left.
+
+    Args:
+        strengths: how tightly each operator binds, at least 1.
+        least: operators that bind less tightly end the chain.
+    """
     left = parse_operand(cursor)
-    while cursor.next_is(*operators):
-        left = _check_depth(make_node(cursor.take(), left, parse_operand(cursor), at=left.at))
+    while cursor.next_is(*strengths) and (strength := strengths[cursor.kind]) >= least:
+        operator = cursor.take()
+        right = parse_chain(cursor, strengths, parse_operand, make_node, strength + 1)
+        left = _check_depth(make_node(operator, left, right, at=left.at))
     return left
+
+
+_ARITHMETIC = {"+": 1, "-": 1, "*": 2, "/": 2, "\\": 2, "mod": 2}
+
+_SUM = {**_ARITHMETIC, "+-": 1}
 
 
 def parse_sum(cursor: Cursor, plus_minus_is_arrow: bool = False) -> Expression | Literal:
@@ -74,12 +95,8 @@ def parse_sum(cursor: Cursor, plus_minus_is_arrow: bool = False) -> Expression |
         plus_minus_is_arrow: whether `+-` is the arrow of a consistency-restoring rule (cr-rule); otherwise
             it adds a negative number.
     """
-    operators = ("+", "-") if plus_minus_is_arrow else ("+", "-", "+-")
-    return parse_chain(cursor, operators, _parse_product, _make_arithmetic)
-
-
-def _parse_product(cursor: Cursor) -> Expression | Literal:
-    return parse_chain(cursor, ("*", "/", "\\", "mod"), parse_factor, _make_arithmetic)
+    strengths = _ARITHMETIC if plus_minus_is_arrow else _SUM
+    return parse_chain(cursor, strengths, parse_factor, _make_arithmetic)
 
 
 _parse_fraction = lru_cache(maxsize=1024)(Fraction)
@@ -139,9 +156,7 @@ def _make_arithmetic(
 def _check_depth(node: _Node) -> _Node:
     """Return the node; raise SourceIssue if it is nested so deeply that recursive functions are unsafe."""
     if _measure_depth(node) > MAX_DEPTH:
-        raise SourceIssue(
-            node.at, f"an expression nested deeper than {MAX_DEPTH} levels; each operator is one"
-        )
+        raise make_depth_error(node.at)
     return node
 
 

@@ -18,20 +18,14 @@ from lcorpp.reasoning.language.arithmetic import canonical_text, iter_variables
 from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.signature import build_signature
-from lcorpp.reasoning.language.sorts import (
-    BOOLEAN,
-    SortDefinition,
-    SortExpression,
-    SortName,
-    SortOperation,
-    SortSet,
-)
+from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortExpression, SortSet
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
     Clause,
     Expression,
     Intervention,
     Literal,
+    Operation,
     Probability,
     Statement,
     Term,
@@ -59,7 +53,7 @@ class Inference:
         self._places: dict[Attribute, Place] = {}  # where an attribute occurs first
         self._heads: set[Attribute] = set()
         self._parents: dict[Position, Position] = {}
-        self._uses: dict[Position, dict[str, SortName | Expression]] = {}  # by text, a sort by `#name`
+        self._uses: dict[Position, dict[str, Expression]] = {}  # by text, a sort by `#name`
         self._defined: dict[Position, str] = {}  # names of inferred sorts
         for number, statement in enumerate(statements):
             if isinstance(statement, Fact):
@@ -102,7 +96,7 @@ class Inference:
                 uses = self._uses.setdefault((attribute, index), {})
                 if isinstance(expression, Variable):
                     if sort := sorts.get(expression.name):
-                        uses[f"#{sort}"] = SortName(sort, at=literal.term.at)
+                        uses[f"#{sort}"] = Term(f"#{sort}", at=literal.term.at)
                     else:
                         root = self._find_root((attribute, index))
                         self._parents[root] = self._find_root((number, expression.name))
@@ -131,7 +125,7 @@ class Inference:
             self._parents[position] = position = self._parents.setdefault(parent, parent)
         return position
 
-    def get_uses(self, attribute: Attribute, index: int) -> dict[str, SortName | Expression]:
+    def get_uses(self, attribute: Attribute, index: int) -> dict[str, Expression]:
         """Return the constants and sorts of a position by their texts."""
         return self._uses.setdefault(self._find_root((attribute, index)), {})
 
@@ -180,13 +174,13 @@ class Inference:
     def _infer_sort(self, root: Position, at: Place) -> str | SortExpression | None:
         """Infer the sort of a position: a name, an expression for a new sort, or None if it has no use."""
         uses = self._uses.get(root, {})
-        names = [use for use in uses.values() if isinstance(use, SortName)]
-        constants = {text: use for text, use in uses.items() if not isinstance(use, SortName)}
+        names = [text[1:] for text in uses if text.startswith("#")]
+        constants = {text: use for text, use in uses.items() if not text.startswith("#")}
         if not names and constants.keys() <= self._sorts[BOOLEAN].keys():
             return BOOLEAN if constants else None
-        if len(names) == 1 and self._sorts[names[0].name].keys() >= constants.keys():
-            return names[0].name
-        parts: list[SortExpression] = [*names]
+        if len(names) == 1 and self._sorts[names[0]].keys() >= constants.keys():
+            return names[0]
+        parts: list[SortExpression] = [Term(f"#{name}", at=at) for name in names]
         if constants:
             parts.append(SortSet(tuple(constants.values()), at=at))
-        return reduce(lambda left, right: SortOperation("+", left, right, at=at), parts)
+        return reduce(lambda left, right: Operation("+", left, right, at=at), parts)

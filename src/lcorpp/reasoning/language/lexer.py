@@ -210,15 +210,14 @@ class Cursor:
         """
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            raise self.make_depth_error()
+            raise make_depth_error(self.at)
         inside = parse_inside(self)
         self._depth -= 1
         if closing:
             self.expect(closing)
         return inside
 
-    def make_depth_error(self) -> SourceIssue:
-        """Return the error for an expression with too many levels."""
-        return SourceIssue(
-            self.at, f"an expression nested deeper than {MAX_DEPTH} levels; each operator is one"
-        )
+
+def make_depth_error(at: Place) -> SourceIssue:
+    """Make the error for an expression with too many levels."""
+    return SourceIssue(at, f"an expression nested deeper than {MAX_DEPTH} levels; each operator is one")

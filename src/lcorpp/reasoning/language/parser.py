@@ -18,7 +18,7 @@ from lcorpp.reasoning.language.checker import drop_ill_sorted
 from lcorpp.reasoning.language.desugar import desugar
 from lcorpp.reasoning.language.expressions import parse_value
 from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.lexer import END, Cursor
+from lcorpp.reasoning.language.lexer import END, Cursor, make_depth_error
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.queries import parse_question
 from lcorpp.reasoning.language.signature import check_record_names
@@ -150,7 +150,7 @@ def _open_cursor(text: str, file: str) -> Iterator[Cursor]:
         try:
             yield cursor
         except RecursionError:  # the caller's own calls leave little of Python's stack
-            raise cursor.make_depth_error() from None
+            raise make_depth_error(cursor.at) from None
     except SourceIssue as issue:
         at, lines = issue.at, re.split(r"\r\n|\r|\n", text)
         line = lines[at.line - 1] if at.line <= len(lines) else ""

@@ -5,7 +5,7 @@ The total work for one program is bounded by `MAX_HANDLED_MEMBERS`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from math import prod
 
@@ -34,6 +34,53 @@ BOOLEAN = "boolean"
 
 Members = dict[str, None]
 """The members of a sort in order, as text."""
+
+
+@syntax_node
+class Interval(SyntaxNode):
+    """`low..high`, including both ends."""
+
+    low: int
+    high: int
+
+    def __str__(self) -> str:
+        return f"{self.low}..{self.high}"
+
+
+@syntax_node
+class SortSet(SyntaxNode):
+    """`{elements}`."""
+
+    elements: tuple[Expression | Interval, ...]
+
+    def __str__(self) -> str:
+        return f"{{{', '.join(map(str, self.elements))}}}"
+
+
+@syntax_node
+class RecordSort(SyntaxNode):
+    """`name(part(Variable), part) : condition`: records with arguments from the parts.
+
+    variables: the variable of each part in the condition, None without one.
+    """
+
+    name: str
+    parts: tuple[SortExpression, ...]
+    variables: tuple[str | None, ...]
+    condition: Condition | None = None
+
+    def __str__(self) -> str:
+        pairs = zip(self.parts, self.variables, strict=True)
+        inside = ", ".join(f"{part}({variable})" if variable else str(part) for part, variable in pairs)
+        records = f"{self.name}({inside})"
+        return f"({records} : {self.condition})" if self.condition else records
+
+
+SortExpression = Term | SortSet | RecordSort | Operation
+"""A name `#s`, a set, records, or the union `+`, difference `-` or intersection `*` of sorts."""
+
+Condition = ComparisonLiteral | Operation
+"""A comparison, or the conjunction `&` or disjunction `|` of conditions."""
 
 
 @syntax_node
@@ -66,19 +113,72 @@ class SortTable:
             SourceIssue: the definition names an unknown sort, has a member twice, is empty or too large.
         """
         name, sort, at = definition.name, definition.sort, definition.at
-        members = sort.evaluate(self, name) if isinstance(sort, SortSet) else sort.evaluate(self)
+        members = self._evaluate_set(sort, name) if isinstance(sort, SortSet) else self._evaluate(sort)
         if not members:
             raise SourceIssue(at, f"the sort {name} is empty")
         _check_size(len(members), f"sort {name} has", at)
         self.known[name] = members
 
-    def count_work(self, count: int, at: Place) -> None:
-        """Count members handled; raise SourceIssue if they are too many."""
+    def _count_work(self, count: int, at: Place) -> None:
         self._handled += count
         if self._handled > MAX_HANDLED_MEMBERS:
             raise SourceIssue(
                 at, f"evaluation of the sorts up to here takes more than {MAX_HANDLED_MEMBERS} members"
             )
+
+    def _evaluate(self, sort: SyntaxNode) -> Members:
+        match sort:
+            case Term(name):
+                if name[1:] not in self.known:
+                    names = expected_one_of([f"#{known}" for known in self.known])
+                    raise SourceIssue(sort.at, f"unknown sort {name!r}; {names}")
+                return self.known[name[1:]]
+            case RecordSort():
+                return self._evaluate_records(sort)
+            case Operation(operator, left_sort, right_sort):
+                left, right = self._evaluate(left_sort), self._evaluate(right_sort)
+                self._count_work(len(left) + len(right), sort.at)
+                if operator == "+":
+                    return {**left, **right}
+                return {member: None for member in left if (member in right) == (operator == "*")}
+        assert isinstance(sort, SortSet)
+        return self._evaluate_set(sort, "here")
+
+    def _evaluate_set(self, sort: SortSet, name: str) -> Members:
+        """Evaluate a set; `name` is the name of the sort in messages."""
+        members: Members = {}
+        for element in sort.elements:
+            if isinstance(element, Interval):
+                count = element.high - element.low + 1
+                if count < 1:
+                    raise SourceIssue(element.at, f"the interval {element} is empty")
+                _check_size(count, f"interval {element} has", element.at)
+                self._count_work(count, element.at)
+                new = list(map(str, range(element.low, element.high + 1)))
+            else:
+                self._count_work(1, element.at)
+                new = [canonical_text(element)]
+                if isinstance(element, Term) and element.arguments:
+                    self.records.add((element.name, len(element.arguments)))
+            for member in new:
+                if member in members:
+                    raise SourceIssue(element.at, f"{member} is twice in the sort {name}")
+                members[member] = None
+        return members
+
+    def _evaluate_records(self, sort: RecordSort) -> Members:
+        """Evaluate the records that satisfy the condition."""
+        name, condition = sort.name, sort.condition
+        parts = list(map(self._evaluate, sort.parts))
+        count = prod(map(len, parts))
+        _check_size(count, f"records {name}(...) have", sort.at)
+        self.records.add((name, len(parts)))
+        self._count_work(count * (1 + 2 * len(list_comparisons(condition))), sort.at)
+        places = {variable: index for index, variable in enumerate(sort.variables) if variable}
+        if len(places) < sum(variable is not None for variable in sort.variables):
+            raise SourceIssue(sort.at, "a variable names two arguments of the record")
+        rows = (row for row in product(*parts) if condition is None or _is_satisfied(condition, row, places))
+        return {f"{name}({','.join(row)})": None for row in rows}
 
 
 def _check_size(count: int, what: str, at: Place) -> None:
@@ -86,155 +186,20 @@ def _check_size(count: int, what: str, at: Place) -> None:
         raise SourceIssue(at, f"the {what} {count} members; a sort has at most {MAX_SORT_SIZE}")
 
 
-# sort expressions
-
-
-@syntax_node
-class Interval(SyntaxNode):
-    """`low..high`, including both ends."""
-
-    low: int
-    high: int
-
-    def __str__(self) -> str:
-        return f"{self.low}..{self.high}"
-
-    def evaluate(self, table: SortTable) -> Members:
-        """Return the integers."""
-        if self.high < self.low:
-            raise SourceIssue(self.at, f"the interval {self} is empty")
-        count = self.high - self.low + 1
-        _check_size(count, f"interval {self} has", self.at)
-        table.count_work(count, self.at)
-        return dict.fromkeys(map(str, range(self.low, self.high + 1)))
-
-
-@syntax_node
-class SortName(SyntaxNode):
-    """`#name`: the members of a sort defined earlier."""
-
-    name: str
-
-    def __str__(self) -> str:
-        return f"#{self.name}"
-
-    def evaluate(self, table: SortTable) -> Members:
-        """Look the sort up."""
-        if self.name not in table.known:
-            names = expected_one_of([f"#{name}" for name in table.known])
-            raise SourceIssue(self.at, f"unknown sort {str(self)!r}; {names}")
-        return table.known[self.name]
-
-
-@syntax_node
-class SortSet(SyntaxNode):
-    """`{elements}`."""
-
-    elements: tuple[Expression | Interval, ...]
-
-    def __str__(self) -> str:
-        return f"{{{', '.join(map(str, self.elements))}}}"
-
-    def evaluate(self, table: SortTable, name: str = "here") -> Members:
-        """Return the elements; `name` is the name of the sort in messages."""
-        members: Members = {}
-        for element in self.elements:
-            if isinstance(element, Interval):
-                new = element.evaluate(table)
-            else:
-                table.count_work(1, element.at)
-                new = {canonical_text(element): None}
-                if isinstance(element, Term) and element.arguments:
-                    table.records.add((element.name, len(element.arguments)))
-            for member in new:
-                if member in members:
-                    raise SourceIssue(element.at, f"{member} is twice in the sort {name}")
-                members[member] = None
-        return members
-
-
-@syntax_node
-class SortOperation(Operation):
-    """The union `+`, difference `-` or intersection `*` of sorts."""
-
-    left: SortExpression
-    right: SortExpression
-
-    def __str__(self) -> str:
-        return f"({self.left}) {self.operator} ({self.right})"
-
-    def evaluate(self, table: SortTable) -> Members:
-        """Return the union, difference or intersection in the order of the operands."""
-        left, right = self.left.evaluate(table), self.right.evaluate(table)
-        table.count_work(len(left) + len(right), self.at)
-        if self.operator == "+":
-            return {**left, **right}
-        return {member: None for member in left if (member in right) == (self.operator == "*")}
-
-
-@syntax_node
-class Connective(Operation):
-    """`left & right` or `left | right` in the condition of a record sort."""
-
-    left: Condition
-    right: Condition
-
-    def __str__(self) -> str:
-        return f"({self.left} {self.operator} {self.right})"
-
-
-Condition = ComparisonLiteral | Connective
-
-
-@syntax_node
-class RecordSort(SyntaxNode):
-    """`name(part(Variable), part) : condition`: records with arguments from the parts.
-
-    variables: the variable of each part in the condition, None without one.
-    """
-
-    name: str
-    parts: tuple[SortExpression, ...]
-    variables: tuple[str | None, ...]
-    condition: Condition | None = None
-
-    def __str__(self) -> str:
-        pairs = zip(self.parts, self.variables, strict=True)
-        inside = ", ".join(f"{part}({variable})" if variable else str(part) for part, variable in pairs)
-        return f"{self.name}({inside}){f' : {self.condition}' if self.condition else ''}"
-
-    def evaluate(self, table: SortTable) -> Members:
-        """Return the records that satisfy the condition."""
-        parts = [part.evaluate(table) for part in self.parts]
-        count = prod(map(len, parts))
-        _check_size(count, f"records {self.name}(...) have", self.at)
-        table.records.add((self.name, len(parts)))
-        table.count_work(count * (1 + 2 * len(list_comparisons(self.condition))), self.at)
-        places = {variable: index for index, variable in enumerate(self.variables) if variable}
-        if len(places) < sum(variable is not None for variable in self.variables):
-            raise SourceIssue(self.at, "a variable names two arguments of the record")
-        rows: Iterable[Sequence[str]] = product(*parts)
-        if (condition := self.condition) is not None:
-            rows = (row for row in rows if _is_satisfied(condition, row, places))
-        return {f"{self.name}({','.join(row)})": None for row in rows}
-
-
-def list_comparisons(condition: Condition | None) -> list[ComparisonLiteral]:
+def list_comparisons(condition: SyntaxNode | None) -> list[ComparisonLiteral]:
     """List the comparisons of a condition."""
-    if isinstance(condition, Connective):
+    if isinstance(condition, Operation):
         return [*list_comparisons(condition.left), *list_comparisons(condition.right)]
-    return [condition] if condition else []
+    return [condition] if isinstance(condition, ComparisonLiteral) else []
 
 
-def _is_satisfied(condition: Condition, row: Sequence[str], places: Mapping[str, int]) -> bool:
-    if isinstance(condition, Connective):
+def _is_satisfied(condition: SyntaxNode, row: Sequence[str], places: Mapping[str, int]) -> bool:
+    if isinstance(condition, Operation):
         parts = (_is_satisfied(part, row, places) for part in (condition.left, condition.right))
         return any(parts) if condition.operator == "|" else all(parts)
+    assert isinstance(condition, ComparisonLiteral)
     left, right = (
         as_value(row[places[side.name]] if isinstance(side, Variable) else canonical_text(side))
         for side in (condition.left, condition.right)
     )
     return compare_values(left, condition.relation, right)
-
-
-SortExpression = SortName | SortSet | RecordSort | SortOperation

@@ -6,13 +6,7 @@ from collections.abc import Callable, Iterator
 from fractions import Fraction
 
 from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
-from lcorpp.reasoning.language.declarations import (
-    is_name,
-    parse_attributes,
-    parse_sort,
-    parse_sort_name,
-    require_name,
-)
+from lcorpp.reasoning.language.declarations import parse_attributes, parse_sort, parse_sort_name
 from lcorpp.reasoning.language.expressions import (
     parse_body,
     parse_literal,
@@ -35,6 +29,7 @@ from lcorpp.reasoning.language.syntax import (
     BodyLiteral,
     DomainDirective,
     DynamicRange,
+    Expression,
     Literal,
     Number,
     Probability,
@@ -70,13 +65,20 @@ def _parse_declaration_or_rule(cursor: Cursor) -> Iterator[Statement]:
         yield fact
         return
     left = parse_sum(cursor, plus_minus_is_arrow=True)
-    if cursor.kind == ":" or (cursor.kind == "," and cursor.second_kind == NAME and is_name(left)):
-        yield from parse_attributes(cursor, require_name(left, "an attribute"))
+    is_name = isinstance(left, Term) and not left.arguments
+    if cursor.kind == ":" or (cursor.kind == "," and cursor.second_kind == NAME and is_name):
+        yield from parse_attributes(cursor, _require_name(left, "an attribute"))
     elif cursor.kind == "=" and cursor.second_kind == "{":
-        yield parse_sort(cursor, require_name(left, "a sort").name, at)
+        yield parse_sort(cursor, _require_name(left, "a sort").name, at)
     else:
         literal = parse_rest_of_literal(cursor, left, plus_minus_is_arrow=True)
         yield _parse_rule(cursor, literal, None, at)
+
+
+def _require_name(expression: Expression | Literal, what: str) -> Term:
+    if not isinstance(expression, Term) or expression.arguments:
+        raise SourceIssue(expression.at, f"expected the name of {what}")
+    return expression
 
 
 def _parse_domains(cursor: Cursor) -> Iterator[DomainDirective]:

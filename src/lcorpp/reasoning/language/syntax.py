@@ -98,11 +98,15 @@ class Term(SyntaxNode):
 
 @syntax_node
 class Operation(SyntaxNode):
-    """`left operator right` between numbers, sorts or conditions of a sort."""
+    """`left operator right`, an operation on numbers or, in `sorts`, on sorts and conditions."""
 
     operator: str
     left: SyntaxNode
     right: SyntaxNode
+
+    def __str__(self) -> str:
+        space = "" if self.operator in "+-*/" else " "
+        return f"{_format_operand(self.left)}{space}{self.operator}{space}{_format_operand(self.right)}"
 
 
 @syntax_node
@@ -115,17 +119,13 @@ class Arithmetic(Operation):
     left: Expression
     right: Expression
 
-    def __str__(self) -> str:
-        space = " " if self.operator == "mod" else ""
-        return f"{_format_operand(self.left)}{space}{self.operator}{space}{_format_operand(self.right)}"
-
 
 Expression = Number | Variable | Term | Arithmetic
 
 
-def _format_operand(expression: Expression) -> str:
-    text = str(expression)
-    return f"({text})" if isinstance(expression, Arithmetic) or text.startswith("-") else text
+def _format_operand(operand: SyntaxNode) -> str:
+    text = str(operand)
+    return f"({text})" if isinstance(operand, Operation) or text.startswith("-") else text
 
 
 @syntax_node

@@ -24,7 +24,6 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, product
 from math import prod
-from typing import Any
 
 from lcorpp.reasoning.language.arithmetic import evaluate_number, find_variables
 from lcorpp.reasoning.language.expressions import is_bare_term, parse_literal, parse_sum, require_value
@@ -293,7 +292,7 @@ def _instantiate(question: Query | Observation, inference: Inference) -> Iterato
         raise SourceIssue(question.at, f"evidence with the variable {names[0]} is not translated")
     positions = {e.name: index for index, e in enumerate(arguments) if isinstance(e, Variable)}
     attribute = (literal.term.name, len(arguments))
-    members: list[list[Any]] = [list(inference.get_uses(attribute, positions[n]).values()) for n in names]
+    members = [list(inference.get_uses(attribute, positions[name]).values()) for name in names]
     if (count := prod(map(len, members))) > MAX_INSTANCES:
         raise SourceIssue(question.at, f"the query has {count} instances; expected at most {MAX_INSTANCES}")
     for values in product(*members):
