@@ -235,6 +235,27 @@ def test_carried_terms_are_checked(carried: dict[str, str], message: str) -> Non
         Reasoner(unroll(1)).filter(carried, [], "location(1)", initial=given)
 
 
+def test_a_random_term_of_slice_0_that_is_not_carried_is_refused() -> None:
+    """Each step would draw it anew; noise without a time is drawn anew on purpose."""
+    text = """
+        moments = {0, 1}. a, b, c, d : moments -> boolean. noise : boolean. random(noise). random(d(1)).
+        random(a(0)). random(a(1)). random(b(0)). random(b(1)). c(0) :- b(0). c(0)=false :- -b(0)."""
+
+    def filter(rule: str, *carried: str) -> float:
+        program = parse_plog(text + rule, file="two.plog")
+        pairs = {f"{name}(0)": f"{name}(1)" for name in carried}
+        return Reasoner(program).filter(pairs, [], "d(1)").step({})["true"]
+
+    for rule in ("pr(d(1) | b(0)) = 0.9.", "pr(d(1) | c(0)) = 0.9.", "pr(d(1) | a(0), c(0)) = 0.9."):
+        with pytest.raises(ProgramError, match=r"two\.plog: d\(1\) depends on b\(0\), which is not carried"):
+            filter(rule, "a")
+        assert 0.6 <= filter(rule, "a", "b") <= 0.7
+    with pytest.raises(ProgramError, match=r"a constraint depends on b\(0\), which is not carried"):
+        filter(":- b(0), -a(0).", "a")
+    assert filter("pr(d(1) | noise, a(0)) = 0.9.", "a") == pytest.approx(0.6)
+    assert filter("random(c(1)) :- b(0).", "b") == 0.5
+
+
 def test_programs_that_no_filter_serves() -> None:
     def filter(text: str, inputs: tuple[str, ...] = (), initial: dict[str, str] | None = None) -> None:
         text = "moments = {0, 1}. a, b : moments -> boolean." + text

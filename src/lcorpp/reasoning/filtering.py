@@ -14,7 +14,7 @@ Source: Murphy, Dynamic Bayesian Networks, 2002, section 3.2 (the interface algo
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from itertools import product
 
@@ -36,6 +36,7 @@ from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.slices import split_slices
 from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.language.syntax import Term
 from lcorpp.reasoning.questions import list_values, name_joint
 from lcorpp.reasoning.resolve import resolve_evidence, resolve_inputs, resolve_queries, resolve_term
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
@@ -56,7 +57,7 @@ class Filter:
     Args:
         program: the program.
         carried: term of slice 0 -> the term of slice 1 whose value it has in the next step. All other terms
-            are drawn anew in each step.
+            are drawn anew in each step, which is refused for those of slice 0 on which slice 1 depends.
         inputs: the terms that evidence may name; an attribute without arguments denotes all its terms.
         query: a question, or several; see `Reasoner.compile`.
         initial: evidence about slice 0, term -> value.
@@ -90,7 +91,8 @@ class Filter:
         if window < 0:
             raise ProgramError(f"window is {window}; expected at least 0")
         self.program, self.window = program, window
-        old, new = _resolve_carried(program, carried)
+        pairs = _resolve_carried(program, carried)
+        old, new = name_joint([term for term, _ in pairs]), name_joint([term for _, term in pairs])
         self.inputs = tuple(resolve_inputs(program, inputs))
         self.queries, self.single = resolve_queries(program, query), isinstance(query, str)
         self._encoder = EvidenceEncoder(program, self.inputs)
@@ -103,7 +105,7 @@ class Filter:
             )
         initial = resolve_evidence(program, initial)
         ground = ground_program(program, {}, queried=dict.fromkeys([old, new, *self.queries]))
-        past, step = split_slices(ground, old, initial)
+        past, step = split_slices(ground, old, initial, _recognise_slice(program, pairs))
         self._first = self._compute_first(_Table(past, list(initial), [old]), initial)
         self._table = _Table(step, [old, *self.inputs], [new, *self.queries])
         self._answers: list[tuple[str, tuple[Label, ...], slice]] = []  # query, its values, their columns
@@ -281,8 +283,8 @@ class _Table:
         return np.hstack([*[own / total * totals for own, total in zip(rows, sums, strict=True)], totals])
 
 
-def _resolve_carried(program: Program, carried: Mapping[str, str]) -> tuple[str, str]:
-    """Return the joints of the carried terms of slice 0, and of those of slice 1."""
+def _resolve_carried(program: Program, carried: Mapping[str, str]) -> list[tuple[Term, Term]]:
+    """Return the carried terms of slice 0, each with its term of slice 1."""
     check_type(carried, Mapping, "carried", ProgramError)
     if not carried:
         raise ProgramError(
@@ -295,4 +297,26 @@ def _resolve_carried(program: Program, carried: Mapping[str, str]) -> tuple[str,
     for old, new in pairs:
         if program.attributes[old.name].values != program.attributes[new.name].values:
             raise ProgramError(f"{old} and {new} have different ranges, so that no value is carried")
-    return name_joint([old for old, _ in pairs]), name_joint([new for _, new in pairs])
+    return pairs
+
+
+def _recognise_slice(program: Program, pairs: Sequence[tuple[Term, Term]]) -> Callable[[str], bool]:
+    """Make the test whether a term belongs to slice 0: an argument of the sort of times is its time."""
+    times = {
+        (sort, canonical_text(before))
+        for old, new in pairs
+        if old.name == new.name
+        for sort, before, after in zip(
+            program.attributes[old.name].arguments, old.arguments, new.arguments, strict=True
+        )
+        if before != after
+    }
+
+    def is_old(name: str) -> bool:
+        attribute = program.attributes.get(name.partition("(")[0])
+        arguments = name.partition("(")[2].removesuffix(")").split(",")
+        return attribute is not None and not times.isdisjoint(
+            zip(attribute.arguments, arguments, strict=False)
+        )
+
+    return is_old
