@@ -26,6 +26,15 @@ from lcorpp.learning.store.records import Row, TrackSchema, is_intact, to_json, 
 
 LOG = logging.getLogger("lcorpp.learning")
 
+MERGE_LOG = (
+    *database.LENIENT,
+    "PRAGMA busy_timeout = 0",
+    "PRAGMA locking_mode = EXCLUSIVE",
+    "SELECT 1 FROM sqlite_master",
+    "PRAGMA wal_checkpoint(TRUNCATE)",
+)
+"""Statements that move everything from the log to the main file; they fail while another process reads."""
+
 _LENGTHS = struct.Struct("<III")
 
 
@@ -60,15 +69,12 @@ def rebuild(path: Path) -> str:
 
     The original stays as `PATH.damaged`. The caller has the writer's lock; no other process reads the file.
     """
-    try:  # move everything from the log to the main file; this fails if a reader is active
-        with closing(
-            database.connect(path, "mode=rw", ("PRAGMA busy_timeout = 0", *database.LENIENT))
-        ) as connection:
-            (mode,) = connection.execute("PRAGMA journal_mode = DELETE").fetchone()
+    try:
+        database.connect(path, "mode=rw", MERGE_LOG).close()
     except sqlite3.DatabaseError as error:
-        raise FileError(f"{path}: is damaged and cannot be rebuilt now: {error}") from None
-    if mode != "delete":
-        raise FileError(f"{path}: is damaged and cannot be rebuilt while another process reads it")
+        raise FileError(
+            f"{path}: is damaged and cannot be rebuilt, e.g. because another process reads it: {error}"
+        ) from None
     with closing(database.connect_reader(path)) as connection:
         identity, schema = database.read_schema(connection)
         tracks, labels = (

@@ -52,6 +52,17 @@ FROM sqlite_sequence, pragma_page_count, pragma_page_size
 A damaged number is limited to the records for which the file has space; each takes more than 32 bytes.
 """
 
+IS_LAST_PLAUSIBLE = """
+SELECT coalesce(max(seq), 0) BETWEEN
+    max((SELECT coalesce(max(record), 0) FROM track), (SELECT coalesce(max(record), 0) FROM later_label))
+    AND (SELECT page_count * page_size / 32 FROM pragma_page_count, pragma_page_size)
+FROM sqlite_sequence
+"""
+"""Query whether no record has a number above the last, and the file has space for so many."""
+
+DEFINITIONS = "SELECT type, name, tbl_name, sql FROM sqlite_master"
+"""Query for the definitions of the tables, which repeat the text of `TABLES`."""
+
 LENIENT = ("PRAGMA writable_schema = ON",)
 """Statements with which SQLite opens a file that is cut off or whose definitions of tables are damaged."""
 
@@ -107,8 +118,7 @@ def write_store(
     A file at `path` is replaced; nothing in its log is needed any more.
     """
     names = json.dumps(schema.channels), schema.interval, json.dumps(schema.classes), schema.points
-    with closing(sqlite3.connect(":memory:")) as connection:
-        connection.executescript(TABLES)
+    with closing(create_tables()) as connection:
         insert(connection, "store", [with_checksum(identity, *names)])
         insert(connection, "track", tracks)
         insert(connection, "later_label", labels)
@@ -118,6 +128,13 @@ def write_store(
         sibling(path, suffix).unlink(missing_ok=True)
     write_atomically(path, content)
     sync_folder(path)
+
+
+def create_tables() -> sqlite3.Connection:
+    """Return a database in memory with the empty tables of a store."""
+    connection = sqlite3.connect(":memory:")
+    connection.executescript(TABLES)
+    return connection
 
 
 def insert(connection: sqlite3.Connection, table: str, rows: Collection[Row]) -> None:
@@ -136,6 +153,28 @@ def read_schema(connection: sqlite3.Connection) -> tuple[str, TrackSchema]:
     return identity, TrackSchema(json.loads(channels), interval, json.loads(classes), points)
 
 
+def iterate_faults(connection: sqlite3.Connection, path: Path) -> Iterator[str]:
+    """Describe each fault of the structure of the store at `path`, which `connection` reads leniently."""
+    try:
+        for (line,) in connection.execute("PRAGMA integrity_check(10)"):
+            if line != "ok":
+                yield str(line)
+        with closing(create_tables()) as whole:
+            if not set(whole.execute(DEFINITIONS)) <= set(connection.execute(DEFINITIONS)):
+                yield "a definition of its tables is changed"
+            if connection.execute(IS_LAST_PLAUSIBLE).fetchone() != (1,):
+                yield "the number of its last record is changed"
+        connect_reader(path, ()).close()  # an error here: only leniency opens the file
+    except sqlite3.DatabaseError as error:
+        yield str(error)
+    if os.access(path, os.W_OK):
+        try:  # like a writer, who may be active; this changes nothing
+            connect(path, "mode=rw", ("PRAGMA busy_timeout = 0", "DELETE FROM store WHERE 0")).close()
+        except sqlite3.DatabaseError as error:
+            if error.sqlite_errorcode == sqlite3.SQLITE_READONLY:  # its header says so, not the system
+                yield str(error)
+
+
 def iterate_rows(connection: sqlite3.Connection, table: str) -> Iterator[Row]:
     """Yield each readable row of a table of records once; after a damaged page, search record by record."""
     query, seen = f"SELECT * FROM {table}", set[int]()
@@ -149,6 +188,13 @@ def iterate_rows(connection: sqlite3.Connection, table: str) -> Iterator[Row]:
         if record not in seen:
             with suppress(sqlite3.DatabaseError):
                 yield from connection.execute(f"{query} WHERE record = ?", (record,)).fetchall()
+
+
+def find_tracks(connection: sqlite3.Connection, record: int) -> Iterator[Row]:
+    """Yield the row of a track by search and, as the order of the records may be damaged, by reading all."""
+    with suppress(sqlite3.DatabaseError):
+        yield from connection.execute("SELECT * FROM track WHERE record = ?", (record,)).fetchall()
+    yield from (row for row in iterate_rows(connection, "track") if row[0] == record)
 
 
 def read_last_record(connection: sqlite3.Connection) -> int:

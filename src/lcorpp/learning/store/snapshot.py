@@ -144,15 +144,12 @@ class Snapshot:
         Raises:
             FileError: as `trajectories`.
         """
-        query = "SELECT * FROM track WHERE record = ?"
         try:
             with closing(database.connect_reader(self.path)) as connection:
                 for track in tracks:
-                    row = connection.execute(query, (track.record,)).fetchone()
-                    if row is None:  # the order of the records is damaged
-                        rows = database.iterate_rows(connection, "track")
-                        row = next((row for row in rows if row[0] == track.record), None)
-                    if row is None or row[1] != track.id or not is_intact(row):
+                    rows = database.find_tracks(connection, track.record)
+                    row = next((row for row in rows if row[1] == track.id and is_intact(row)), None)
+                    if row is None:
                         raise DataError(f"record {track.record} is not track {track.id!r} as it was")
                     yield np.frombuffer(row[-2], FLOAT64).reshape(len(self.schema.channels), -1)
         except (sqlite3.Error, DataError) as error:
@@ -258,7 +255,8 @@ def load_snapshot(path: Path) -> Snapshot:
     try:
         with closing(database.connect_reader(path)) as connection:
             identity, schema = database.read_schema(connection)
-            structure = _check_structure(connection, path)
+            faults = database.iterate_faults(connection, path)
+            structure = [Damage("; ".join(fault.splitlines()), structural=True) for fault in faults]
             for table in ("track", "later_label"):
                 for row in database.iterate_rows(connection, table):
                     try:
@@ -296,14 +294,3 @@ def _decode(row: Row, table: str, tracks: Mapping[int, StoredTrack], schema: Tra
         raise DataError(f"it labels record {row[1]}, which is lost")
     track = tracks[row[1]]
     return replace(track, label_history=(*track.label_history, decode_label(row[2:-1], schema)))
-
-
-def _check_structure(connection: sqlite3.Connection, path: Path) -> list[Damage]:
-    """Return what SQLite reports when it opens the file without leniency and checks its integrity."""
-    report = list[str]()
-    try:
-        report.extend(str(line) for (line,) in connection.execute("PRAGMA integrity_check(10)"))
-        database.connect_reader(path, ()).close()  # an error here: only leniency opens the file
-    except sqlite3.DatabaseError as error:
-        report.append(str(error))
-    return [Damage("; ".join(line.splitlines()), structural=True) for line in report if line != "ok"]
