@@ -109,12 +109,11 @@ class Filter:
         self._first = self._compute_first(_Table(past, list(initial), [old]), initial)
         self._table = _Table(step, [old, *self.inputs], [new, *self.queries])
         self._answers: list[tuple[str, tuple[Label, ...], slice]] = []  # query, its values, their columns
-        end = len(self.states) + 1  # the last outcome of a term is having no value
+        self._width = len(self.states) + 2  # of no value, and of the evidence
         for name in self.queries:
-            values = list_values(program, name)
-            self._answers.append((name, values, slice(end, end + len(values))))
-            end += len(values) + 1
-        self._width = end + 1
+            values, start = list_values(program, name), self._width - 1
+            self._answers.append((name, values, slice(start, start + len(values))))
+            self._width += len(values) + 1
         self._matrices: dict[tuple[object, ...], Array] = {}
         self._n_cached = 0
         self._check_reachable_states()
@@ -232,13 +231,12 @@ class Filter:
 
     def _compute_first(self, table: _Table, initial: Mapping[str, str]) -> Array:
         """(states,) Compute the initial belief."""
-        encoder = EvidenceEncoder(self.program, tuple(initial))
-        facts = [encoder.encode_value(*fact) for fact in initial.items()]
-        self._check_values(0, table.compute(np.full((1, len(facts)), -1))[0])
-        first = table.compute(np.array([facts], dtype=np.intp))[0]
-        if not first[-1]:
+        codes, _ = EvidenceEncoder(self.program, tuple(initial)).encode(initial)
+        self._check_values(0, table.compute(np.full_like(codes.codes, -1))[0])
+        given = table.compute(codes.codes)[0]
+        if not given[-1]:
             raise make_no_world_error(self.program, format_conditions(initial, {}))
-        belief: Array = first[:-2] / first[-1]
+        belief: Array = given[:-2] / given[-1]
         return belief
 
     def _check_reachable_states(self) -> None:
