@@ -118,6 +118,12 @@ def test_missing_file() -> None:
         ("f(X) = 1", "variable X is not allowed"),
         ("a = red | do(f(9) = 1)", "'9' is not a member"),
         ("a = red, X < 3", "expected a literal of an attribute, not X<3"),
+        (
+            "f(1) or p",
+            "'true' is not a member of the sort n; expected one of 1, 2, 3; a alone stands for a=true",
+        ),
+        ("-f(1)", "'false' is not a member of the sort n; expected one of 1, 2, 3; -a stands for a=false"),
+        ("f(1) = 1 or 2", "expected a literal, not 2; a value needs its attribute, as in a=2"),
     ],
 )
 def test_query_error_is_a_parse_error(query: str, words: str) -> None:

@@ -52,22 +52,17 @@ def desugar(statements: Sequence[Statement], semantics: Semantics) -> tuple[Stat
 
 
 def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statement]:
-    if not any(isinstance(s, Query) and s.subjects for s in statements):
-        return statements
-    sets = {
-        s.name: s.sort for s in statements if isinstance(s, SortDefinition) and isinstance(s.sort, SortSet)
-    }
-    sorts = {BOOLEAN, *(name for name, sort in sets.items() if TRUE in sort.elements)}
+    sets = {s.name: s.sort for s in statements if isinstance(s, SortDefinition)}
+    sorts = {BOOLEAN, *(name for name, s in sets.items() if isinstance(s, SortSet) and TRUE in s.elements)}
     booleans = {s.name for s in statements if isinstance(s, AttributeDeclaration) and s.range in sorts}
-    return [
-        replace(s, formula=((Literal(s.subjects[0], "=", TRUE, at=s.subjects[0].at),),), subjects=())
-        if isinstance(s, Query)
-        and len(s.subjects) == 1
-        and not s.expression
-        and s.subjects[0].name in booleans
-        else s
-        for s in statements
-    ]
+
+    def rewrite(query: Query) -> Query:
+        if len(query.subjects) != 1 or query.expression or query.subjects[0].name not in booleans:
+            return query
+        (subject,) = query.subjects
+        return replace(query, formula=((Literal(subject, "=", TRUE, at=subject.at),),), subjects=())
+
+    return [rewrite(s) if isinstance(s, Query) else s for s in statements]
 
 
 def _rewrite_body_observations(statements: Sequence[Statement]) -> Sequence[Statement]:

@@ -185,7 +185,8 @@ def parse_rest_of_literal(
             return Literal(left, "=", Term("true", at=left.at), at=left.at)
         if isinstance(left, Literal):
             return left
-        raise SourceIssue(left.at, f"expected a literal, not {left}")
+        hint = f"; a value needs its attribute, as in a={left}" if isinstance(left, Number) else ""
+        raise SourceIssue(left.at, f"expected a literal, not {left}{hint}")
     relation = RELATIONS[cursor.take()]
     if isinstance(left, Literal):
         raise SourceIssue(left.at, f"'-' before a literal with a value; write {left.term}!=...")

@@ -152,19 +152,11 @@ class Cursor:
         return bisect_right(self._lines, self.starts[first]) == bisect_right(self._lines, self.starts[last])
 
     def accept(self, kind: str) -> bool:
-        """Return whether the next token is of this kind; if so, consume it, else messages list the kind."""
-        if self.kinds[self.index] == kind:
+        """Return whether the next token is of this kind or name; if so, consume it, else messages list it."""
+        if kind in (self.kinds[self.index], self.texts[self.index]):
             self.take()
             return True
         self._expected_kinds.add(kind)
-        return False
-
-    def accept_word(self, word: str) -> bool:
-        """Return whether the next token is this name; if so, consume it, else messages list the name."""
-        if self.kinds[self.index] == NAME and self.texts[self.index] == word:
-            self.take()
-            return True
-        self._expected_kinds.add(word)
         return False
 
     def next_is(self, *kinds: str) -> bool:
@@ -191,9 +183,8 @@ class Cursor:
         hint = f"; expected {' or '.join(sorted(names))}" if names else ""
         if self.kind == UNKNOWN:
             return SourceIssue(self.at, f"unexpected character {self.word!r}")
-        if self.kind == END:
-            return SourceIssue(self.at, f"unexpected end of the text{hint}")
-        return SourceIssue(self.at, f"unexpected {self.word!r}{hint}")
+        found = "end of the text" if self.kind == END else repr(self.word)
+        return SourceIssue(self.at, f"unexpected {found}{hint}")
 
     def parse_list(self, parse_item: Callable[[Cursor], _Item], separator: str = ",") -> list[_Item]:
         """Parse one or more items with a separator between them."""

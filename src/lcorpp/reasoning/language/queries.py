@@ -13,8 +13,8 @@ from lcorpp.reasoning.language.expressions import (
     parse_literal,
     parse_value,
 )
-from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.lexer import END, NAME, Cursor
+from lcorpp.reasoning.language.issues import Place, SourceIssue
+from lcorpp.reasoning.language.lexer import Cursor
 from lcorpp.reasoning.language.syntax import (
     Arithmetic,
     BodyLiteral,
@@ -40,10 +40,18 @@ def require_assignment(literal: BodyLiteral, where: str) -> Literal:
     return literal
 
 
-def parse_observation(cursor: Cursor) -> Observation:
-    """Parse `obs(formula)`, or `obs(term, value)` and `obs(term, value, true or false)` of plog 2.0."""
+def parse_evidence(cursor: Cursor) -> Observation | Intervention:
+    """Parse `obs(...)` or `do(...)`."""
     at = cursor.at
-    cursor.take()
+    if cursor.accept("obs"):
+        return _parse_observation(cursor, at)
+    if cursor.accept("do"):
+        return _parse_intervention(cursor, at)
+    raise cursor.make_unexpected_error()
+
+
+def _parse_observation(cursor: Cursor, at: Place) -> Observation:
+    """Parse `(formula)`, or `(term, value)` and `(term, value, true or false)` of plog 2.0."""
     cursor.expect("(")
     formula = _parse_formula(cursor, ("and",))
     literal = formula[0][0]
@@ -52,8 +60,8 @@ def parse_observation(cursor: Cursor) -> Observation:
         if is_bare_term(literal):
             literal = replace(literal, value=parse_value(cursor))
             has_polarity = cursor.accept(",")
-        if has_polarity and not cursor.accept_word("true"):
-            if not cursor.accept_word("false"):
+        if has_polarity and not cursor.accept("true"):
+            if not cursor.accept("false"):
                 raise cursor.make_unexpected_error()
             literal = replace(literal, relation=NEGATED_RELATIONS[literal.relation])
         formula = ((literal,),)
@@ -61,10 +69,8 @@ def parse_observation(cursor: Cursor) -> Observation:
     return Observation(formula, at=at)
 
 
-def parse_intervention(cursor: Cursor) -> Intervention:
-    """Parse `do(term=value)` or `do(term, value)`."""
-    at = cursor.at
-    cursor.take()
+def _parse_intervention(cursor: Cursor, at: Place) -> Intervention:
+    """Parse `(term=value)` or `(term, value)`."""
     cursor.expect("(")
     literal = require_assignment(parse_literal(cursor), "do()")
     value = literal.value
@@ -82,15 +88,6 @@ def parse_intervention(cursor: Cursor) -> Intervention:
     if cursor.kind == ":-":
         raise SourceIssue(cursor.at, "an intervention has no body; expected do(attribute=value).")
     return Intervention(literal.term, value, at=at)
-
-
-def parse_query_statement(cursor: Cursor) -> Query:
-    """Parse `?question.` The full stop is optional at the end of the text."""
-    at = cursor.at
-    query = parse_question(cursor)
-    if cursor.kind != END:
-        cursor.expect(".")
-    return replace(query, at=at)
 
 
 def parse_question(cursor: Cursor) -> Query:
@@ -116,18 +113,10 @@ def parse_question(cursor: Cursor) -> Query:
         if len(formula) == 1 and not has_and and all(is_bare_term(x) and not x.negated for x in formula[0]):
             subjects = tuple([literal.term for literal in formula[0]])
             formula = ()
-    observations: list[Observation] = []
-    interventions: list[Intervention] = []
-    more = cursor.accept("|")
-    while more:
-        if cursor.kind == NAME and cursor.word == "obs":
-            observations.append(parse_observation(cursor))
-        elif cursor.kind == NAME and cursor.word == "do":
-            interventions.append(parse_intervention(cursor))
-        else:
-            raise cursor.make_unexpected_error(("obs", "do"))
-        more = cursor.accept(",")
-    return Query(formula, subjects, expression, tuple(observations), tuple(interventions), at=at)
+    given = cursor.parse_list(parse_evidence) if cursor.accept("|") else []
+    observations = tuple([part for part in given if isinstance(part, Observation)])
+    interventions = tuple([part for part in given if isinstance(part, Intervention)])
+    return Query(formula, subjects, expression, observations, interventions, at=at)
 
 
 def _replace_terms(expression: Expression) -> tuple[Expression, tuple[Term, ...]]:
@@ -148,7 +137,7 @@ def _replace_terms(expression: Expression) -> tuple[Expression, tuple[Term, ...]
 def _parse_formula(cursor: Cursor, and_signs: Sequence[str] = ("and", ",")) -> Formula:
     """Parse cases joined by `or`; `and` and the comma bind tighter, parentheses tightest."""
     formula = _parse_case(cursor, and_signs)
-    while cursor.accept_word("or"):
+    while cursor.accept("or"):
         formula = _check_cases(cursor, formula + _parse_case(cursor, and_signs))
     return formula
 

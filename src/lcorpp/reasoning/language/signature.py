@@ -25,6 +25,8 @@ from lcorpp.reasoning.language.syntax import (
     syntax_node,
 )
 
+_IMPLICIT_VALUES = {"true": "; a alone stands for a=true", "false": "; -a stands for a=false"}
+
 ArgumentSlot = tuple[Expression, str]
 """An expression and the sort required at its position."""
 
@@ -168,10 +170,9 @@ class Signature:
             if not any(iter_variables(expression)):
                 value = canonical_text(expression)
                 if value not in self.sorts[sort]:
-                    known = expected_one_of(list(self.sorts[sort]))
-                    raise SortMismatch(
-                        expression.at, f"{value!r} is not a member of the sort {sort}; {known}"
-                    )
+                    known = expected_one_of(list(self.sorts[sort])) + _IMPLICIT_VALUES.get(value, "")
+                    words = f"{value!r} is not a member of the sort {sort}; {known}"
+                    raise SortMismatch(expression.at, words)
 
 
 def build_signature(statements: Sequence[Statement]) -> Signature:

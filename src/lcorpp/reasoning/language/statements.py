@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from fractions import Fraction
 
 from lcorpp.reasoning.language.arithmetic import canonical_text, evaluate_number, iter_variables
@@ -17,12 +18,7 @@ from lcorpp.reasoning.language.expressions import (
 from lcorpp.reasoning.language.facts import parse_fact
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.lexer import END, HASH_NAME, INTEGER, NAME, VARIABLE, Cursor
-from lcorpp.reasoning.language.queries import (
-    parse_intervention,
-    parse_observation,
-    parse_query_statement,
-    require_assignment,
-)
+from lcorpp.reasoning.language.queries import parse_evidence, parse_question, require_assignment
 from lcorpp.reasoning.language.syntax import (
     SEMANTICS,
     Body,
@@ -85,16 +81,15 @@ def _parse_domains(cursor: Cursor) -> Iterator[DomainDirective]:
     """Parse `#domain s(X;Y), t(Z).`"""
     at = cursor.at
     cursor.take()
-    yield from cursor.parse_list(lambda cursor: _parse_domain(cursor, at))
+    more = True
+    while more:
+        sort = cursor.expect(NAME)
+        cursor.expect("(")
+        names = [variable.name for variable in cursor.parse_list(_parse_named_variable, ";")]
+        cursor.expect(")")
+        yield DomainDirective(sort, tuple(dict.fromkeys(names)), at=at)
+        more = cursor.accept(",")
     cursor.expect(".")
-
-
-def _parse_domain(cursor: Cursor, at: Place) -> DomainDirective:
-    sort = cursor.expect(NAME)
-    cursor.expect("(")
-    names = [variable.name for variable in cursor.parse_list(_parse_named_variable, ";")]
-    cursor.expect(")")
-    return DomainDirective(sort, tuple(dict.fromkeys(names)), at=at)
 
 
 def _parse_named_variable(cursor: Cursor) -> Variable:
@@ -132,11 +127,15 @@ def _parse_semantics(cursor: Cursor) -> Iterator[Statement]:
 
 
 def _parse_query(cursor: Cursor) -> Iterator[Statement]:
-    yield parse_query_statement(cursor)
+    """Parse `?question.` The full stop is optional at the end of the text."""
+    at = cursor.at
+    yield replace(parse_question(cursor), at=at)
+    if cursor.kind != END:
+        cursor.expect(".")
 
 
 def _parse_evidence(cursor: Cursor) -> Iterator[Statement]:
-    yield parse_observation(cursor) if cursor.word == "obs" else parse_intervention(cursor)
+    yield parse_evidence(cursor)
     cursor.expect(".")
 
 
@@ -150,11 +149,11 @@ def _parse_clause(cursor: Cursor) -> Iterator[Statement]:
         label = _parse_term(cursor, "a label such as r or r(X)")
         cursor.expect("]")
         at = label.at
-    if cursor.accept_word("random"):
+    if cursor.accept("random"):
         term, dynamic_range = _parse_selection_head(cursor)
         body, is_cr_rule = _parse_tail(cursor)
         yield Selection(term, dynamic_range, body, label, is_cr_rule, at=at)
-    elif cursor.accept_word("pr"):
+    elif cursor.accept("pr"):
         yield _parse_probability(cursor, label, at)
     elif cursor.next_is(":-", *_CR_ARROWS):
         yield _parse_rule(cursor, None, label, at)

@@ -196,8 +196,8 @@ def _parse_question(reader: Cursor) -> Query | Observation:
     literal = _parse_condition(reader)
     if not isinstance(literal, Literal):
         raise SourceIssue(at, f"{kind}({literal}) is not translated")
-    if kind == "evidence" and reader.accept(",") and not reader.accept_word("true"):
-        if not reader.accept_word("false"):
+    if kind == "evidence" and reader.accept(",") and not reader.accept("true"):
+        if not reader.accept("false"):
             raise reader.make_unexpected_error()
         literal = replace(literal, negated=not literal.negated)
     reader.expect(")")
